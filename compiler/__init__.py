@@ -1,0 +1,1 @@
+"""lmoc: from an acausal scene to the smallest system of equations, solved and trusted."""

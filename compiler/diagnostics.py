@@ -1,0 +1,128 @@
+"""What the compiler says about a model: errors, warnings and notes with their place.
+
+Each stage collects into a `Report` and goes on as far as it can, so that one run names several
+mistakes; `Report.check` raises one `ModelError` for all of them at the end of the stage.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from lmoc.source import Span
+
+
+@dataclass(frozen=True)
+class Label:
+    """A second place that belongs to a diagnostic, with what is to be seen there."""
+
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One message.
+
+    Attributes
+    ----------
+    code : str
+        ``E0312``, ``W0102``, ``N0001``: a key of `lmoc.catalogue.CATALOGUE`.
+    message : str
+        One sentence in the user's names.
+    span : Span | None
+        Where; None only for messages about the command or a file as a whole.
+    expected, found, hint : str
+        Shown on lines of their own where not empty.
+    labels : tuple of Label
+        Further places (the first declaration, the other end of a connection).
+    """
+
+    code: str
+    message: str
+    span: Span | None = None
+    expected: str = ""
+    found: str = ""
+    hint: str = ""
+    labels: tuple[Label, ...] = ()
+
+    @property
+    def severity(self) -> str:
+        return {"E": "error", "W": "warning", "N": "note"}[self.code[0]]
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+@dataclass
+class Report:
+    """Collects diagnostics during a stage."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+    def error(self, code: str, message: str, span: Span | None = None, **more) -> None:
+        self.diagnostics.append(Diagnostic(code, message, span, **more))
+
+    warning = error
+    note = error
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        return [d for d in self.diagnostics if d.severity == "error"]
+
+    def check(self) -> None:
+        """Raise `ModelError` if there is an error among the diagnostics."""
+        if self.errors:
+            raise ModelError(self.diagnostics)
+
+
+class ModelError(Exception):
+    """The model is wrong; `diagnostics` say what and where."""
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]):
+        self.diagnostics = tuple(diagnostics)
+        super().__init__("\n\n".join(render(d) for d in self.diagnostics))
+
+
+class SimulationError(Exception):
+    """A run failed at `time`; `partial` is the `Run` computed until then (None before the start)."""
+
+    def __init__(self, message: str, time: float | None = None, partial: object = None):
+        super().__init__(message)
+        self.time = time
+        self.partial = partial
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str:
+    """A hint sentence with the candidate most like `name`; empty where none is near."""
+    close = difflib.get_close_matches(name, list(candidates), n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
+def render(d: Diagnostic) -> str:
+    """A diagnostic as text: headline, place, the line with a mark under it, expected, found, hint."""
+    lines = [f"{d.severity}[{d.code}]: {d.message}"]
+    if d.span is not None:
+        lines += _excerpt(d.span, "")
+    for label in d.labels:
+        lines += _excerpt(label.span, label.text)
+    for title, text in (("expected", d.expected), ("found", d.found), ("hint", d.hint)):
+        if text:
+            lines.append(f"  = {title}: {text}")
+    return "\n".join(lines)
+
+
+def _excerpt(span: Span, text: str) -> list[str]:
+    number, column = span.source.position(span.start)
+    line = span.source.line(number)
+    gutter = " " * len(str(number))
+    width = max(1, min(span.end - span.start, len(line) - column + 1))
+    lead = "".join("\t" if c == "\t" else " " for c in line[: column - 1])
+    mark = "^" * width + (f" {text}" if text else "")
+    return [
+        f"{gutter}--> {span.source.name}:{number}:{column}",
+        f"{gutter} |",
+        f"{number} | {line}",
+        f"{gutter} | {lead}{mark}",
+    ]

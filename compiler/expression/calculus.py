@@ -1,0 +1,152 @@
+"""Derivatives and linear parts of shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from lmoc.expression.dag import (
+    ONE,
+    TIME,
+    ZERO,
+    Expr,
+    add,
+    const,
+    div,
+    function,
+    if_,
+    mul,
+    neg,
+    postorder,
+    power,
+    slot,
+    sub,
+)
+
+# derivative of f(x) by x, as a function of (the node, x)
+_UNARY_RULES: dict[str, Callable[[Expr, Expr], Expr]] = {
+    "neg": lambda f, x: const(-1),
+    "abs": lambda f, x: function("sign", x),
+    "sqrt": lambda f, x: div(const(0.5), f),
+    "sin": lambda f, x: function("cos", x),
+    "cos": lambda f, x: neg(function("sin", x)),
+    "tan": lambda f, x: add(ONE, power(f, const(2))),
+    "asin": lambda f, x: div(ONE, function("sqrt", sub(ONE, power(x, const(2))))),
+    "acos": lambda f, x: neg(div(ONE, function("sqrt", sub(ONE, power(x, const(2)))))),
+    "atan": lambda f, x: div(ONE, add(ONE, power(x, const(2)))),
+    "sinh": lambda f, x: function("cosh", x),
+    "cosh": lambda f, x: function("sinh", x),
+    "tanh": lambda f, x: sub(ONE, power(f, const(2))),
+    "exp": lambda f, x: f,
+    "log": lambda f, x: div(ONE, x),
+    "log10": lambda f, x: div(const(0.4342944819032518), x),
+}
+# piecewise constant: the derivative is zero wherever it exists
+_FLAT = frozenset("sign floor ceil integer lt le gt ge eq ne and or not div_integer".split())
+
+
+def _push(root: Expr, seed: Callable[[Expr], Expr]) -> Expr:
+    """Forward differentiation: `seed` gives the derivative of every leaf."""
+    d: dict[int, Expr] = {}
+    for node in postorder(root):
+        if not node.args:
+            d[id(node)] = seed(node)
+            continue
+        da = [d[id(a)] for a in node.args]
+        d[id(node)] = ZERO if all(x is ZERO for x in da) else _chain(node, da)
+    return d[id(root)]
+
+
+def _chain(node: Expr, da: list[Expr]) -> Expr:
+    op, args = node.op, node.args
+    if op in _UNARY_RULES:
+        return neg(da[0]) if op == "neg" else mul(_UNARY_RULES[op](node, args[0]), da[0])
+    if op in _FLAT:
+        return ZERO
+    if op == "add":
+        return add(da[0], da[1])
+    if op == "sub":
+        return sub(da[0], da[1])
+    if op == "mul":
+        return add(mul(da[0], args[1]), mul(args[0], da[1]))
+    if op == "div":
+        return sub(div(da[0], args[1]), mul(div(node, args[1]), da[1]))
+    if op == "pow":
+        base, exponent = args
+        by_base = mul(mul(exponent, power(base, sub(exponent, ONE))), da[0])
+        by_exponent = ZERO if da[1] is ZERO else mul(mul(node, function("log", base)), da[1])
+        return add(by_base, by_exponent)
+    if op == "atan2":
+        y, x = args
+        r2 = add(power(x, const(2)), power(y, const(2)))
+        return div(sub(mul(x, da[0]), mul(y, da[1])), r2)
+    if op == "if":
+        return if_(args[0], da[1], da[2])
+    if op in ("min", "max"):
+        relation = function("le" if op == "min" else "ge", args[0], args[1])
+        return if_(relation, da[0], da[1])
+    if op in ("mod", "rem"):  # x - n(x/y)·y with n piecewise constant
+        quotient = div(sub(args[0], node), args[1])
+        return sub(da[0], mul(quotient, da[1]))
+    raise ValueError(f"no derivative rule for '{op}'")
+
+
+def differentiate(root: Expr, leaf: Expr) -> Expr:
+    """Partial derivative by one leaf."""
+    return _push(root, lambda node: ONE if node is leaf else ZERO)
+
+
+def total_derivative(root: Expr, constant: Collection[int] = ()) -> Expr:
+    """Derivative by time: every slot goes to its next order, except the columns in `constant`."""
+
+    def seed(node: Expr) -> Expr:
+        if node is TIME:
+            return ONE
+        if node.op == "slot" and node.value[0] not in constant:
+            return slot(node.value[0], node.value[1] + 1)
+        return ZERO
+
+    return _push(root, seed)
+
+
+def linear_parts(root: Expr, leaves: Collection[Expr]) -> tuple[dict[Expr, Expr], Expr] | None:
+    """Coefficients and rest of an expression that is linear in the given leaves together.
+
+    Returns
+    -------
+    (coefficients, rest) with ``root = Σ coefficient·leaf + rest`` and nothing of `leaves` in either,
+    or None where the expression is not linear in them. Leaves that cancel have no entry.
+    """
+    parts: dict[int, tuple[dict[Expr, Expr], Expr] | None] = {}
+    wanted = set(leaves)
+    for node in postorder(root):
+        parts[id(node)] = _linear_node(node, wanted, parts)
+    return parts[id(root)]
+
+
+def _linear_node(node: Expr, wanted: set[Expr], parts: dict):
+    if not node.args:
+        return ({node: ONE}, ZERO) if node in wanted else ({}, node)
+    got = [parts[id(a)] for a in node.args]
+    if any(g is None for g in got):
+        return None
+    if not any(g[0] for g in got):
+        return {}, node
+    op = node.op
+    if op == "neg":
+        return {k: neg(c) for k, c in got[0][0].items()}, neg(got[0][1])
+    if op in ("add", "sub"):
+        (ca, ra), (cb, rb) = got
+        combine = add if op == "add" else sub
+        coefficients = {k: combine(ca.get(k, ZERO), cb.get(k, ZERO)) for k in {**ca, **cb}}
+        return {k: c for k, c in coefficients.items() if c is not ZERO}, combine(ra, rb)
+    if op == "mul":
+        (ca, ra), (cb, rb) = got
+        if ca and cb:
+            return None
+        if ca:
+            return {k: mul(c, rb) for k, c in ca.items()}, mul(ra, rb)
+        return {k: mul(ra, c) for k, c in cb.items()}, mul(ra, rb)
+    if op == "div" and not got[1][0]:
+        (ca, ra), (_, rb) = got
+        return {k: div(c, rb) for k, c in ca.items()}, div(ra, rb)
+    return None

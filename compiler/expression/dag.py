@@ -1,0 +1,328 @@
+"""The expression DAG: interned nodes whose leaves are slots, constants and time.
+
+A *shape* is an expression over numbered slots. Equations that differ only in the variables they name share
+one shape; a table gives the variable of each slot for each of them. `slot(k, n)` stands for the n-th time
+derivative of the variable in column k: the *jet* of order n. Because nodes are interned, equal expressions
+are the same object, `is` compares them, and every function over the DAG can be memoized by node.
+
+Constructors fold constants and drop neutral elements (0 + x, 1·x, x^1), and do nothing else: what the user
+wrote stays recognizable.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Union
+
+# operator -> number of arguments; the elementary functions are those of the Modelica specification, 3.7.1-3.7.3
+UNARY = frozenset(
+    "neg not abs sign sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil integer".split()
+)
+BINARY = frozenset("add sub mul div pow atan2 min max mod rem div_integer lt le gt ge eq ne and or".split())
+TERNARY = frozenset({"if"})  # condition, value if true, value if false
+RELATIONS = frozenset("lt le gt ge eq ne".split())
+LOGICAL = RELATIONS | {"and", "or", "not"}
+
+Number = Union[int, float]
+
+
+class Expr:
+    """A node. Never construct one directly: use the functions of this module.
+
+    Attributes
+    ----------
+    op : str
+        ``const``, ``slot``, ``time`` or a member of UNARY, BINARY, TERNARY.
+    args : tuple of Expr
+    value : float | tuple[int, int] | None
+        The number of a ``const``; (column, order) of a ``slot``.
+    """
+
+    __slots__ = ("op", "args", "value", "_memo")
+
+    op: str
+    args: tuple[Expr, ...]
+    value: float | tuple[int, int] | None
+
+    def __add__(self, other: Expr | Number) -> Expr:
+        return add(self, lift(other))
+
+    def __radd__(self, other: Number) -> Expr:
+        return add(lift(other), self)
+
+    def __sub__(self, other: Expr | Number) -> Expr:
+        return sub(self, lift(other))
+
+    def __rsub__(self, other: Number) -> Expr:
+        return sub(lift(other), self)
+
+    def __mul__(self, other: Expr | Number) -> Expr:
+        return mul(self, lift(other))
+
+    def __rmul__(self, other: Number) -> Expr:
+        return mul(lift(other), self)
+
+    def __truediv__(self, other: Expr | Number) -> Expr:
+        return div(self, lift(other))
+
+    def __rtruediv__(self, other: Number) -> Expr:
+        return div(lift(other), self)
+
+    def __pow__(self, other: Expr | Number) -> Expr:
+        return power(self, lift(other))
+
+    def __neg__(self) -> Expr:
+        return neg(self)
+
+    @property
+    def is_const(self) -> bool:
+        return self.op == "const"
+
+    def __repr__(self) -> str:
+        from lmoc.expression.text import to_text
+
+        return to_text(self)
+
+
+_TABLE: dict[tuple, Expr] = {}
+
+
+def _intern(op: str, args: tuple[Expr, ...], value=None) -> Expr:
+    key = (op, value, *map(id, args))
+    node = _TABLE.get(key)
+    if node is None:
+        node = object.__new__(Expr)
+        node.op, node.args, node.value, node._memo = op, args, value, None
+        _TABLE[key] = node
+    return node
+
+
+# ------------------------------------------------------------------ leaves
+
+
+def const(value: Number | bool) -> Expr:
+    number = float(value)
+    # the sign of a zero is part of the key: 0.0 == -0.0, but atan2 and 1/x tell them apart
+    return _intern("const", (), number) if number != 0.0 or math.copysign(1.0, number) > 0 else ZERO
+
+
+def slot(column: int, order: int = 0) -> Expr:
+    return _intern("slot", (), (column, order))
+
+
+def lift(value: Expr | Number) -> Expr:
+    return value if isinstance(value, Expr) else const(value)
+
+
+ZERO = _intern("const", (), 0.0)
+ONE = _intern("const", (), 1.0)
+TIME = _intern("time", ())
+
+
+# -------------------------------------------------------------- arithmetic
+
+
+def add(a: Expr, b: Expr) -> Expr:
+    if a is ZERO:
+        return b
+    if b is ZERO:
+        return a
+    if a.op == b.op == "const":
+        return const(a.value + b.value)
+    if b.op == "neg":
+        return sub(a, b.args[0])
+    return _intern("add", (a, b))
+
+
+def sub(a: Expr, b: Expr) -> Expr:
+    if b is ZERO:
+        return a
+    if a is ZERO:
+        return neg(b)
+    if a is b:
+        return ZERO
+    if a.op == b.op == "const":
+        return const(a.value - b.value)
+    if b.op == "neg":
+        return add(a, b.args[0])
+    return _intern("sub", (a, b))
+
+
+def mul(a: Expr, b: Expr) -> Expr:
+    if a is ZERO or b is ZERO:
+        return ZERO
+    if a is ONE:
+        return b
+    if b is ONE:
+        return a
+    if a.op == b.op == "const":
+        return const(a.value * b.value)
+    if a.op == "const" and a.value == -1.0:
+        return neg(b)
+    if b.op == "const" and b.value == -1.0:
+        return neg(a)
+    return _intern("mul", (a, b))
+
+
+def div(a: Expr, b: Expr) -> Expr:
+    if b is ONE:
+        return a
+    if a is ZERO and b is not ZERO:
+        return ZERO
+    if a.op == b.op == "const" and b.value != 0.0:
+        return const(a.value / b.value)
+    return _intern("div", (a, b))
+
+
+def power(a: Expr, b: Expr) -> Expr:
+    if b is ZERO:
+        return ONE
+    if b is ONE:
+        return a
+    if a.op == b.op == "const" and (a.value > 0 or (b.value == int(b.value) and a.value != 0)):
+        return const(a.value**b.value)
+    return _intern("pow", (a, b))
+
+
+def neg(a: Expr) -> Expr:
+    if a.op == "const":
+        return const(-a.value)
+    if a.op == "neg":
+        return a.args[0]
+    if a.op == "sub":
+        return sub(a.args[1], a.args[0])
+    return _intern("neg", (a,))
+
+
+def if_(condition: Expr, then: Expr, otherwise: Expr) -> Expr:
+    if condition.op == "const":
+        return then if condition.value else otherwise
+    if then is otherwise:
+        return then
+    return _intern("if", (condition, then, otherwise))
+
+
+# ------------------------------------------------- functions and relations
+
+
+def _sign(x: float) -> float:
+    return float((x > 0) - (x < 0))
+
+
+def _truncated_division(x: float, y: float) -> float:
+    return float(math.trunc(x / y))
+
+
+FUNCTIONS: dict[str, Callable[..., float]] = {
+    "abs": abs,
+    "sign": _sign,
+    "sqrt": math.sqrt,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "sinh": math.sinh,
+    "cosh": math.cosh,
+    "tanh": math.tanh,
+    "exp": math.exp,
+    "log": math.log,
+    "log10": math.log10,
+    "floor": math.floor,
+    "ceil": math.ceil,
+    "integer": math.floor,
+    "atan2": math.atan2,
+    "min": min,
+    "max": max,
+    "mod": lambda x, y: x - math.floor(x / y) * y,
+    "rem": lambda x, y: x - _truncated_division(x, y) * y,
+    "div_integer": _truncated_division,
+    "lt": lambda x, y: x < y,
+    "le": lambda x, y: x <= y,
+    "gt": lambda x, y: x > y,
+    "ge": lambda x, y: x >= y,
+    "eq": lambda x, y: x == y,
+    "ne": lambda x, y: x != y,
+    "and": lambda x, y: x != 0 and y != 0,
+    "or": lambda x, y: x != 0 or y != 0,
+    "not": lambda x: x == 0,
+}
+
+
+def function(name: str, *args: Expr) -> Expr:
+    """An elementary function, relation or logical operator applied to nodes.
+
+    Folds constants where the value is finite; keeps the node where it is not (the error then has a place).
+    """
+    if all(a.op == "const" for a in args):
+        try:
+            value = float(FUNCTIONS[name](*(a.value for a in args)))
+        except (ValueError, OverflowError, ZeroDivisionError):
+            value = math.nan
+        if math.isfinite(value):
+            return const(value)
+    return _intern(name, args)
+
+
+# Build any inner node again with other arguments (used by every rewriting pass).
+_REBUILD: dict[str, Callable[..., Expr]] = {
+    "add": add,
+    "sub": sub,
+    "mul": mul,
+    "div": div,
+    "pow": power,
+    "neg": neg,
+    "if": if_,
+}
+
+
+def rebuild(op: str, args: tuple[Expr, ...]) -> Expr:
+    maker = _REBUILD.get(op)
+    return maker(*args) if maker else function(op, *args)
+
+
+# ---------------------------------------------------------------- traversal
+
+
+def postorder(root: Expr) -> Iterator[Expr]:
+    """Every node once, arguments before their users; no recursion, so depth is no limit."""
+    seen: set[int] = set()
+    stack: list[tuple[Expr, bool]] = [(root, False)]
+    while stack:
+        node, ready = stack.pop()
+        if ready:
+            yield node
+        elif id(node) not in seen:
+            seen.add(id(node))
+            stack.append((node, True))
+            stack.extend((a, False) for a in reversed(node.args) if id(a) not in seen)
+
+
+def slots(root: Expr) -> tuple[Expr, ...]:
+    """The slot leaves of an expression, ordered by (column, order)."""
+    found = {node for node in postorder(root) if node.op == "slot"}
+    return tuple(sorted(found, key=lambda leaf: leaf.value))
+
+
+def depends_on_time(root: Expr) -> bool:
+    return any(node is TIME for node in postorder(root))
+
+
+def transform(root: Expr, leaf: Callable[[Expr], Expr]) -> Expr:
+    """Replace every leaf by ``leaf(node)`` and build the rest again."""
+    new: dict[int, Expr] = {}
+    for node in postorder(root):
+        if node.args:
+            args = tuple(new[id(a)] for a in node.args)
+            same = all(x is y for x, y in zip(args, node.args))
+            new[id(node)] = node if same else rebuild(node.op, args)
+        else:
+            new[id(node)] = leaf(node)
+    return new[id(root)]
+
+
+def substitute(root: Expr, replacement: dict[Expr, Expr]) -> Expr:
+    """Replace leaves (slots, time) by expressions."""
+    return transform(root, lambda node: replacement.get(node, node))

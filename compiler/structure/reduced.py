@@ -1,0 +1,94 @@
+"""The reduced system: the smallest set of states, and the programs that fill every register from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic
+from lmoc.semantics.flat import FlatDAE
+from lmoc.structure.program import Program, Registers
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A decision that depends on parameter values: re-check it for another parameter set.
+
+    `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed ("wheel.J = 0").
+    """
+
+    holds: Callable[[np.ndarray], bool]
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What reduction leaves.
+
+    Attributes
+    ----------
+    flat : FlatDAE
+        Where it comes from.
+    values : (flat.count,)
+        The parameter values for which the guards were decided.
+    registers : Registers
+    known : (registers, variables)
+        ``w[known[0]] = parameter_values[known[1]]``.
+    inputs : (3, n)
+        Rows: register, flat variable, order of the derivative. `required_inputs` marks those without which the run
+        cannot go (the others serve the energy ledger or observed variables only).
+    parameter_program : Program
+        Fills the DERIVED registers from the KNOWN ones; run once for each parameter set.
+    states, derivatives : (n,) registers
+        ``d w[states[i]] / dt = w[derivatives[i]]``. A derivative may itself be a state (q̇ of a second-order coordinate).
+    quadratures, quadrature_derivatives : (m,) registers
+        Integrated along, read by no equation.
+    rhs : Program
+        Fills `derivatives` from states, inputs, parameters and time; nothing that they do not need.
+    observe : Program
+        Fills everything else, given states, quadratures, inputs and what `rhs` has filled.
+    register_of : (flat.count,)
+        Where the value of each flat variable stands after `rhs` and `observe` (-1: nowhere, see `unavailable`).
+    start_register : {register: register}
+        Newton's first guesses for jets of nonlinear blocks where a start value was given.
+    guards : what depends on the parameter values
+    notes : dropped redundant equations, chosen coordinates that deserve a word, quadratures
+    counts : {"parts", "equations", "after aliases", "states", …} in the order of the stages, for people
+    undetermined : (k,) flat variables whose value the model does not determine (reactions in a redundant loop), reported as NaN
+    """
+
+    flat: FlatDAE
+    values: np.ndarray
+    registers: Registers
+    known: np.ndarray
+    inputs: np.ndarray
+    required_inputs: np.ndarray
+    parameter_program: Program
+    states: np.ndarray
+    derivatives: np.ndarray
+    quadratures: np.ndarray
+    quadrature_derivatives: np.ndarray
+    rhs: Program
+    observe: Program
+    register_of: np.ndarray
+    guards: tuple[Guard, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+    undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+
+    def register_name(self, register: int) -> str:
+        """A register in the user's names; helpers are ``#n``."""
+        variable = int(self.registers.variable[register])
+        if variable < 0:
+            return f"#{register}"
+        return self.flat.jet_name(variable, int(self.registers.order[register]))
+
+    @property
+    def state_names(self) -> list[str]:
+        return [self.register_name(int(r)) for r in self.states]
+
+    def broken_guard(self, values: np.ndarray) -> str | None:
+        """The first assumption that does not hold for another parameter set, None where all hold."""
+        return next((g.text for g in self.guards if not g.holds(values)), None)
