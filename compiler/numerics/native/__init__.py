@@ -1,0 +1,1 @@
+"""Compiled kernels, and SUNDIALS called without Python between the steps."""

@@ -1,0 +1,175 @@
+"""Programs as C: one loop a step, whatever the number of rows.
+
+The text depends on shapes and addressing patterns only. Row counts, first registers and index tables are data that the
+function gets when called, so a chain of a hundred masses and one of a hundred thousand share one compiled file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression.dag import Expr, postorder
+from lmoc.structure.program import Apply, Program, Total
+
+_INFIX = {
+    "add": "+", "sub": "-", "mul": "*", "div": "/",
+    "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!=", "and": "&&", "or": "||",
+}  # fmt: skip
+_CALL = {
+    "abs": "fabs", "integer": "floor", "min": "fmin", "max": "fmax", "rem": "fmod", "div_integer": "lmoc_quotient",
+    "mod": "lmoc_mod", "sign": "lmoc_sign", "pow": "pow",
+}  # fmt: skip
+_PLAIN = frozenset("sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2".split())
+
+PRELUDE = """\
+#include <math.h>
+#include <stdint.h>
+static inline double lmoc_sign(double x) { return (x > 0) - (x < 0); }
+static inline double lmoc_mod(double x, double y) { return x - floor(x / y) * y; }
+static inline double lmoc_quotient(double x, double y) { return trunc(x / y); }
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class CFunction:
+    """The text of one C function ``void name(double time, double *w, const int64_t *m, const int32_t *const *tab)`` and its data.
+
+    Attributes
+    ----------
+    text : str
+    numbers : (k,) int64
+        Row counts, first registers and strides, in the order in which the text reads ``m[0], m[1], …``.
+    tables : list of int32 or float64 arrays
+        What ``tab[0], tab[1], …`` point to.
+    """
+
+    text: str
+    numbers: np.ndarray
+    tables: list[np.ndarray]
+
+
+class _Writer:
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.numbers: list[int] = []
+        self.tables: list[np.ndarray] = []
+
+    def number(self, value: int) -> str:
+        self.numbers.append(int(value))
+        return f"m[{len(self.numbers) - 1}]"
+
+    def table(self, values: np.ndarray) -> str:
+        self.tables.append(values)
+        return f"tab[{len(self.tables) - 1}]"
+
+    def address(self, registers: np.ndarray, name: str) -> tuple[list[str], str]:
+        """Declarations and the index expression for the registers of one column over the rows ``i``."""
+        first = int(registers[0])
+        steps = np.diff(registers)
+        if len(steps) == 0 or (steps == steps[0]).all():
+            stride = int(steps[0]) if len(steps) else 0
+            declare = [f"const int64_t {name} = {self.number(first)};"]
+            if stride == 0:
+                return declare, name
+            if stride == 1:
+                return declare, f"{name} + i"
+            declare.append(f"const int64_t {name}s = {self.number(stride)};")
+            return declare, f"{name} + i*{name}s"
+        table = self.table(np.ascontiguousarray(registers, np.int32))
+        return [f"const int32_t *{name} = (const int32_t *){table};"], f"{name}[i]"
+
+
+def generate(program: Program, name: str = "lmoc_program") -> CFunction:
+    """Write a program of Apply and Total steps as one C function.
+
+    Raises
+    ------
+    ValueError
+        For a Solve step: those are called between functions.
+    """
+    writer = _Writer()
+    for step in program:
+        if isinstance(step, Apply):
+            if len(step.out):
+                _write_apply(writer, step)
+        elif isinstance(step, Total):
+            _write_total(writer, step)
+        else:
+            raise ValueError("a Solve step is not part of a C function")
+    head = f"void {name}(double time, double *w, const int64_t *m, const void *const *tab) {{"
+    body = "\n".join("  " + line for line in writer.lines)
+    text = f"{head}\n{body}\n  (void)time; (void)w; (void)m; (void)tab;\n}}\n"
+    return CFunction(text, np.array(writer.numbers, np.int64), writer.tables)
+
+
+def _write_apply(writer: _Writer, step: Apply) -> None:
+    columns = sorted({node.value[0] for node in postorder(step.shape) if node.op == "slot"})
+    declarations, access = [], {}
+    for k in columns:
+        declare, index = writer.address(step.slots[:, k], f"a{k}")
+        declarations += declare
+        access[k] = f"w[{index}]"
+    declare, out = writer.address(step.out, "o")
+    body, result = expression_lines(step.shape, access)
+    writer.lines.append("{")
+    writer.lines += ["  " + line for line in declarations + declare]
+    writer.lines.append(f"  const int64_t n = {writer.number(len(step.out))};")
+    # the rows of a step do not read each other's results, which the compiler cannot see
+    writer.lines += ["#pragma GCC ivdep", "  for (int64_t i = 0; i < n; i++) {"]
+    writer.lines += ["    " + line for line in body]
+    writer.lines += [f"    w[{out}] = {result};", "  }", "}"]
+
+
+def expression_lines(shape: Expr, access: dict[int, str]) -> tuple[list[str], str]:
+    """C statements that compute the inner nodes of a shape, and the expression of its value."""
+    text: dict[int, str] = {}
+    lines: list[str] = []
+    for node in postorder(shape):
+        if node.op == "const":
+            text[id(node)] = f"({node.value!r})" if node.value < 0 else repr(node.value)
+        elif node.op == "slot":
+            text[id(node)] = access[node.value[0]]
+        elif node.op == "time":
+            text[id(node)] = "time"
+        else:
+            name = f"t{len(lines)}"
+            lines.append(f"const double {name} = {_operation(node, [text[id(a)] for a in node.args])};")
+            text[id(node)] = name
+    return lines, text[id(shape)]
+
+
+def _operation(node: Expr, args: list[str]) -> str:
+    op = node.op
+    if op in _INFIX:
+        return f"{args[0]} {_INFIX[op]} {args[1]}"
+    if op == "neg":
+        return f"-{args[0]}"
+    if op == "not":
+        return f"!{args[0]}"
+    if op == "if":
+        return f"{args[0]} ? {args[1]} : {args[2]}"
+    if op == "pow" and node.args[1].op == "const" and node.args[1].value in (2.0, 3.0):
+        return "*".join([args[0]] * int(node.args[1].value))
+    return f"{op if op in _PLAIN else _CALL[op]}({', '.join(args)})"
+
+
+def _write_total(writer: _Writer, step: Total) -> None:
+    declare, out = writer.address(step.out, "o")
+    start = writer.table(np.ascontiguousarray(step.start, np.int32))
+    index = writer.table(np.ascontiguousarray(step.index, np.int32))
+    coefficient = writer.table(np.ascontiguousarray(step.coefficient, np.float64))
+    writer.lines += [
+        "{",
+        *("  " + line for line in declare),
+        f"  const int32_t *start = (const int32_t *){start}, *index = (const int32_t *){index};",
+        f"  const double *c = (const double *){coefficient};",
+        f"  const int64_t n = {writer.number(len(step.out))};",
+        "  for (int64_t i = 0; i < n; i++) {",
+        "    double s = 0;",
+        "    for (int32_t j = start[i]; j < start[i + 1]; j++) s += c[j]*w[index[j]];",
+        f"    w[{out}] = s;",
+        "  }",
+        "}",
+    ]

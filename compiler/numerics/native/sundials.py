@@ -1,0 +1,105 @@
+"""The SUNDIALS libraries that scikit-sundae brings, called directly.
+
+scikit-sundae's own loop enters Python at every residual. Here the callbacks may be compiled functions, so a whole
+trajectory costs no Python between its steps. Only the libraries' files are used; the package itself is not imported.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import CFUNCTYPE, POINTER, c_double, c_int, c_long, c_void_p
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+# the dependencies first, so that the loader finds them already in the process
+_LIBRARIES = (
+    "core", "nvecserial", "sunmatrixdense", "sunmatrixband", "sunmatrixsparse",
+    "sunlinsoldense", "sunlinsolband", "sunlinsolsuperlumt", "cvode",
+)  # fmt: skip
+
+RHS = CFUNCTYPE(c_int, c_double, c_void_p, c_void_p, c_void_p)
+JACOBIAN = CFUNCTYPE(c_int, c_double, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p)
+
+_SIGNATURES: dict[str, tuple] = {
+    # name: (result, arguments…); int is SUNDIALS' index type in these builds
+    "SUNContext_Create": (c_int, c_int, POINTER(c_void_p)),
+    "SUNContext_Free": (c_int, POINTER(c_void_p)),
+    "SUNContext_ClearErrHandlers": (c_int, c_void_p),
+    "N_VMake_Serial": (c_void_p, c_int, c_void_p, c_void_p),
+    "N_VDestroy": (None, c_void_p),
+    "N_VGetArrayPointer": (c_void_p, c_void_p),
+    "SUNDenseMatrix": (c_void_p, c_int, c_int, c_void_p),
+    "SUNDenseMatrix_Data": (c_void_p, c_void_p),
+    "SUNBandMatrix": (c_void_p, c_int, c_int, c_int, c_void_p),
+    "SUNBandMatrix_Data": (c_void_p, c_void_p),
+    "SUNBandMatrix_LDim": (c_int, c_void_p),
+    "SUNBandMatrix_StoredUpperBandwidth": (c_int, c_void_p),
+    "SUNSparseMatrix": (c_void_p, c_int, c_int, c_int, c_int, c_void_p),
+    "SUNSparseMatrix_Data": (c_void_p, c_void_p),
+    "SUNSparseMatrix_IndexValues": (c_void_p, c_void_p),
+    "SUNSparseMatrix_IndexPointers": (c_void_p, c_void_p),
+    "SUNMatDestroy": (None, c_void_p),
+    "SUNLinSol_Dense": (c_void_p, c_void_p, c_void_p, c_void_p),
+    "SUNLinSol_Band": (c_void_p, c_void_p, c_void_p, c_void_p),
+    "SUNLinSol_SuperLUMT": (c_void_p, c_void_p, c_void_p, c_int, c_void_p),
+    "SUNLinSolFree": (c_int, c_void_p),
+    "CVodeCreate": (c_void_p, c_int, c_void_p),
+    "CVodeInit": (c_int, c_void_p, RHS, c_double, c_void_p),
+    "CVodeSVtolerances": (c_int, c_void_p, c_double, c_void_p),
+    "CVodeSetUserData": (c_int, c_void_p, c_void_p),
+    "CVodeSetMaxNumSteps": (c_int, c_void_p, c_long),
+    "CVodeSetStopTime": (c_int, c_void_p, c_double),
+    "CVodeSetLinearSolver": (c_int, c_void_p, c_void_p, c_void_p),
+    "CVodeSetJacFn": (c_int, c_void_p, JACOBIAN),
+    "CVode": (c_int, c_void_p, c_double, c_void_p, POINTER(c_double), c_int),
+    "CVodeGetDky": (c_int, c_void_p, c_double, c_int, c_void_p),
+    "CVodeGetNumSteps": (c_int, c_void_p, POINTER(c_long)),
+    "CVodeGetNumRhsEvals": (c_int, c_void_p, POINTER(c_long)),
+    "CVodeGetNumJacEvals": (c_int, c_void_p, POINTER(c_long)),
+    "CVodeGetLastStep": (c_int, c_void_p, POINTER(c_double)),
+    "CVodeFree": (None, POINTER(c_void_p)),
+}
+
+CSC = 0
+ADAMS, BDF = 1, 2
+NORMAL, ONE_STEP = 1, 2
+SUCCESS, TSTOP_RETURN = 0, 1
+TOO_MUCH_WORK, ERR_FAILURE, CONV_FAILURE, LSETUP_FAIL = -1, -3, -4, -6
+RHS_FAILURES = (-8, -9, -10, -11)
+
+
+class Library:
+    """The functions of `_SIGNATURES` as attributes."""
+
+    def __init__(self, handles: list[ctypes.CDLL]) -> None:
+        for name, (result, *arguments) in _SIGNATURES.items():
+            function = next(f for h in handles if (f := getattr(h, name, None)) is not None)
+            function.restype, function.argtypes = result, arguments
+            setattr(self, name, function)
+
+
+@lru_cache(maxsize=1)
+def load() -> Library | None:
+    """The libraries, or None on a platform where they are not found in this layout."""
+    spec = find_spec("sksundae")
+    if spec is None or spec.origin is None:
+        return None
+    site = Path(spec.origin).parent.parent
+    files = [f for d in ("scikit_sundae.libs", "sksundae/.dylibs") for f in sorted((site / d).glob("*sundials*"))]
+    others = [f for d in ("scikit_sundae.libs",) for f in (site / d).glob("lib*") if "sundials" not in f.name]
+    try:
+        for f in sorted(others, key=_dependency_rank):
+            ctypes.CDLL(str(f), mode=ctypes.RTLD_GLOBAL)
+        handles = [
+            ctypes.CDLL(str(next(f for f in files if f.name.startswith(f"libsundials_{name}"))), mode=ctypes.RTLD_GLOBAL)
+            for name in _LIBRARIES
+        ]
+        return Library(handles)
+    except (OSError, StopIteration):
+        return None
+
+
+def _dependency_rank(path: Path) -> int:
+    order = ("quadmath", "gfortran", "gomp", "openblas")
+    return next((i for i, name in enumerate(order) if name in path.name), len(order))
