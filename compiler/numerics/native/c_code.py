@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
 from lmoc.expression.dag import Expr, postorder
-from lmoc.structure.program import Apply, Program, Total
+from lmoc.structure.program import Apply, Program, Solve, Total
 
 _INFIX = {
     "add": "+", "sub": "-", "mul": "*", "div": "/",
@@ -21,20 +20,17 @@ _CALL = {
     "abs": "fabs", "integer": "floor", "min": "fmin", "max": "fmax", "rem": "fmod", "div_integer": "lmoc_quotient",
     "mod": "lmoc_mod", "sign": "lmoc_sign", "pow": "pow",
 }  # fmt: skip
+DENSE_LIMIT = 12  # a varying linear block with more unknowns is left to a sparse solver
 _PLAIN = frozenset("sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2".split())
 
-PRELUDE = """\
-#include <math.h>
-#include <stdint.h>
-static inline double lmoc_sign(double x) { return (x > 0) - (x < 0); }
-static inline double lmoc_mod(double x, double y) { return x - floor(x / y) * y; }
-static inline double lmoc_quotient(double x, double y) { return trunc(x / y); }
-"""
+
+class Unsupported(Exception):
+    """The program has a step that is not written as C."""
 
 
 @dataclass(frozen=True, eq=False)
 class CFunction:
-    """The text of one C function ``void name(double time, double *w, const int64_t *m, const int32_t *const *tab)`` and its data.
+    """The text of one C function ``void name(double time, double *w, const int64_t *m, const void *const *tab)`` and its data.
 
     Attributes
     ----------
@@ -43,18 +39,30 @@ class CFunction:
         Row counts, first registers and strides, in the order in which the text reads ``m[0], m[1], …``.
     tables : list of int32 or float64 arrays
         What ``tab[0], tab[1], …`` point to.
+    scratch : int
+        Doubles that the function uses behind the registers.
+    factors : list of (Solve, int)
+        Constant linear blocks, and the number of the first of the six tables that take their factors
+        (L: start, index, value; U: start, index, value; then the two permutations): filled for each parameter set.
     """
 
     text: str
     numbers: np.ndarray
     tables: list[np.ndarray]
+    scratch: int
+    factors: list[tuple[Solve, int]]
 
 
 class _Writer:
-    def __init__(self) -> None:
+    """Collects the lines of one function and the data they read."""
+
+    def __init__(self, registers: int) -> None:
         self.lines: list[str] = []
         self.numbers: list[int] = []
         self.tables: list[np.ndarray] = []
+        self.factors: list[tuple[Solve, int]] = []
+        self.registers = registers
+        self.scratch = 0
 
     def number(self, value: int) -> str:
         self.numbers.append(int(value))
@@ -81,27 +89,42 @@ class _Writer:
         return [f"const int32_t *{name} = (const int32_t *){table};"], f"{name}[i]"
 
 
-def generate(program: Program, name: str = "lmoc_program") -> CFunction:
-    """Write a program of Apply and Total steps as one C function.
+def generate(program: Program, registers: int, name: str = "lmoc_program") -> CFunction:
+    """Write a program as one C function.
+
+    Parameters
+    ----------
+    program : Program
+        Apply, Total, and linear Solve steps (constant ones of any size, others up to `DENSE_LIMIT` unknowns).
+    registers : int
+        Length of the register vector; the function's scratch lies behind it.
 
     Raises
     ------
-    ValueError
-        For a Solve step: those are called between functions.
+    Unsupported
+        For a nonlinear or a large varying block: those are evaluated in another way.
     """
-    writer = _Writer()
+    writer = _Writer(registers)
+    _write_program(writer, program)
+    head = f"void {name}(double time, double *w, const int64_t *m, const void *const *tab) {{"
+    body = "\n".join("  " + line for line in writer.lines)
+    text = f"{head}\n{body}\n  (void)time; (void)w; (void)m; (void)tab;\n}}\n"
+    return CFunction(text, np.array(writer.numbers, np.int64), writer.tables, writer.scratch, writer.factors)
+
+
+def _write_program(writer: _Writer, program: Program) -> None:
     for step in program:
         if isinstance(step, Apply):
             if len(step.out):
                 _write_apply(writer, step)
         elif isinstance(step, Total):
             _write_total(writer, step)
+        elif step.constant and len(step.unknowns) == 1:
+            _write_constant_solve(writer, step)
+        elif step.linear and step.unknowns.shape[1] <= DENSE_LIMIT:
+            _write_dense_solve(writer, step)
         else:
-            raise ValueError("a Solve step is not part of a C function")
-    head = f"void {name}(double time, double *w, const int64_t *m, const void *const *tab) {{"
-    body = "\n".join("  " + line for line in writer.lines)
-    text = f"{head}\n{body}\n  (void)time; (void)w; (void)m; (void)tab;\n}}\n"
-    return CFunction(text, np.array(writer.numbers, np.int64), writer.tables)
+            raise Unsupported("a nonlinear or large varying block")
 
 
 def _write_apply(writer: _Writer, step: Apply) -> None:
@@ -171,5 +194,63 @@ def _write_total(writer: _Writer, step: Total) -> None:
         "    for (int32_t j = start[i]; j < start[i + 1]; j++) s += c[j]*w[index[j]];",
         f"    w[{out}] = s;",
         "  }",
+        "}",
+    ]
+
+
+def _write_constant_solve(writer: _Writer, step: Solve) -> None:
+    """u := u - A⁻¹ r(u) from u = 0, with the sparse factors of A made beforehand; then the inner steps once more."""
+    size = step.unknowns.shape[1]
+    declare_u, u = writer.address(step.unknowns[0], "u")
+    declare_r, r = writer.address(step.residuals[0], "r")
+    first = len(writer.tables)
+    names = [writer.table(np.zeros(1)) for _ in range(8)]
+    writer.factors.append((step, first))
+    base = writer.number(writer.registers + writer.scratch)
+    writer.scratch += 2 * size
+    n = writer.number(size)
+    writer.lines += ["{", *("  " + line for line in declare_u + declare_r), f"  const int64_t n = {n};"]
+    writer.lines += [f"  double *b = w + {base};", f"  for (int64_t i = 0; i < n; i++) w[{u}] = 0;"]
+    writer.lines += ["  for (int pass = 0; pass < 2; pass++) {"]
+    _write_program(writer, step.inner)
+    writer.lines += [
+        "  if (pass == 0) {",
+        f"    for (int64_t i = 0; i < n; i++) b[i] = -w[{r}];",
+        f"    lmoc_sparse_solve(n, b, b + n, {', '.join(names)});",
+        f"    for (int64_t i = 0; i < n; i++) w[{u}] = b[i];",
+        "  } }",
+        "}",
+    ]
+
+
+def _write_dense_solve(writer: _Writer, step: Solve) -> None:
+    """Columns of the matrix from unit vectors (the residuals are linear), then Gauss elimination for each instance."""
+    instances, size = step.unknowns.shape
+    base = writer.number(writer.registers + writer.scratch)
+    writer.scratch += instances * size * (size + 1)
+    unknowns = writer.table(np.ascontiguousarray(step.unknowns, np.int32))
+    residuals = writer.table(np.ascontiguousarray(step.residuals, np.int32))
+    n = writer.number(instances)
+    writer.lines += [
+        "{",
+        f"  const int32_t *u = (const int32_t *){unknowns}, *r = (const int32_t *){residuals};",
+        f"  const int64_t n = {n};",
+        f"  double *a = w + {base};",
+        f"  for (int pass = 0; pass <= {size + 1}; pass++) {{",
+        f"  if (pass <= {size})",
+        f"    for (int64_t i = 0; i < n; i++) for (int k = 0; k < {size}; k++) w[u[i*{size} + k]] = k + 1 == pass;",
+    ]
+    _write_program(writer, step.inner)
+    writer.lines += [
+        "  for (int64_t i = 0; i < n; i++) {",
+        f"    double *row = a + i*{size * (size + 1)};",
+        f"    if (pass <= {size})",
+        f"      for (int k = 0; k < {size}; k++)",
+        f"        row[k*{size + 1} + (pass ? pass - 1 : {size})] = w[r[i*{size} + k]] - (pass ? row[k*{size + 1} + {size}] : 0);",
+        f"    if (pass == {size}) {{",
+        f"      lmoc_dense_solve({size}, row);",
+        f"      for (int k = 0; k < {size}; k++) w[u[i*{size} + k]] = -row[k*{size + 1} + {size}];",
+        "    }",
+        "  } }",
         "}",
     ]

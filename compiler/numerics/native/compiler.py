@@ -43,7 +43,7 @@ def load_library(text: str) -> ctypes.CDLL | None:
         return None
     # -march=native ties the file to this processor, so its name is part of the key
     key = hashlib.sha256("\0".join([text, compiler, *FLAGS, _processor()]).encode()).hexdigest()[:32]
-    for folder in (cache_folder(), Path(tempfile.gettempdir()) / f"lmoc-kernels-{os.getuid() if hasattr(os, 'getuid') else 0}"):
+    for folder in (cache_folder(), Path(tempfile.gettempdir()) / "lmoc-kernels"):
         path = folder / f"{key}.so"
         if path.exists() or _compile(compiler, text, path):
             try:

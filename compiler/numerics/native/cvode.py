@@ -9,7 +9,6 @@ from ctypes import byref, c_double, c_long, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
-
 from lmoc.numerics.native import sundials as sun
 
 
@@ -131,9 +130,9 @@ class _Session:
                     target = whole[:, stored - matrix.upper : stored + matrix.lower + 1]
                 else:
                     target = _view(lib.SUNSparseMatrix_Data(jacobian), len(matrix.indices))
-                    pointers = lib.SUNSparseMatrix_IndexPointers(jacobian)
-                    ctypes.memmove(pointers, matrix.indptr.ctypes.data, matrix.indptr.nbytes)
-                    ctypes.memmove(lib.SUNSparseMatrix_IndexValues(jacobian), matrix.indices.ctypes.data, matrix.indices.nbytes)
+                    for name, values in (("IndexPointers", matrix.indptr), ("IndexValues", matrix.indices)):
+                        address = getattr(lib, f"SUNSparseMatrix_{name}")(jacobian)
+                        ctypes.memmove(address, values.ctypes.data, values.nbytes)
                 matrix.fill(t, x, target)
                 return 0 if np.isfinite(target).all() else 1
             except BaseException as error:  # must not unwind through C: kept, and raised when CVODE has returned

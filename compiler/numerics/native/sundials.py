@@ -87,15 +87,12 @@ def load() -> Library | None:
         return None
     site = Path(spec.origin).parent.parent
     files = [f for d in ("scikit_sundae.libs", "sksundae/.dylibs") for f in sorted((site / d).glob("*sundials*"))]
-    others = [f for d in ("scikit_sundae.libs",) for f in (site / d).glob("lib*") if "sundials" not in f.name]
+    others = [f for f in (site / "scikit_sundae.libs").glob("lib*") if "sundials" not in f.name]
     try:
         for f in sorted(others, key=_dependency_rank):
             ctypes.CDLL(str(f), mode=ctypes.RTLD_GLOBAL)
-        handles = [
-            ctypes.CDLL(str(next(f for f in files if f.name.startswith(f"libsundials_{name}"))), mode=ctypes.RTLD_GLOBAL)
-            for name in _LIBRARIES
-        ]
-        return Library(handles)
+        paths = [next(f for f in files if f.name.startswith(f"libsundials_{name}")) for name in _LIBRARIES]
+        return Library([ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL) for path in paths])
     except (OSError, StopIteration):
         return None
 

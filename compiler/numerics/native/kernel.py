@@ -1,0 +1,108 @@
+"""A program compiled to C, with its data: called from Python, or by SUNDIALS without Python in between."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+from lmoc.numerics.native import sundials
+from lmoc.numerics.native.c_code import generate
+from lmoc.numerics.native.compiler import load_library
+from lmoc.numerics.native.prelude import CALLBACK, PRELUDE
+from lmoc.structure.program import Program, Solve
+
+
+class _Call(ctypes.Structure):
+    _fields_ = [
+        ("w", ctypes.c_void_p),
+        ("m", ctypes.c_void_p),
+        ("tab", ctypes.c_void_p),
+        ("n", ctypes.c_int64),
+        ("first_state", ctypes.c_int64),
+        ("states", ctypes.c_void_p),
+        ("derivatives", ctypes.c_void_p),
+        ("data", ctypes.c_void_p),
+    ]
+
+
+class Kernel:
+    """A compiled program that owns its register vector.
+
+    Attributes
+    ----------
+    w : (registers + scratch,) float
+        Fill the known, input and state registers, then call.
+    """
+
+    def __init__(self, program: Program, registers: int) -> None:
+        """
+        Raises
+        ------
+        c_code.Unsupported
+            Where the program has a block that is not written as C.
+        OSError
+            Where no compiler is at hand.
+        """
+        function = generate(program, registers)
+        library = load_library(PRELUDE + function.text + CALLBACK)
+        if library is None:
+            raise OSError("no C compiler")
+        self._library = library
+        self._run = library.lmoc_program
+        self._run.restype = None
+        self._run.argtypes = [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+        self.w = np.zeros(registers + function.scratch)
+        self._numbers, self._tables, self._factors = function.numbers, list(function.tables), function.factors
+        self._pointers = np.array([t.ctypes.data for t in self._tables] or [0], np.uintp)
+
+    def factorize(self, matrix: Callable[[Solve], object]) -> None:
+        """Factorize the constant linear blocks for the parameter values that stand in `w`.
+
+        Parameters
+        ----------
+        matrix : callable
+            Gives the sparse matrix ∂residuals/∂unknowns of a Solve step.
+        """
+        if not self._factors:
+            return
+        from scipy.sparse.linalg import splu
+
+        for step, first in self._factors:
+            lu = splu(matrix(step).tocsc())
+            data = []
+            for factor in (lu.L.tocsc(), lu.U.tocsc()):
+                factor.sort_indices()  # the diagonal stands first in L and last in U
+                data += [factor.indptr.astype(np.int32), factor.indices.astype(np.int32), factor.data.astype(float)]
+            data += [lu.perm_r.astype(np.int32), lu.perm_c.astype(np.int32)]
+            for k, values in enumerate(data):
+                self._tables[first + k] = np.ascontiguousarray(values)
+                self._pointers[first + k] = self._tables[first + k].ctypes.data
+
+    def __call__(self, time: float) -> None:
+        """Run the program on `w`."""
+        self._run(time, self.w.ctypes.data, self._numbers.ctypes.data, self._pointers.ctypes.data)
+
+    def callback(self, states: np.ndarray, derivatives: np.ndarray):
+        """The right-hand side as SUNDIALS calls it, and what to hand it as user data.
+
+        The kernel must live as long as the two are used.
+        """
+        library = sundials.load()
+        if library is None:
+            raise OSError("the SUNDIALS libraries were not found")
+        self._states = np.ascontiguousarray(states, np.int32)
+        self._derivatives = np.ascontiguousarray(derivatives, np.int32)
+        contiguous = len(states) > 0 and (np.diff(states) == 1).all()
+        self._call = _Call(
+            self.w.ctypes.data,
+            self._numbers.ctypes.data,
+            self._pointers.ctypes.data,
+            len(states),
+            int(states[0]) if contiguous else -1,
+            self._states.ctypes.data,
+            self._derivatives.ctypes.data,
+            ctypes.cast(library.N_VGetArrayPointer, ctypes.c_void_p).value,
+        )
+        rhs = sundials.RHS(ctypes.cast(self._library.lmoc_rhs, ctypes.c_void_p).value)
+        return rhs, ctypes.byref(self._call)
