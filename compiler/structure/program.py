@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-
 from lmoc.expression.dag import Expr
 
 
@@ -40,7 +39,7 @@ class Total:
 
 @dataclass(frozen=True, eq=False)
 class Solve:
-    """Implicit equations: find ``w[unknowns[b, :]]`` so that ``w[residuals[b, :]]`` vanish, for each instance b on its own.
+    """Implicit equations: ``w[unknowns[b, :]]`` such that ``w[residuals[b, :]]`` vanish, for each instance b on its own.
 
     `inner` computes the residual registers (and what is torn between) from the unknowns and from what stands.
 

@@ -144,8 +144,9 @@ class Tuple:
 
 
 Expression = (
-    Number | String | Boolean | Ref | Unary | Binary | If | Call | Comprehension | Range | Array | Matrix | Colon | End | Tuple
-)
+    Number | String | Boolean | Ref | Unary | Binary | If | Call | Comprehension | Range | Array | Matrix
+    | Colon | End | Tuple
+)  # fmt: skip
 
 # -------------------------------------------------------------- modifications
 

@@ -43,14 +43,17 @@ def load_library(text: str) -> ctypes.CDLL | None:
         return None
     # -march=native ties the file to this processor, so its name is part of the key
     key = hashlib.sha256("\0".join([text, compiler, *FLAGS, _processor()]).encode()).hexdigest()[:32]
-    for folder in (cache_folder(), Path(tempfile.gettempdir()) / "lmoc-kernels"):
-        path = folder / f"{key}.so"
-        if path.exists() or _compile(compiler, text, path):
-            try:
-                return ctypes.CDLL(str(path))
-            except OSError:
-                path.unlink(missing_ok=True)  # a damaged file: make it again next time
-    return None
+    path = cache_folder() / f"{key}.so"
+    if not path.exists() and not _compile(compiler, text, path):
+        # a cache that cannot be written: a folder of this process alone, never one that others could fill
+        path = Path(tempfile.mkdtemp(prefix="lmoc-")) / f"{key}.so"
+        if not _compile(compiler, text, path):
+            return None
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError:
+        path.unlink(missing_ok=True)  # a damaged file: made again next time
+        return None
 
 
 @lru_cache(maxsize=1)

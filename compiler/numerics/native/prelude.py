@@ -17,7 +17,11 @@ static void lmoc_dense_solve(int size, double *a) {
     for (int i = k + 1; i < size; i++)
       if (fabs(a[i*width + k]) > fabs(a[pivot*width + k])) pivot = i;
     if (pivot != k)
-      for (int j = k; j < width; j++) { double t = a[k*width + j]; a[k*width + j] = a[pivot*width + j]; a[pivot*width + j] = t; }
+      for (int j = k; j < width; j++) {
+        const double t = a[k*width + j];
+        a[k*width + j] = a[pivot*width + j];
+        a[pivot*width + j] = t;
+      }
     for (int i = k + 1; i < size; i++) {
       const double f = a[i*width + k] / a[k*width + k];
       for (int j = k + 1; j < width; j++) a[i*width + j] -= f * a[k*width + j];
