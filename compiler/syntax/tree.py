@@ -193,6 +193,7 @@ class Equality:
     right: Expression
     description: str
     span: Span
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +202,7 @@ class Connect:
     right: Ref
     description: str
     span: Span
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +210,8 @@ class For:
     indices: tuple[ForIndex, ...]
     body: tuple[Equation, ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,12 +219,16 @@ class IfEquation:
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     otherwise: tuple[Equation, ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class When:
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +238,7 @@ class CallEquation:
     call: Call
     description: str
     span: Span
+    annotation: Modification | None = None
 
 
 Equation = Equality | Connect | For | IfEquation | When | CallEquation
@@ -244,6 +253,8 @@ class Assignment:
     target: Ref | Tuple
     value: Expression
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +262,8 @@ class IfStatement:
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     otherwise: tuple[Statement, ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +271,8 @@ class ForStatement:
     indices: tuple[ForIndex, ...]
     body: tuple[Statement, ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,28 +280,38 @@ class WhileStatement:
     condition: Expression
     body: tuple[Statement, ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class WhenStatement:
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class CallStatement:
     call: Call
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Return:
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Break:
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 Statement = Assignment | IfStatement | ForStatement | WhileStatement | WhenStatement | CallStatement | Return | Break
@@ -317,6 +342,7 @@ class Component:
     constrained_by: Ref | None
     span: Span  # the whole declaration
     name_span: Span
+    constraint: Modification | None = None  # the modifiers of `constrained_by`
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,6 +351,8 @@ class Extends:
     modification: Modification | None
     protected: bool
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,6 +364,8 @@ class Import:
     wildcard: bool
     names: tuple[str, ...]
     span: Span
+    description: str = ""
+    annotation: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,6 +393,9 @@ class Class:
     protected: bool
     span: Span
     name_span: Span
+    literal_descriptions: tuple[str, ...] = ()
+    constrained_by: Ref | None = None
+    constraint: Modification | None = None
 
 
 @dataclass(frozen=True, slots=True)
