@@ -1,7 +1,9 @@
-"""The catalogue of diagnostics: what each code means, with an example and the way out.
+"""The catalogue of diagnostics: what each code means.
 
-``lmoc explain E0312`` prints a page of it. Ranges: 01xx syntax; 02xx lookup, classes, modification; 03xx types, units,
-connections; 04xx structure; 05xx initialization, inputs, running; 06xx files, commands, choice of model.
+Codes: 01xx syntax, 02xx names, classes and modifications, 03xx types, units and connections, 04xx structure,
+05xx start, inputs and running, 06xx files and commands. The letter is the severity: Error, Warning, Note.
+
+``python -m lmoc.catalogue`` prints ``docs/diagnostics.md``.
 """
 
 from __future__ import annotations
@@ -11,58 +13,152 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Entry:
-    """A page of the catalogue."""
+    """What a code means.
+
+    Attributes
+    ----------
+    title : str
+        The kind of mistake, in a few words.
+    explanation : str
+        Why it is one, and what to do.
+    example : str
+        A small program that gives it; empty where a program alone does not.
+    """
 
     title: str
     explanation: str
+    example: str = ""
 
 
 CATALOGUE: dict[str, Entry] = {
-    # ------------------------------------------------------------------ 06xx: files, commands, choice of model
-    "E0610": Entry(
-        "file not found",
-        "There is no file of that name. Paths are relative to the folder in which the command is run.",
+    # ------------------------------------------------------------ 01xx syntax
+    "E0101": Entry(
+        "something unexpected",
+        "The text does not go on as the language allows at this place. What could stand here is listed.",
+        "model A\n  Real x;\nequation\n  x = * 2;\nend A;",
     ),
-    "E0611": Entry(
-        "file cannot be read",
-        "The path is a folder, or the file may not be read by this user. A scene is one text file, usually `*.lmo`.",
+    "E0102": Entry(
+        "';' is missing",
+        "Every declaration, equation, statement and class ends with ';'. The mark shows where it belongs, "
+        "which often is the end of an earlier line.",
+        "model A\n  Real x\n  Real y;\nequation\n  x = 1;\n  y = 2;\nend A;",
     ),
-    "E0612": Entry(
-        "not a text file",
-        "A model is text in UTF-8. The file holds bytes that are not: it may be binary, or saved in another encoding\n"
-        "(in an editor: save with encoding UTF-8).",
+    "E0103": Entry(
+        "a bracket is not closed, or not opened",
+        "Every '(', '[' and '{' needs its partner.",
+        "model A\n  Real x(start = 1;\nequation\n  x = 1;\nend A;",
     ),
-    "E0620": Entry(
-        "the command is not understood",
-        "The verb or an option does not exist, or an argument is missing. `lmoc --help` lists the verbs,\n"
-        "`lmoc VERB --help` the options of one.",
+    "E0104": Entry(
+        "a string or a quoted name is not closed",
+        'A string ends with \'"\', a quoted name with "\'". Inside, the same character is written with a backslash.',
+        'model A "a model without an end quote\n  Real x;\nequation\n  x = 1;\nend A;',
     ),
-    "E0621": Entry(
-        "the value of an option is not usable",
-        "The option wants another kind of value: a number, a positive number, a pair `name=value`.\n"
-        "Example: `lmoc run scene.lmo --stop 5 --set body.m=2.5`.",
+    "E0105": Entry(
+        "a comment is not closed",
+        "'/*' begins a comment that ends with '*/'.",
+        "model A\n  Real x; /* a comment\nequation\n  x = 1;\nend A;",
     ),
-    "E0622": Entry(
-        "no such parameter, variable or input",
-        "A name given on the command line or to `simulate` is not in the model. Names are dotted paths of the flat\n"
-        "model: `body.m`, `spring[3].k`. `lmoc show --stage flatten` lists them.",
+    "E0106": Entry(
+        "a character that means nothing here",
+        "Names consist of letters A-Z, a-z, digits and '_'. Other characters can stand in strings, comments and names "
+        "in single quotes.",
+        "model A\n  Real x = 3 # 2;\nend A;",
     ),
-    "E0623": Entry(
-        "the result cannot be written",
-        "The folder does not exist or may not be written to, or a package that writes this format is missing.",
+    "E0107": Entry(
+        "'=', ':=' or '==' for another",
+        "An equation says that two sides are equal: '='. A statement in an algorithm gives a variable its value: ':='. "
+        "A comparison that is true or false is '=='.",
+        "model A\n  Real x;\nequation\n  x := 1;\nend A;",
     ),
-    "E0624": Entry(
-        "unknown type of file",
-        "The ending of the name decides about the format. Results: .csv, .npz, .parquet, .mat.\n"
-        "Pictures: .png, .svg, .pdf.",
+    "E0108": Entry(
+        "another name after 'end'",
+        "A class that begins with 'model A' ends with 'end A;'.",
+        "model A\n  Real x = 1;\nend B;",
     ),
-    "E0625": Entry(
-        "the table cannot be used",
-        "A table for an input is a CSV file with a header line. One column is named `time`, another like the input\n"
-        "(or there is just one other column). All entries are numbers and time increases.",
+    "E0109": Entry(
+        "'end' is missing",
+        "A class ends with 'end' and its name, an 'if', 'for', 'when' or 'while' with 'end' and the same word.",
+        "model A\n  Real x;\nequation\n  if true then\n    x = 1;\n  else\n    x = 2;\nend A;",
     ),
-    "E0626": Entry(
-        "not available",
-        "The option exists in the design of lmoc, but the value asked for is not in this version.",
+    "E0110": Entry(
+        "a keyword as a name",
+        "The words of the language cannot be names. In single quotes they can: 'flow'.",
+        "model A\n  Real flow = 1;\nend A;",
     ),
+    "E0111": Entry(
+        "an expression alone",
+        "An equation has two sides, a statement a variable and its value. Only calls like 'assert(...)' stand alone.",
+        "model A\n  Real x;\nequation\n  x + 1;\nend A;",
+    ),
+    "E0112": Entry(
+        "a misspelled word of the language",
+        "The text is read as if the word were spelled right.",
+        "modle A\n  Real x = 1;\nend A;",
+    ),
+    "E0113": Entry(
+        "a prefix that does not fit",
+        "Prefixes stand in a fixed order (final, inner, outer, replaceable, flow, parameter or constant or discrete, "
+        "input or output), each once; classes are 'partial', components are 'flow' or 'parameter'.",
+        "model A\n  flow parameter parameter Real x = 1;\nend A;",
+    ),
+    "E0114": Entry(
+        "operators that cannot be chained",
+        "'a^b^c' and 'a < b < c' have no agreed meaning: parentheses or 'and' say what is meant.",
+        "model A\n  Real x = 2^3^2;\nend A;",
+    ),
+    "E0115": Entry(
+        "a sign directly after an operator",
+        "A sign can stand at the beginning of a sum only; elsewhere it needs parentheses.",
+        "model A\n  Real x = 2 * -3;\nend A;",
+    ),
+    "E0116": Entry(
+        "not part of lmo",
+        "A construct of Modelica that lmo does not take.",
+        "function f\n  input Real x;\n  output Real y;\nexternal \"C\";\nend f;",
+    ),
+    "E0117": Entry(
+        "an operand is missing",
+        "An operator, a bracket or a sign has no expression where it needs one.",
+        "model A\n  Real x;\nequation\n  x = 2 + ;\nend A;",
+    ),
+    "E0118": Entry(
+        "arguments in disorder",
+        "In a call, arguments without names come before those with names, and each name is given once.",
+        "model A\n  Real x = max(1, y = 2, 3);\nend A;",
+    ),
+    "E0119": Entry(
+        "an operator is missing",
+        "Two expressions stand next to each other; a product is written with '*'.",
+        "model A\n  Real x = 2 time;\nend A;",
+    ),
+    "E0120": Entry(
+        "a declaration among equations",
+        "Declarations come before the word 'equation' or 'algorithm'; after it, only below 'public' or 'protected'.",
+        "model A\n  Real x;\nequation\n  x = 1;\n  Real y;\nend A;",
+    ),
+    "E0121": Entry(
+        "an unknown escape in a string",
+        "A backslash stands before ', \", ?, \\, n, t, r, a, b, f or v.",
+        'model A "\\d"\n  Real x = 1;\nend A;',
+    ),
+    # ------------------------------ 02xx names, classes, modifications, models
+    # ----------------------------------------- 03xx types, units, connections
+    # --------------------------------------------------------- 04xx structure
+    # ------------------------------------------- 05xx start, inputs, running
+    # -------------------------------------------------- 06xx files, commands
 }
+
+
+def page() -> str:
+    """The catalogue as a page of the documentation."""
+    lines = ["# Diagnostics", "", "Made by `python -m lmoc.catalogue > docs/diagnostics.md`.", ""]
+    for code in sorted(CATALOGUE, key=lambda code: (code[1:], code[0])):
+        entry = CATALOGUE[code]
+        lines += [f"## {code}: {entry.title}", "", entry.explanation, ""]
+        if entry.example:
+            lines += ["```modelica", entry.example, "```", ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    print(page(), end="")
