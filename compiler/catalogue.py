@@ -192,6 +192,20 @@ CATALOGUE: dict[str, Entry] = {
         "not available",
         "The option exists in the design of lmoc, but the value asked for is not in this version.",
     ),
+    # ------------------------------------------------- 066x what a person reads
+    "E0660": Entry(
+        "no answer in symbols",
+        "Equations of motion, equilibria and transfer functions in symbols are for scenes of up to a few hundred "
+        "equations whose implicit parts have a solution in closed form. For others there is the numeric form.",
+    ),
+    "E0661": Entry(
+        "no such input, output or variable",
+        "Linear models and transfer functions go from a top-level input to a variable of the flat model.",
+    ),
+    "E0662": Entry(
+        "a parameter without a value",
+        "Numbers (poles, eigenvalues, a numeric linear model) need a value for every parameter that occurs.",
+    ),
 }
 
 

@@ -1,0 +1,115 @@
+"""Shapes as SymPy expressions, for what a person reads and for oracles; never on the way of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from lmoc.expression.dag import Expr, postorder
+
+if TYPE_CHECKING:
+    import sympy
+
+_SMALL_DENOMINATOR = 10_000
+
+
+def exact(value: float) -> sympy.Expr:
+    """The number a person meant: 0.5 → 1/2, 0.08333333333333333 → 1/12, 9.81 → 981/100."""
+    import sympy
+
+    simple = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
+    if float(simple) == value:
+        return sympy.Rational(simple.numerator, simple.denominator)
+    return sympy.Rational(repr(float(value)))
+
+
+def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr | None = None) -> sympy.Expr:
+    """A shape with ``column(k, order)`` in its slots.
+
+    Parameters
+    ----------
+    root : Expr
+    column : callable
+        What stands in a slot.
+    time : expression, optional
+        What stands for time; ``Symbol("time")`` without it.
+
+    Returns
+    -------
+    sympy.Expr
+        Not simplified, numbers exact. Relations inside `if` become conditions of a `Piecewise`; logical values that
+        are known numbers (Boolean parameters) select a branch at once.
+    """
+    import sympy
+
+    operations = _operations()
+    values: dict[int, sympy.Basic] = {}
+    for node in postorder(root):
+        if node.op == "const":
+            value = exact(node.value)
+        elif node.op == "slot":
+            value = column(*node.value)
+        elif node.op == "time":
+            value = sympy.Symbol("time") if time is None else time
+        else:
+            value = operations[node.op](*(values[id(a)] for a in node.args))
+        values[id(node)] = value
+    return values[id(root)]
+
+
+_TABLE: dict[str, Callable] = {}
+
+
+def _operations() -> dict[str, Callable]:
+    """The operators of the DAG in SymPy; made once, because SymPy is imported late."""
+    if not _TABLE:
+        _TABLE.update(_make_operations())
+    return _TABLE
+
+
+def _make_operations() -> dict[str, Callable]:
+    import sympy as sp
+
+    names = "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign floor atan2"
+    table: dict[str, Callable] = {name: getattr(sp, name) for name in names.split()}
+    table |= {
+        "add": lambda a, b: a + b,
+        "sub": lambda a, b: a - b,
+        "mul": lambda a, b: a * b,
+        "div": lambda a, b: a / b,
+        "pow": lambda a, b: a**b,
+        "neg": lambda a: -a,
+        "abs": sp.Abs,
+        "ceil": sp.ceiling,
+        "integer": sp.floor,
+        "log10": lambda a: sp.log(a, 10),
+        "min": sp.Min,
+        "max": sp.Max,
+        "mod": lambda a, b: a - b * sp.floor(a / b),
+        "div_integer": _quotient,
+        "rem": lambda a, b: a - b * _quotient(a, b),
+        "lt": sp.Lt,
+        "le": sp.Le,
+        "gt": sp.Gt,
+        "ge": sp.Ge,
+        "eq": sp.Eq,
+        "ne": sp.Ne,
+        "and": lambda a, b: sp.And(_condition(a), _condition(b)),
+        "or": lambda a, b: sp.Or(_condition(a), _condition(b)),
+        "not": lambda a: sp.Not(_condition(a)),
+        "if": lambda c, a, b: sp.Piecewise((a, _condition(c)), (b, True)),
+    }
+    return table
+
+
+def _quotient(a, b):
+    import sympy as sp
+
+    return sp.sign(a / b) * sp.floor(sp.Abs(a / b))
+
+
+def _condition(value):
+    import sympy as sp
+
+    return sp.true if value.is_Number and value != 0 else sp.false if value.is_Number else value

@@ -1,0 +1,203 @@
+"""Equilibria: states of rest for constant inputs, exact where there is a closed form.
+
+Linear and polynomial equations are solved in symbols; unknowns that stand linearly are eliminated first. What remains
+is a core of few nonlinear equations: in one unknown its real roots are found from closed forms or by a scan for sign
+changes, in several by Newton's method from many starts. Each result says how it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lmoc.symbolic.elimination import eliminate
+from lmoc.symbolic.linearize import LinearModel, linearize
+from lmoc.symbolic.roots import Root, real_roots, search
+from lmoc.symbolic.system import SymbolicSystem, refuse
+
+if TYPE_CHECKING:
+    import sympy
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium(Mapping):
+    """A mapping {state name: value at rest}.
+
+    Attributes
+    ----------
+    values : {Symbol: Expr}
+        Of all states; a free state stands for itself.
+    free : tuple of Symbol
+        States that may have any value: a family of equilibria (a lever balanced in every position).
+    conditions : tuple of Expr
+        Must vanish for it to exist (the sum of the loads on something that nothing holds).
+    how : str
+        ``exact``, or how it was found.
+    model : LinearModel | None
+        Numeric linear model about it; None where a value is missing.
+    nonlinear : bool
+    """
+
+    values: Mapping[sympy.Symbol, sympy.Expr]
+    free: tuple[sympy.Symbol, ...] = ()
+    conditions: tuple[sympy.Expr, ...] = ()
+    how: str = "exact"
+    model: LinearModel | None = None
+    nonlinear: bool = False
+
+    def __getitem__(self, name: str) -> sympy.Expr:
+        import sympy as sp
+
+        return self.values[sp.Symbol(name)]
+
+    def __iter__(self) -> Iterator[str]:
+        return (s.name for s in self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def isolated(self) -> bool:
+        return not self.free
+
+    @property
+    def stability(self) -> str | None:
+        """From the linear model: see `LinearModel.stability`; ``undecided`` where a nonlinear scene needs more."""
+        if self.model is None:
+            return None
+        found = self.model.stability
+        return "undecided" if self.nonlinear and found == "neutral" and self.isolated else found
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{s}: {v}" for s, v in self.values.items())
+        return f"Equilibrium({{{values}}}, stability={self.stability!r})"
+
+
+def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = None) -> list[Equilibrium]:
+    """All states of rest of a system for constant inputs.
+
+    Parameters
+    ----------
+    system : SymbolicSystem
+    inputs : {name: number or expression}, optional
+        Constant values; inputs not named stay symbols as long as the equations are linear or polynomial, and are
+        zero in a numeric search.
+
+    Returns
+    -------
+    list of Equilibrium
+        Empty where there is none.
+
+    Raises
+    ------
+    ModelError
+        E0660 where time itself stands in the equations.
+    """
+    import sympy as sp
+
+    time = sp.Symbol("time")
+    zero = {jet: sp.S.Zero for u in system.inputs for jet in system.jets(u)[1:]}
+    given = {sp.Symbol(name): sp.sympify(value) for name, value in (inputs or {}).items()}
+    equations = [sp.sympify(d).xreplace(zero).xreplace(given) for d in system.derivatives]
+    if any(e.has(time) for e in equations):
+        raise refuse("the equations contain time itself: nothing stays at rest", hint="make the signal an input")
+    at_rest = {d: sp.S.Zero for d in equations if d in system.states}  # q̇ = v says v = 0
+    rest = [e.xreplace(at_rest) for e in equations if e not in system.states]
+    unknowns = [x for x in system.states if x not in at_rest]
+    linear = all(not e.diff(x).free_symbols & set(unknowns) for e in rest for x in unknowns)
+    if linear:
+        found = _linear(rest, unknowns, set(system.inputs) - set(given))
+    else:
+        found = _nonlinear(rest, unknowns, system, given)
+    return [_finished(system, root, at_rest, given, nonlinear=not linear) for root in found]
+
+
+def _finished(system, root: Root, at_rest, given, nonlinear: bool) -> Equilibrium:
+    values = {x: at_rest.get(x, root.values.get(x, x)) for x in system.states}
+    free = tuple(x for x in system.states if values[x] == x)
+    return Equilibrium(values, free, root.conditions, root.how, _model(system, values, given), nonlinear)
+
+
+def _model(system: SymbolicSystem, values, given) -> LinearModel | None:
+    import sympy as sp
+
+    from lmoc.diagnostics import ModelError
+
+    inputs = {u: given.get(u, sp.S.Zero) for u in system.inputs}
+    numbers = {**system.numbers, **inputs}
+    point = {x: v.xreplace(numbers) if v != x else sp.S.Zero for x, v in values.items()}
+    try:
+        return linearize(system, point | inputs)
+    except (ModelError, TypeError, ZeroDivisionError):  # a value is missing, or the point lies at infinity
+        return None
+
+
+def _linear(equations: list, unknowns: list, inputs: set) -> list[Root]:
+    import sympy as sp
+
+    zero = {x: sp.S.Zero for x in unknowns}
+    rows = [{j: e.diff(x) for j, x in enumerate(unknowns) if e.has(x)} for e in equations]
+    right = [-e.xreplace(zero) for e in equations]
+    found = eliminate(rows)
+
+    def total(combination):
+        return sp.cancel(sum((c * right[j] for j, c in combination.items()), sp.S.Zero))
+
+    conditions = [c for c in (_essential(total(c), inputs) for c in found.conditions) if c != 0]
+    if any(not c.free_symbols & inputs for c in conditions):
+        return []  # a load that nothing carries and no input can balance
+    values = {}
+    for i, x in enumerate(unknowns):
+        if i in found.solution:
+            by_free = sum((c * unknowns[j] for j, c in found.by_free[i].items()), sp.S.Zero)
+            values[x] = sp.factor_terms(total(found.solution[i])) + by_free
+    return [Root(values, tuple(dict.fromkeys(conditions)))]
+
+
+def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
+    """What must vanish, without factors that cannot."""
+    import sympy as sp
+
+    top = sp.numer(sp.cancel(condition))
+    if top == 0:
+        return top
+    factors = [f for f, _ in sp.factor_list(top)[1] if f.free_symbols & inputs]
+    return sp.Mul(*factors) if factors else top
+
+
+def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem, given) -> list[Root]:
+    """Eliminate what stands linearly, then solve the core."""
+    import sympy as sp
+
+    explicit: dict = {}
+    equations = [e for e in (sp.numer(sp.together(e)) for e in equations) if e != 0]
+    unknowns = list(unknowns)
+    while True:
+        step = _linear_unknown(equations, unknowns)
+        if step is None:
+            break
+        i, x, value = step
+        equations.pop(i)
+        unknowns.remove(x)
+        equations = [sp.numer(sp.together(e.subs(x, value))) for e in equations]
+        explicit = {y: v.subs(x, value) for y, v in explicit.items()} | {x: value}
+    if not unknowns:
+        return [Root({x: sp.simplify(v) for x, v in explicit.items()})] if not any(equations) else []
+    if len(unknowns) == 1 and len(equations) == 1:
+        core = real_roots(equations[0], unknowns[0], system, given)
+    else:
+        core = search(equations, unknowns, system, given)
+    return [root.extended(explicit) for root in core]
+
+
+def _linear_unknown(equations: list, unknowns: list):
+    """An equation that gives an unknown explicitly, with a coefficient free of unknowns."""
+    for i, equation in enumerate(equations):
+        for x in unknowns:
+            if not equation.has(x):
+                continue
+            slope = equation.diff(x)
+            if slope != 0 and not slope.free_symbols & set(unknowns):
+                return i, x, -equation.subs(x, 0) / slope
+    return None

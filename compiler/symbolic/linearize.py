@@ -1,0 +1,311 @@
+"""Linear models: A, B, C, D about a point, symbolic or numeric, and what is read off them.
+
+Where an input's derivative acts (a road u(t) under a damper), the model is a descriptor one,
+``ẋ = A x + B u + B₁ u̇``, ``y = C x + D u + D₁ u̇``; `realization` removes B₁ by the state ``z = x − B₁ u``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc.symbolic.system import SymbolicSystem, refuse
+
+if TYPE_CHECKING:
+    import sympy
+
+Matrix = Any  # numpy array or sympy Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """``ẋ = A x + Σ_k B_k u^(k)``, ``y = C x + Σ_k D_k u^(k)`` in deviations from `point`.
+
+    Matrices are numpy arrays, or sympy Matrices in a symbolic model.
+
+    Attributes
+    ----------
+    states, inputs, outputs : names
+    A, C : (n, n), (p, n)
+    Bs, Ds : tuples of (n, m) and (p, m), by the order of the input's derivative
+    point : {name: value}
+        States and inputs about which the model is linear.
+    drift : (n,)
+        Derivatives of the states at the point: zero at an equilibrium.
+    output_values : (p,)
+        Outputs at the point.
+    """
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    A: Matrix
+    Bs: tuple[Matrix, ...]
+    C: Matrix
+    Ds: tuple[Matrix, ...]
+    point: Mapping[str, Any]
+    drift: Matrix
+    output_values: Matrix
+    coordinates: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def symbolic(self) -> bool:
+        return not isinstance(self.A, np.ndarray)
+
+    @property
+    def B(self) -> Matrix:
+        return self.Bs[0]
+
+    @property
+    def D(self) -> Matrix:
+        return self.Ds[0]
+
+    @property
+    def Bd(self) -> Matrix | None:
+        """What the inputs' first derivatives do to the states; None where they do nothing."""
+        return self.Bs[1] if len(self.Bs) > 1 and any(self.Bs[1].ravel() if not self.symbolic else self.Bs[1]) else None
+
+    @property
+    def Dd(self) -> Matrix | None:
+        return self.Ds[1] if len(self.Ds) > 1 and any(self.Ds[1].ravel() if not self.symbolic else self.Ds[1]) else None
+
+    @property
+    def at_rest(self) -> bool:
+        """The point is an equilibrium."""
+        if self.symbolic:
+            return all(d == 0 for d in self.drift)
+        return bool(np.all(np.abs(self.drift) <= 1e-8 * (1.0 + np.abs(self.A).sum(axis=1))))
+
+    # ------------------------------------------------------------- dynamics
+
+    @cached_property
+    def eigenvalues(self) -> np.ndarray:
+        """Sorted by frequency, then by real part; the partners of a complex pair stand together."""
+        values = np.linalg.eigvals(self._numeric_A)
+        real = np.abs(values.imag) < 1e-12 * (1.0 + np.abs(values))
+        values = np.where(real, values.real, values)
+        return values[np.lexsort((values.imag, values.real, np.round(np.abs(values), 9)))]
+
+    @cached_property
+    def _numeric_A(self) -> np.ndarray:
+        if self.symbolic:
+            raise refuse("eigenvalues need parameter values", hint="give the parameters values, or ask with symbolic=False")
+        return self.A
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Natural angular frequency |λ| of each eigenvalue in rad/s."""
+        return np.abs(self.eigenvalues)
+
+    @property
+    def dampings(self) -> np.ndarray:
+        """Damping ratio −Re λ/|λ| of each eigenvalue; NaN for a zero eigenvalue."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return -self.eigenvalues.real / np.abs(self.eigenvalues)
+
+    @cached_property
+    def modes(self) -> np.ndarray:
+        """(n, n): a column of each eigenvalue, its largest coordinate 1."""
+        values, vectors = np.linalg.eig(self._numeric_A)
+        order = [int(np.argmin(np.abs(values - v))) for v in self.eigenvalues]
+        rows = [q for q, _ in self.coordinates] or list(range(len(self.states)))
+        columns = []
+        for i in order:
+            vector = vectors[:, i]
+            largest = rows[int(np.argmax(np.abs(vector[rows])))]
+            scale = vector[largest] if abs(vector[largest]) > 0 else 1.0
+            columns.append(vector / scale)
+            values[i] = np.inf  # each eigenvector once
+        return np.array(columns).T if columns else np.zeros((0, 0))
+
+    @property
+    def stability(self) -> str:
+        """``asymptotically stable``, ``stable`` (undamped), ``neutral`` (a family of equilibria) or ``unstable``."""
+        return stability(self.eigenvalues, self._numeric_A)
+
+    # ---------------------------------------------------------------- forms
+
+    def realization(self) -> LinearModel:
+        """The same behaviour without input derivatives in ẋ (``z = x − B₁ u − …``)."""
+        Bs, Ds = list(self.Bs), list(self.Ds)
+        Ds += [Ds[0] * 0] * (len(Bs) - len(Ds))
+        Bs += [Bs[0] * 0] * (len(Ds) - len(Bs))
+        for k in range(len(Bs) - 1, 0, -1):
+            Bs[k - 1] = self._clean(Bs[k - 1] + self.A @ Bs[k])
+            Ds[k - 1] = self._clean(Ds[k - 1] + self.C @ Bs[k])
+            Bs[k] = Bs[k] * 0
+        return replace(self, Bs=tuple(Bs), Ds=tuple(Ds))
+
+    def _clean(self, matrix: Matrix) -> Matrix:
+        import sympy as sp
+
+        return matrix.applyfunc(sp.cancel) if self.symbolic else matrix
+
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(A, B, C, D) of the realization, for scipy.signal and python-control.
+
+        Raises
+        ------
+        ModelError
+            E0660 where an output contains an input's derivative: no such (proper) form exists.
+        """
+        proper = self.realization()
+        if any(np.any(np.asarray(d, float) != 0) for d in proper.Ds[1:]):
+            raise refuse("an output contains the derivative of an input: there is no proper form A, B, C, D")
+        return proper.A, proper.B, proper.C, proper.D
+
+    def to_scipy(self):
+        """A scipy.signal.StateSpace."""
+        from scipy.signal import StateSpace
+
+        return StateSpace(*self.matrices())
+
+    def to_control(self):
+        """A control.StateSpace (python-control must be installed)."""
+        import control
+
+        return control.ss(
+            *self.matrices(), states=list(self.states), inputs=list(self.inputs), outputs=list(self.outputs)
+        )
+
+    def save(self, path: str) -> None:
+        """Write a MATLAB file with A, B, C, D, Bd, Dd and the names."""
+        from scipy.io import savemat
+
+        content = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, "states": np.array(self.states, object)}
+        content |= {"inputs": np.array(self.inputs, object), "outputs": np.array(self.outputs, object)}
+        content |= {"Bd": self.B * 0 if self.Bd is None else self.Bd, "Dd": self.D * 0 if self.Dd is None else self.Dd}
+        savemat(path, content)
+
+
+def stability(eigenvalues: np.ndarray, A: np.ndarray) -> str:
+    """Stability of ``ẋ = A x`` from its eigenvalues; a multiple root on the axis is stable only if A leaves its space whole."""
+    size = max(1.0, float(np.abs(eigenvalues).max(initial=0.0)))
+    worst = float(eigenvalues.real.max(initial=-np.inf))
+    if worst > 1e-9 * size ** 1.5:
+        if worst > 1e-6 * size or _simple_roots(eigenvalues[eigenvalues.real > -1e-6 * size], A, size):
+            return "unstable"
+    if worst < -1e-9 * size:
+        return "asymptotically stable"
+    critical = eigenvalues[eigenvalues.real > -1e-6 * size]
+    for value in critical:
+        same = int(np.sum(np.abs(critical - value) < 1e-4 * size))
+        rank = np.linalg.matrix_rank(A - value * np.eye(len(A)), tol=1e-6 * max(1.0, float(np.linalg.norm(A))))
+        if same > len(A) - rank:
+            return "unstable"
+    return "neutral" if np.any(np.abs(critical) < 1e-4 * size) else "stable"
+
+
+def _simple_roots(critical: np.ndarray, A: np.ndarray, size: float) -> bool:
+    """Roots apart from each other: what their real parts show is not the rounding of a multiple root."""
+    distance = np.abs(critical[:, None] - critical[None, :]) + np.eye(len(critical)) * size
+    return bool(distance.min(initial=size) > 1e-4 * size)
+
+
+def linearize(
+    system: SymbolicSystem,
+    point: Mapping[sympy.Symbol, sympy.Expr] | None = None,
+    symbolic: bool = False,
+    outputs: Mapping[str, sympy.Expr] | None = None,
+    values: Mapping[sympy.Symbol, Any] | None = None,
+) -> LinearModel:
+    """Linear model of a symbolic system about a point.
+
+    Parameters
+    ----------
+    system : SymbolicSystem
+    point : {Symbol: expression or number}, optional
+        States and inputs; those not given stay symbols (symbolic form), or are zero (numeric form).
+    symbolic : bool
+        Matrices in symbols instead of numbers.
+    outputs : {name: Expr}, optional
+        Instead of the system's outputs; without any, the states are the outputs.
+    values : {Symbol: number}, optional
+        Parameter values instead of the system's.
+
+    Raises
+    ------
+    ModelError
+        E0662 where a parameter without a value stands in the numeric form.
+    """
+    import sympy as sp
+
+    outputs = dict(system.outputs if outputs is None else outputs) or {s.name: s for s in system.states}
+    point = dict(point or {})
+    jets = [system.jets(u) for u in system.inputs]
+    highest = max((len(j) for j in jets), default=1)
+    f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
+    here = {x: sp.sympify(v) for x, v in point.items()}
+    for u, jet in zip(system.inputs, jets):
+        here |= {d: sp.S.Zero for d in jet[1:] if d not in here}
+
+    def finish(matrix: sp.Matrix) -> Matrix:
+        matrix = matrix.xreplace(here)
+        return matrix.applyfunc(_lowest) if symbolic else numeric_matrix(matrix, system, values)
+
+    Bs, Ds = [], []
+    for k in range(highest):
+        columns = [jet[k] if k < len(jet) else sp.Dummy() for jet in jets]
+        Bs.append(finish(_jacobian(f, columns)))
+        Ds.append(finish(_jacobian(h, columns)))
+    return LinearModel(
+        states=tuple(s.name for s in system.states),
+        inputs=tuple(u.name for u in system.inputs),
+        outputs=tuple(outputs),
+        A=finish(_jacobian(f, system.states)),
+        Bs=tuple(Bs),
+        C=finish(_jacobian(h, system.states)),
+        Ds=tuple(Ds),
+        point={x.name: here.get(x, x if symbolic else sp.S.Zero) for x in (*system.states, *system.inputs)},
+        drift=_column(finish(f)),
+        output_values=_column(finish(h)),
+        coordinates=system.coordinates,
+    )
+
+
+def _jacobian(f: sympy.Matrix, x) -> sympy.Matrix:
+    import sympy as sp
+
+    return sp.Matrix(f.rows, len(x), lambda i, j: f[i].diff(x[j]))
+
+
+def _column(matrix: Matrix) -> Matrix:
+    return matrix.ravel() if isinstance(matrix, np.ndarray) else matrix
+
+
+def _lowest(value: sympy.Expr) -> sympy.Expr:
+    import sympy as sp
+
+    return sp.factor_terms(sp.cancel(value)) if value.free_symbols else value
+
+
+def numeric_matrix(matrix: sympy.Matrix, system: SymbolicSystem, values: Mapping | None = None) -> np.ndarray:
+    """A matrix of expressions as numbers; states and inputs left over are zero."""
+    import sympy as sp
+
+    known = {s: sp.Float(float(v), 17) if not isinstance(v, sp.Expr) else v for s, v in (values or {}).items()}
+    table = {**system.numbers, **known}
+    zero = {x: sp.S.Zero for x in (*system.states, *system.inputs, sp.Symbol("time"))}
+    done = matrix.xreplace(table).xreplace({x: z for x, z in zero.items() if x not in table})
+    missing = sorted({s.name for s in done.free_symbols})
+    if missing:
+        raise no_value(missing)
+    return np.array(done.evalf(17).tolist(), float).reshape(matrix.shape)
+
+
+def no_value(missing: list[str]):
+    from lmoc.diagnostics import Diagnostic, ModelError
+
+    return ModelError(
+        [
+            Diagnostic(
+                "E0662",
+                f"no value for {', '.join(missing)}",
+                hint="give it in the model or with `--set name=value`, or ask for the symbolic form",
+            )
+        ]
+    )

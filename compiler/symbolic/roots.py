@@ -1,0 +1,174 @@
+"""Real roots of the few nonlinear equations that equilibria leave: closed forms, a scan, Newton from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import sympy
+
+    from lmoc.symbolic.system import SymbolicSystem
+
+STARTS = 200
+REACH = 10.0  # half the side of the box that is searched, in SI units
+SAMPLES = 4001
+
+
+@dataclass(frozen=True, eq=False)
+class Root:
+    """Values of the unknowns, what must hold for them to be a solution, and how they were found."""
+
+    values: Mapping[sympy.Symbol, sympy.Expr]
+    conditions: tuple[sympy.Expr, ...] = field(default_factory=tuple)
+    how: str = "exact"
+
+    def extended(self, explicit: Mapping[sympy.Symbol, sympy.Expr]) -> Root:
+        """With the unknowns that follow from the others."""
+        import sympy as sp
+
+        more = {x: sp.simplify(v.subs(self.values)) for x, v in explicit.items()}
+        return replace(self, values={**self.values, **more})
+
+
+def real_roots(equation: sympy.Expr, x: sympy.Symbol, system: SymbolicSystem, given: Mapping) -> list[Root]:
+    """Real roots of one equation: factor by factor in closed form, else numerically with the parameter values."""
+    import sympy as sp
+
+    if not equation.is_polynomial(x):
+        return _angles(equation, x) or _scan(_with_numbers([equation], [x], system, given)[0], x)
+    found: list[Root] = []
+    for factor, _ in sp.factor_list(equation)[1]:
+        if not factor.has(x):
+            continue
+        exact = _closed_form(sp.Poly(factor, x), x)
+        if exact is None:
+            number = _with_numbers([factor], [x], system, given)[0]
+            roots = [r for r in sp.Poly(number, x).nroots(n=17, maxsteps=200) if abs(sp.im(r)) < 1e-12]
+            found += [Root({x: sp.re(r)}, how="all real roots of a polynomial, with numbers") for r in roots]
+        else:
+            found += [Root({x: value}) for value in exact]
+    return found
+
+
+def _closed_form(polynomial: sympy.Poly, x: sympy.Symbol) -> list[sympy.Expr] | None:
+    """Roots of degree one, and the real one of ``a·(x + b)^n = c`` with odd n; None where neither fits."""
+    import sympy as sp
+
+    n = polynomial.degree()
+    a, second = polynomial.coeff_monomial(x**n), polynomial.coeff_monomial(x ** (n - 1))
+    shift = sp.cancel(second / (n * a))
+    if n == 1:
+        return [-shift]
+    rest = sp.cancel(polynomial.as_expr() - sp.expand(a * (x + shift) ** n))
+    if n % 2 == 0 or rest.has(x):
+        return None
+    value = sp.cancel(-rest / a)
+    return [-shift + sp.sign(value) * sp.Abs(value) ** sp.Rational(1, n)]
+
+
+def _angles(equation: sympy.Expr, x: sympy.Symbol) -> list[Root]:
+    """Plain angles that solve a trigonometric equation whatever the parameters, if those are all there are."""
+    import sympy as sp
+
+    candidates = [sp.S.Zero, sp.pi / 2, sp.pi, -sp.pi / 2]
+    exact = [c for c in candidates if equation.subs(x, c) == 0]
+    factors = [f for f, _ in sp.factor_list(equation)[1] if f.has(x)]
+    plain = all(f in (sp.sin(x), sp.cos(x), sp.tan(x)) for f in factors)
+    return [Root({x: c}, how="exact, within one turn") for c in exact] if exact and plain else []
+
+
+def _with_numbers(equations: list, unknowns: list, system: SymbolicSystem, given: Mapping) -> list:
+    import sympy as sp
+
+    from lmoc.symbolic.linearize import no_value
+
+    table = {**system.numbers, **{u: given.get(u, sp.S.Zero) for u in system.inputs}}
+    done = [e.xreplace(table) for e in equations]
+    missing = sorted({s.name for e in done for s in e.free_symbols - set(unknowns)})
+    if missing:
+        raise no_value(missing)
+    return done
+
+
+def _periodic(equations: list, x: sympy.Symbol) -> bool:
+    import sympy as sp
+
+    return all(sp.expand(e.subs(x, x + 2 * sp.pi) - e) == 0 for e in equations)
+
+
+def _scan(equation: sympy.Expr, x: sympy.Symbol) -> list[Root]:
+    """Sign changes and touching zeros on a grid, refined by bisection."""
+    import sympy as sp
+
+    turn = _periodic([equation], x)
+    low, high = (-np.pi, np.pi) if turn else (-REACH, REACH)
+    where = "within one turn" if turn else f"for |{x.name}| ≤ {REACH:g}"
+    f = sp.lambdify(x, equation, "numpy")
+    grid = np.linspace(low, high, SAMPLES) + (high - low) * 1e-9  # off the special values
+    with np.errstate(all="ignore"):
+        value = np.broadcast_to(np.asarray(f(grid), float), grid.shape)
+    roots = []
+    for i in np.flatnonzero(np.signbit(value[:-1]) != np.signbit(value[1:])):
+        root = _bisect(f, grid[i], grid[i + 1])
+        if abs(f(root)) < 1e-6 * np.nanmax(np.abs(value)):
+            roots.append(root)
+    how = f"sign changes at {SAMPLES} points {where}; roots that touch zero without crossing are not seen"
+    return [Root({x: _plain(r)}, how=how) for r in roots]
+
+
+def _bisect(f, low: float, high: float) -> float:
+    below = np.signbit(f(low))
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.signbit(f(middle)) == below else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _plain(value: float) -> sympy.Expr:
+    """A float, or the multiple of π/2 that it is."""
+    import sympy as sp
+
+    turns = round(value / (np.pi / 2))
+    return turns * sp.pi / 2 if abs(value - turns * np.pi / 2) < 1e-9 else sp.Float(value)
+
+
+def search(equations: list, unknowns: list, system: SymbolicSystem, given: Mapping) -> list[Root]:
+    """Newton's method from many starts in a box; says how thorough that was."""
+    import sympy as sp
+
+    equations = _with_numbers(equations, unknowns, system, given)
+    f = sp.lambdify([unknowns], equations, "numpy")
+    jacobian = sp.lambdify([unknowns], sp.Matrix(equations).jacobian(unknowns).tolist(), "numpy")
+    reach = np.array([np.pi if _periodic(equations, x) else REACH for x in unknowns])
+    turning = reach == np.pi
+    generator = np.random.default_rng(1)
+    found: list[np.ndarray] = []
+    starts = [np.zeros(len(unknowns)), *generator.uniform(-reach, reach, (STARTS - 1, len(unknowns)))]
+    for start in starts:
+        root = _newton(f, jacobian, start)
+        if root is None:
+            continue
+        root[turning] = (root[turning] + np.pi - 1e-9) % (2 * np.pi) - np.pi + 1e-9
+        if not any(np.allclose(root, other, atol=1e-7) for other in found):
+            found.append(root)
+    box = ", ".join(f"|{x.name}| ≤ {r:.3g}" for x, r in zip(unknowns, reach))
+    how = f"Newton's method from {STARTS} starts in {box}; there may be others"
+    return [Root({x: _plain(v) for x, v in zip(unknowns, root)}, how=how) for root in sorted(found, key=tuple)]
+
+
+def _newton(f, jacobian, x: np.ndarray) -> np.ndarray | None:
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            value = np.array(f(x), float)
+            if not np.all(np.isfinite(value)):
+                return None
+            step = np.linalg.lstsq(np.array(jacobian(x), float), value, rcond=None)[0]
+            x = x - step
+            if np.abs(step).max() < 1e-12 * (1.0 + np.abs(x).max()):
+                scale = np.abs(np.array(jacobian(x), float)).sum() + 1.0
+                return x if np.abs(np.array(f(x), float)).max() < 1e-9 * scale else None
+    return None

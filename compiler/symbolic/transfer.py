@@ -1,0 +1,241 @@
+"""Transfer functions and input–output equations, in symbols.
+
+The determinant of the bordered polynomial matrix ``[[sI − A, −b(s)], [c, d(s)]]`` over that of ``sI − A``, rows scaled
+free of fractions, so that everything happens in a ring of polynomials: nothing is expanded that does not stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.symbolic.linearize import LinearModel
+from lmoc.symbolic.system import refuse
+
+if TYPE_CHECKING:
+    import sympy
+
+MOST_STATES = 24
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """``output = numerator(s)/denominator(s) · input``, without common factors.
+
+    Attributes
+    ----------
+    numerator, denominator : polynomials in `s`
+    cancelled : tuple of polynomials
+        Factors in s that numerator and characteristic polynomial had in common: modes that this output does not
+        show or this input does not move.
+    values : {Symbol: float}
+        Parameter values for poles, zeros and plots.
+    """
+
+    input: str
+    output: str
+    numerator: sympy.Expr
+    denominator: sympy.Expr
+    cancelled: tuple[sympy.Expr, ...]
+    values: Mapping[sympy.Symbol, float]
+
+    @property
+    def s(self) -> sympy.Symbol:
+        import sympy as sp
+
+        return sp.Symbol("s")
+
+    @property
+    def expression(self) -> sympy.Expr:
+        return self.numerator / self.denominator
+
+    @cached_property
+    def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator as numbers, highest power first; the denominator's leading one is 1."""
+        top, bottom = (self._numbers(e) for e in (self.numerator, self.denominator))
+        return top / bottom[0], bottom / bottom[0]
+
+    def _numbers(self, polynomial: sympy.Expr) -> np.ndarray:
+        import sympy as sp
+
+        from lmoc.expression.to_sympy import exact
+
+        table = {p: exact(v) for p, v in self.values.items() if not np.isnan(v)}
+        value = sp.Poly(polynomial.xreplace(table), self.s)
+        missing = sorted(x.name for x in value.free_symbols_in_domain)
+        if missing:
+            raise refuse(f"poles and zeros need values for {', '.join(missing)}", hint="use `--set name=value`")
+        return np.array([float(c) for c in value.all_coeffs()])
+
+    @property
+    def poles(self) -> np.ndarray:
+        return np.roots(self.coefficients[1])
+
+    @property
+    def zeros(self) -> np.ndarray:
+        return np.roots(self.coefficients[0])
+
+    @property
+    def gain(self) -> float:
+        """Static gain; infinite where a pole is at zero."""
+        top, bottom = self.coefficients
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.float64(top[-1]) / np.float64(bottom[-1]))
+
+    def response(self, omega: np.ndarray) -> np.ndarray:
+        """Frequency response at angular frequencies in rad/s."""
+        top, bottom = self.coefficients
+        return np.polyval(top, 1j * omega) / np.polyval(bottom, 1j * omega)
+
+    def to_scipy(self):
+        from scipy.signal import TransferFunction as Scipy
+
+        return Scipy(*self.coefficients)
+
+    def to_control(self):
+        """A control.TransferFunction (python-control must be installed)."""
+        import control
+
+        return control.tf(*self.coefficients, inputs=self.input, outputs=self.output)
+
+
+@dataclass(frozen=True)
+class InputOutputEquation:
+    """``left(p)·output = right(p)·input`` with the derivative operator p = d/dt."""
+
+    input: str
+    output: str
+    left: sympy.Expr
+    right: sympy.Expr
+
+    def __str__(self) -> str:
+        from lmoc.symbolic.notation import Notation
+
+        notation = Notation.of(self.left, self.right, names=(self.input, self.output))
+        left, right = (notation.polynomial(e, "p") for e in (self.left, self.right))
+        return f"{left} {notation.name(self.output)} = {right} {notation.name(self.input)}"
+
+
+def characteristic_polynomial(model: LinearModel) -> sympy.Expr:
+    """det(sI − A) in lowest terms, free of fractions, as a polynomial in ``Symbol("s")``."""
+    import sympy as sp
+
+    return _normal(_determinant(_pencil(model)[0]), sp.Symbol("s"))
+
+
+def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None = None) -> TransferFunction:
+    """Transfer function from one input to one output of a symbolic linear model.
+
+    Raises
+    ------
+    ModelError
+        E0661 for an unknown name, E0660 where there are too many states for symbols.
+    """
+    import sympy as sp
+
+    s = sp.Symbol("s")
+    column, row = _index(model.inputs, u, "input"), _index(model.outputs, y, "output")
+    pencil, scale = _pencil(model)
+    drive = [scale[i] * sum((B[i, column] * s**k for k, B in enumerate(model.Bs)), sp.S.Zero) for i in range(len(scale))]
+    through = sum((D[row, column] * s**k for k, D in enumerate(model.Ds)), sp.S.Zero)
+    last = sp.lcm_list([sp.fraction(sp.together(c))[1] for c in [*model.C[row, :], through]] or [sp.S.One])
+    bordered = sp.Matrix.vstack(
+        sp.Matrix.hstack(pencil, sp.Matrix([-sp.cancel(d) for d in drive]).reshape(pencil.rows, 1)),
+        sp.Matrix([[*(sp.cancel(last * c) for c in model.C[row, :]), sp.cancel(last * through)]]),
+    )
+    full = _determinant(pencil)
+    top, bottom = sp.fraction(sp.cancel(_determinant(bordered) / (full * last)))
+    if sp.Poly(bottom, s).LC().could_extract_minus_sign():
+        top, bottom = sp.expand(-top), sp.expand(-bottom)
+    return TransferFunction(u, y, _collect(top, s), _collect(bottom, s), _cancelled(full, bottom, s), dict(values or {}))
+
+
+def input_output_equation(model: LinearModel, u: str, y: str) -> InputOutputEquation:
+    """The differential equation that ties one output to one input, in the operator p = d/dt."""
+    import sympy as sp
+
+    tf = transfer_function(model, u, y)
+    p = {tf.s: sp.Symbol("p")}
+    return InputOutputEquation(u, y, tf.denominator.xreplace(p), tf.numerator.xreplace(p))
+
+
+def _index(names: tuple[str, ...], name: str, what: str) -> int:
+    from lmoc.diagnostics import Diagnostic, ModelError, nearest
+
+    if name in names:
+        return names.index(name)
+    hint = nearest(name, names) or f"{what}s are: {', '.join(names) or 'none'}"
+    raise ModelError([Diagnostic("E0661", f"there is no {what} '{name}'", hint=hint)])
+
+
+def _pencil(model: LinearModel) -> tuple[sympy.Matrix, list[sympy.Expr]]:
+    """``sI − A`` with each row scaled free of fractions, and the scales."""
+    import sympy as sp
+
+    s = sp.Symbol("s")
+    n = len(model.states)
+    if n > MOST_STATES:
+        raise refuse(f"{n} states are too many for a transfer function in symbols", hint="use the numeric form")
+    scales, rows = [], []
+    for i in range(n):
+        entries = [sp.cancel(model.A[i, j]) for j in range(n)]
+        drives = [sp.cancel(B[i, j]) for B in model.Bs for j in range(B.cols)]
+        scale = sp.lcm_list([sp.fraction(e)[1] for e in [*entries, *drives]] or [sp.S.One])
+        rows.append([sp.cancel(scale * ((s if i == j else 0) - e)) for j, e in enumerate(entries)])
+        scales.append(scale)
+    return sp.Matrix(n, n, [e for row in rows for e in row]), scales
+
+
+def _determinant(matrix: sympy.Matrix) -> sympy.Expr:
+    """Determinant over the ring of polynomials; rows or columns with a single entry are expanded first."""
+    import sympy as sp
+    from sympy.polys.matrices import DomainMatrix
+
+    factor = sp.S.One
+    while matrix.rows:
+        found = _single_entry(matrix)
+        if found is None:
+            break
+        i, j = found
+        factor *= (-1) ** (i + j) * matrix[i, j]
+        matrix = matrix.minor_submatrix(i, j)
+    if not matrix.rows:
+        return factor
+    dense = DomainMatrix.from_Matrix(matrix)
+    return sp.expand(factor * dense.domain.to_sympy(dense.charpoly()[-1] * (-1) ** matrix.rows))
+
+
+def _single_entry(matrix: sympy.Matrix) -> tuple[int, int] | None:
+    for i in range(matrix.rows):
+        row = [j for j in range(matrix.cols) if matrix[i, j] != 0]
+        if len(row) == 1:
+            return i, row[0]
+        column = [j for j in range(matrix.rows) if matrix[j, i] != 0]
+        if len(column) == 1:
+            return column[0], i
+    return None
+
+
+def _cancelled(full: sympy.Expr, left: sympy.Expr, s: sympy.Symbol) -> tuple[sympy.Expr, ...]:
+    """Factors in s of the characteristic polynomial that are no longer in the denominator."""
+    import sympy as sp
+
+    rest = sp.factor_list(sp.numer(sp.cancel(full / left)))[1]
+    return tuple(_collect(factor, s) for factor, count in rest for _ in range(count) if factor.has(s))
+
+
+def _normal(value: sympy.Expr, s: sympy.Symbol) -> sympy.Expr:
+    import sympy as sp
+
+    factors = [f**n for f, n in sp.factor_list(sp.expand(value))[1] if f.has(s)]
+    return _collect(sp.expand(sp.Mul(*factors)), s)
+
+
+def _collect(value: sympy.Expr, s: sympy.Symbol) -> sympy.Expr:
+    import sympy as sp
+
+    return sp.collect(sp.expand(value), s, sp.factor_terms)
