@@ -1,0 +1,41 @@
+# What a developer runs. The environment is made on first use, from PyPI, in the versions of constraints.txt.
+
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := models/notes/ex05_suspension.lmo
+PICTURE := out/suspension.png
+
+.PHONY: help demo test lint clean
+
+help:
+	@echo "make demo    run the suspension of the notes and draw a picture of it"
+	@echo "make test    run the tests"
+	@echo "make lint    check the style of the code"
+	@echo "make clean   remove the environment and everything made"
+
+demo: $(VENV)/.installed
+	@mkdir -p $(dir $(PICTURE))
+	@$(BIN)/lmoc run $(DEMO) --plot $(PICTURE)
+
+test: $(VENV)/.installed-test
+	@$(BIN)/python -m pytest -n 2 -q
+
+lint: $(VENV)/.installed-test
+	@$(BIN)/ruff check .
+
+clean:
+	rm -rf $(VENV) out build *.egg-info
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "lmoc needs Python 3.11 or newer (make PYTHON=/path/to/python3 ...)"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "installing lmoc into $(VENV) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	@echo "installing what the tests need ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@

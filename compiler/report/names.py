@@ -1,0 +1,114 @@
+"""From the names a user writes to variables of the flat model, and what to say when there is none."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from lmoc.diagnostics import nearest
+from lmoc.semantics.flat import Block, FlatDAE
+
+_SUBSCRIPT = re.compile(r"\[[^\]]*\]")
+
+
+class UnknownNameError(KeyError):
+    """There is no variable of that name; the message says which name may have been meant."""
+
+    def __init__(self, name: str, hint: str = ""):
+        self.name = name
+        self.hint = hint
+        super().__init__(f"there is no variable '{name}'" + (f"; {hint}" if hint else ""))
+
+    def __str__(self) -> str:  # KeyError shows the repr of its argument
+        return self.args[0]
+
+
+class Names(Sequence):
+    """Dotted names of variables, made when asked for; `in` and `len` cost nothing."""
+
+    def __init__(self, flat: FlatDAE, variables: np.ndarray):
+        self._flat = flat
+        self._variables = variables
+
+    def __len__(self) -> int:
+        return len(self._variables)
+
+    def __getitem__(self, i):
+        if isinstance(i, slice):
+            return [self._flat.variable_name(int(v)) for v in self._variables[i]]
+        return self._flat.variable_name(int(self._variables[i]))
+
+    def __iter__(self) -> Iterator[str]:
+        return (self._flat.variable_name(int(v)) for v in self._variables)
+
+    def __contains__(self, name: object) -> bool:
+        found = self._flat.find(name) if isinstance(name, str) else None
+        return found is not None and len(found) == 1 and bool((self._variables == found[0]).any())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
+
+    def __repr__(self) -> str:
+        return repr(list(self)) if len(self) <= 60 else f"<{len(self)} names: {self[0]} … {self[-1]}>"
+
+
+def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda block: True) -> str:
+    """What may have been meant by a name that the model does not have."""
+    blocks = {_base(b): b for b in flat.blocks if b.size and among(b)}
+    plain = _SUBSCRIPT.sub("", name).strip()
+    same = blocks.get(plain)
+    if same is not None:
+        return f"the indices of {same.pattern} run from 1 to {' and '.join(map(str, same.dims))}" if same.dims else ""
+    inside = [b.pattern for base, b in blocks.items() if base.startswith(plain + ".")]
+    if inside:
+        return f"'{name}' is a part; it has {_listed(inside)}"
+    ends = [b.pattern for base, b in blocks.items() if base.endswith("." + plain)]
+    if ends:
+        return f"did you mean {_listed(ends, ' or ')}?"
+    close = nearest(plain, blocks)
+    return close.replace(f"'{_quoted(close)}'", f"'{blocks[_quoted(close)].pattern}'") if close else ""
+
+
+def _base(block: Block) -> str:
+    return ".".join(name for name, _ in block.path)
+
+
+def _quoted(sentence: str) -> str:
+    return sentence.split("'")[1]
+
+
+def _listed(names: list[str], last: str = ", ", most: int = 4) -> str:
+    text = last.join(names[:most])
+    return text + (" …" if len(names) > most else "")
+
+
+def summarised(names: list[str], most: int = 12) -> list[str]:
+    """Names with the members of an array put together: ``m[1].q, m[2].q, m[3].q`` → ``m[1:3].q``.
+
+    Only runs of neighbours whose single differing index counts up by one are put together.
+    """
+    result: list[str] = []
+    run: list[str] = []
+    for name in [*names, ""]:
+        if run and _follows(run[-1], name):
+            run.append(name)
+            continue
+        result += run if len(run) < 3 else [_span_name(run[0], run[-1])]
+        run = [name] if name else []
+    return result if len(result) <= most else [*result[: most - 1], f"… ({len(names)} in all)"]
+
+
+def _follows(first: str, second: str) -> bool:
+    if _SUBSCRIPT.sub("[]", first) != _SUBSCRIPT.sub("[]", second):
+        return False
+    a, b = (re.findall(r"\[([^\]]*)\]", s) for s in (first, second))
+    differ = [(x, y) for x, y in zip(a, b, strict=True) if x != y]
+    return len(differ) == 1 and all(s.isdigit() for s in differ[0]) and int(differ[0][1]) == int(differ[0][0]) + 1
+
+
+def _span_name(first: str, last: str) -> str:
+    a, b = (re.findall(r"\[([^\]]*)\]", s) for s in (first, last))
+    merged = iter(x if x == y else f"{x}:{y}" for x, y in zip(a, b, strict=True))
+    return re.sub(r"\[[^\]]*\]", lambda _: f"[{next(merged)}]", first)
