@@ -1,0 +1,80 @@
+"""Scenes that are hard for one reason or another, against reference trajectories derived without this compiler."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import lmoc
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SCENES = json.loads((ROOT / "tests/data/scenes.json").read_text())
+
+# Where the accuracy comes from, and how far the default options must carry.
+ACCURATE = {
+    "H08": {"rtol": 1e-9},
+    "H13": {"rtol": 1e-9, "atol": 1e-15},  # 16000 periods of an undamped mode of 1 µm
+    "H14": {"rtol": 1e-9},
+    "H28": {"rtol": 1e-8, "atol": 1e-11},
+    "H28b": {"rtol": 1e-8, "atol": 1e-11},
+}
+STARTS = [name for name in SCENES if name != "H32"]
+
+
+@cache
+def compiled(name: str) -> lmoc.DAE:
+    return lmoc.compile(ROOT / "models/hard" / SCENES[name]["file"])
+
+
+def assert_reference(run, reference: dict, accuracy: float = 1e-6) -> None:
+    for signal, values in reference.items():
+        assert np.abs(run[signal] - values).max() <= accuracy * np.abs(values).max(), signal
+
+
+@pytest.mark.parametrize("name", [name for name in STARTS if name != "H30"])
+def test_reference_is_reproduced(name):
+    truth = SCENES[name]
+    run = compiled(name).simulate(times=truth["times"], **ACCURATE.get(name, {"rtol": 1e-8}))
+    assert_reference(run, truth["reference"])
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_states_are_minimal(name):
+    assert len(compiled(name).states) == SCENES[name]["states"]
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_energy_is_balanced(name):
+    assert compiled(name).simulate().energy.balance < 100 * 1e-6
+
+
+def test_torques_of_a_gear_loop_are_said_to_be_not_unique():
+    dae = compiled("H10")
+    notes = "\n".join(str(note) for note in dae.notes)
+    assert "mesh1" in notes and "mesh2" in notes
+    run = dae.simulate(points=11, rtol=1e-8)
+    assert np.allclose(run["sum_mesh_torque_on_2"], 3)
+
+
+def test_gear_loop_with_contradicting_ratios_names_the_gears():
+    with pytest.raises(lmoc.ModelError) as caught:
+        lmoc.compile(ROOT / "models/hard/h10_gear_loop.lmo", parameters={"N2": 3}).simulate()
+    assert "mesh" in str(caught.value)
+
+
+def test_vanishing_inertia_takes_states_away_and_brings_them_back():
+    dae, truth = compiled("H30"), SCENES["H30"]
+    reference = {signal: truth["reference"][signal] for signal in ("theta", "theta2")}
+    assert_reference(dae.simulate(times=truth["times"], rtol=1e-8), reference)
+
+    small = dae.simulate(times=truth["times"][:2], parameters={"J2": 1e-9}, rtol=1e-8)
+    assert np.allclose(small["theta"], truth["reference"]["theta_J2_1e_9"][:2], rtol=0, atol=1e-6)
+
+    assert_reference(dae.simulate(times=truth["times"], parameters={"J2": 0}, rtol=1e-8), reference)
+
+
+def test_contradicting_start_values_are_named():
+    with pytest.raises((lmoc.ModelError, lmoc.SimulationError)) as caught:
+        compiled("H32").simulate()
+    assert "gear1.omega" in str(caught.value) and "gear2.omega" in str(caught.value)

@@ -1,0 +1,344 @@
+"""Random trees of parts against an assembly by hand.
+
+The compiler sees components and connections. The oracle sees numbers: every node of the scene is an affine function of
+some coordinates x, so the energies and the dissipation function of the elements give M x'' + D x' + K x = F directly
+(Lagrange's equations with Rayleigh's dissipation). Massless directions are taken out by null spaces, the rest is solved
+by a matrix exponential. Neither path shares a line with the other.
+"""
+
+from dataclasses import dataclass, field
+
+import lmoc
+import numpy as np
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm, null_space
+
+OMEGA = 2.0  # of all driving forces and torques
+TIMES = np.linspace(0, 1, 6)
+
+
+# ------------------------------------------------------------------------------------ scene
+
+
+@dataclass
+class Scene:
+    """Parts and connections as text, and the same thing as matrices' ingredients."""
+
+    parts: list[str] = field(default_factory=list)
+    kinds: list[str] = field(default_factory=list)  # of the nodes: "line" or "turn"
+    ports: list[list[str]] = field(default_factory=list)  # the ports that meet in a node
+    places: list[tuple[dict[int, float], float]] = field(default_factory=list)  # {coordinate: coefficient}, constant
+    coordinates: int = 0
+    springs: list[tuple[float, int, int, float]] = field(default_factory=list)  # k, a, b, offset
+    dampers: list[tuple[float, int, int]] = field(default_factory=list)
+    masses: list[tuple[float, int, float, str]] = field(default_factory=list)  # m, node, g, name
+    drives: list[tuple[float, int]] = field(default_factory=list)  # amplitude, node
+
+    def part(self, text: str) -> str:
+        name = f"p{len(self.parts)}"
+        self.parts.append(text.replace("@", name))
+        return name
+
+    def node(self, kind: str, place, port: str) -> int:
+        self.kinds.append(kind)
+        self.places.append(place)
+        self.ports.append([port])
+        return len(self.kinds) - 1
+
+    def free(self) -> tuple[dict[int, float], float]:
+        self.coordinates += 1
+        return {self.coordinates - 1: 1.0}, 0.0
+
+    def text(self) -> str:
+        lines = [f"  {p};" for p in self.parts] + ["equation"]
+        lines += [f"  connect({ports[0]}, {other});" for ports in self.ports for other in ports[1:]]
+        return "\n".join(["model Tree", *lines, "end Tree;"])
+
+    def potential(self, node: int) -> str:
+        return self.ports[node][0] + (".q" if self.kinds[node] == "line" else ".theta")
+
+
+def combine(*terms) -> tuple[dict[int, float], float]:
+    """Σ factor·place for pairs (factor, place)."""
+    row: dict[int, float] = {}
+    for factor, (coefficients, _) in terms:
+        for i, value in coefficients.items():
+            row[i] = row.get(i, 0.0) + factor * value
+    return row, sum(factor * constant for factor, (_, constant) in terms)
+
+
+RATIO = st.sampled_from([-2.0, -0.75, 0.5, 0.8, 1.25, 2.0])
+STIFFNESS = st.integers(2, 30).map(lambda n: 5.0 * n)
+DAMPING = st.integers(1, 20).map(lambda n: 0.2 * n)
+INERTIA = st.integers(2, 10).map(lambda n: 0.2 * n)
+OFFSET = st.sampled_from([-0.3, 0.0, 0.1, 0.25])
+
+
+@st.composite
+def trees(draw) -> Scene:
+    s = Scene()
+    s.node("line", ({}, 0.0), s.part("Fixed @") + ".flange")
+    s.node("turn", ({}, 0.0), s.part("FixedShaft @") + ".shaft")
+    grow_free(s, draw, "line")
+    for _ in range(draw(st.integers(1, 5))):
+        grow(s, draw)
+    for node in range(2, len(s.kinds)):
+        if draw(st.booleans()):
+            add_drive(s, node, draw(st.sampled_from([-3.0, 1.0, 4.0])))
+    for _ in range(draw(st.integers(0, 2))):
+        add_element(s, draw, draw(st.integers(2, len(s.kinds) - 1)))
+    return s
+
+
+def grow(s: Scene, draw) -> None:
+    """Add a part that hangs on one node, with the nodes it brings along."""
+    how = draw(st.sampled_from(["free", "rod", "gear", "drum", "arm", "lever", "pulley"]))
+    if how == "free":
+        return grow_free(s, draw, draw(st.sampled_from(["line", "turn"])))
+    kinds = {"rod": ("line",), "gear": ("turn",), "pulley": ("line",)}.get(how, ("line", "turn"))
+    parent = draw(st.sampled_from([i for i, kind in enumerate(s.kinds) if kind in kinds]))
+    before = len(s.kinds)
+    TRANSMISSIONS[how](s, draw, parent)
+    for node in range(before, len(s.kinds)):
+        if draw(st.booleans()):
+            add_mass(s, draw, node)
+
+
+def grow_free(s: Scene, draw, kind: str) -> None:
+    """A node that moves by itself, with or without a mass, tied to an older one."""
+    k = draw(STIFFNESS)
+    spring = s.part(f"{'Spring' if kind == 'line' else 'TorsionSpring'} @(k = {k})")
+    older = draw(st.sampled_from([i for i, other in enumerate(s.kinds) if other == kind]))
+    node = s.node(kind, s.free(), f"{spring}.b")
+    s.ports[older].append(f"{spring}.a")
+    s.springs.append((k, older, node, 0.0))
+    if draw(st.integers(0, 3)):
+        add_mass(s, draw, node)
+    elif draw(st.booleans()):
+        add_element(s, draw, node)
+
+
+def rod(s: Scene, draw, parent: int) -> None:
+    length = draw(OFFSET)
+    name = s.part(f"Rod @(L = {length})")
+    here, there, sign = draw(st.sampled_from([("a", "b", 1), ("b", "a", -1)]))
+    s.ports[parent].append(f"{name}.{here}")
+    row, constant = s.places[parent]
+    s.node("line", (row, constant + sign * length), f"{name}.{there}")
+
+
+def gear(s: Scene, draw, parent: int) -> None:
+    ratio = draw(RATIO)
+    name = s.part(f"Gear @(N = {ratio})")
+    here, there, factor = draw(st.sampled_from([("a", "b", 1 / ratio), ("b", "a", ratio)]))
+    s.ports[parent].append(f"{name}.{here}")
+    s.node("turn", combine((factor, s.places[parent])), f"{name}.{there}")
+
+
+def drum(s: Scene, draw, parent: int, text: str = "Drum @(r = {})") -> None:
+    r = draw(RATIO)
+    name = s.part(text.format(r))
+    turns = s.kinds[parent] == "turn"
+    s.ports[parent].append(f"{name}.{'shaft' if turns else 'flange'}")
+    other = ("line", combine((r, s.places[parent])), f"{name}.flange")
+    s.node(*(other if turns else ("turn", combine((1 / r, s.places[parent])), f"{name}.shaft")))
+
+
+def arm(s: Scene, draw, parent: int) -> None:
+    drum(s, draw, parent, "Arm @(l = {}, smallAngle = true)")
+
+
+def lever(s: Scene, draw, parent: int) -> None:
+    l1, l2 = draw(RATIO), draw(RATIO)
+    name = s.part(f"Lever @(l1 = {l1}, l2 = {l2}, smallAngle = true)")
+    here = "pivot" if s.kinds[parent] == "turn" else draw(st.sampled_from(["a", "b"]))
+    angle = combine(({"pivot": 1.0, "a": 1 / l1, "b": 1 / l2}[here], s.places[parent]))
+    s.ports[parent].append(f"{name}.{here}")
+    for port, kind, factor in (("pivot", "turn", 1.0), ("a", "line", l1), ("b", "line", l2)):
+        if port != here:
+            s.node(kind, combine((factor, angle)), f"{name}.{port}")
+
+
+def pulley(s: Scene, draw, parent: int) -> None:
+    name = s.part("Pulley @")
+    here = draw(st.sampled_from(["axle", "a"]))
+    s.ports[parent].append(f"{name}.{here}")
+    loose = s.node("line", s.free(), f"{name}.{'a' if here == 'axle' else 'axle'}")
+    axle, end = (parent, loose) if here == "axle" else (loose, parent)
+    s.node("line", combine((2.0, s.places[axle]), (-1.0, s.places[end])), f"{name}.b")
+    add_mass(s, draw, loose)
+
+
+TRANSMISSIONS = {"rod": rod, "gear": gear, "drum": drum, "arm": arm, "lever": lever, "pulley": pulley}
+
+
+def add_mass(s: Scene, draw, node: int) -> None:
+    m = draw(INERTIA)
+    if s.kinds[node] == "line":
+        g = draw(st.sampled_from([0.0, 9.81]))
+        name = s.part(f"Mass @(m = {m}, g = {g})")
+        s.ports[node].append(f"{name}.flange")
+    else:
+        g, name = 0.0, s.part(f"Inertia @(J = {m})")
+        s.ports[node].append(f"{name}.shaft")
+    s.masses.append((m, node, g, name))
+
+
+def add_element(s: Scene, draw, node: int) -> None:
+    """A spring, a damper or both between the node and any other of its kind."""
+    line = s.kinds[node] == "line"
+    other = draw(st.sampled_from([i for i, kind in enumerate(s.kinds) if kind == s.kinds[node] and i != node]))
+    what = draw(st.sampled_from(["spring", "damper", "both"] if line else ["spring", "damper"]))
+    k, c, offset = draw(STIFFNESS), draw(DAMPING), draw(OFFSET)
+    free = f"L = 0.5, d0 = {0.5 - offset}"
+    if what == "spring":
+        text = f"Spring @(k = {k}, {free})" if line else f"TorsionSpring @(k = {k}, theta0 = {-offset})"
+    elif what == "damper":
+        text = f"Damper @(c = {c})" if line else f"TorsionDamper @(c = {c})"
+    else:
+        text = f"SpringDamper @(k = {k}, c = {c}, {free})"
+    name = s.part(text)
+    s.ports[other].append(f"{name}.a")
+    s.ports[node].append(f"{name}.b")
+    if what != "damper":
+        s.springs.append((k, other, node, offset))
+    if what != "spring":
+        s.dampers.append((c, other, node))
+
+
+def add_drive(s: Scene, node: int, amplitude: float) -> None:
+    signal = f"{amplitude}*sin({OMEGA}*time)"
+    if s.kinds[node] == "line":
+        s.ports[node].append(s.part(f"Force @(f = {signal})") + ".flange")
+    else:
+        s.ports[node].append(s.part(f"Torque @(tau = {signal})") + ".shaft")
+    s.drives.append((amplitude, node))
+
+
+# ----------------------------------------------------------------------------------- oracle
+
+
+@dataclass
+class Assembly:
+    """M x'' + D x' + K x = F0 + F1 sin(OMEGA t) and the places of the nodes, places = P x + p."""
+
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    F0: np.ndarray
+    F1: np.ndarray
+    P: np.ndarray
+    p: np.ndarray
+
+
+def assemble(s: Scene) -> Assembly:
+    n = s.coordinates
+    P, p = np.zeros((len(s.kinds), n)), np.array([constant for _, constant in s.places])
+    for i, (row, _) in enumerate(s.places):
+        P[i, list(row)] = list(row.values())
+    M, D, K, F0, F1 = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    for m, node, g, _ in s.masses:
+        M += m * np.outer(P[node], P[node])
+        F0 += m * g * P[node]
+    for k, a, b, offset in s.springs:
+        d = P[b] - P[a]
+        K += k * np.outer(d, d)
+        F0 -= k * (p[b] - p[a] + offset) * d
+    for c, a, b in s.dampers:
+        D += c * np.outer(P[b] - P[a], P[b] - P[a])
+    for amplitude, node in s.drives:
+        F1 += amplitude * P[node]
+    return Assembly(M, D, K, F0, F1, P, p)
+
+
+@dataclass
+class Split:
+    """Bases of the directions with inertia (R), without inertia but with damping (S), and with neither (A)."""
+
+    R: np.ndarray
+    S: np.ndarray
+    A: np.ndarray
+
+
+def split(a: Assembly) -> Split:
+    """As M and D are positive semidefinite, M [S A] = 0 and D A = 0."""
+    massless = null_space(a.M, rcond=1e-10)
+    R = null_space(massless.T, rcond=1e-10) if massless.size else np.eye(len(a.M))
+    loose = null_space(massless.T @ a.D @ massless, rcond=1e-10) if massless.size else np.zeros((0, 0))
+    damped = null_space(loose.T, rcond=1e-10) if loose.size else np.eye(massless.shape[1])
+    return Split(R, massless @ damped, massless @ loose)
+
+
+def well_posed(a: Assembly, b: Split) -> bool:
+    """Every direction is held by an inertia, a damper or a spring, and none of them too weakly to compare with."""
+    blocks = [(b.R, a.M), (b.S, a.D), (b.A, a.K)]
+    return all(np.linalg.cond(V.T @ X @ V) < 1e4 for V, X in blocks if V.shape[1])
+
+
+def trajectory(a: Assembly, b: Split, x0: np.ndarray, v0: np.ndarray) -> np.ndarray:
+    """x at TIMES as an array (times, coordinates), from the parts of x0 in R and S and of v0 in R."""
+    R, S, A = b.R, b.S, b.A
+    r, s = R.shape[1], S.shape[1]
+    # x = G z + h0 + h1 sin, with z = (r, r', s) and the force balance A' (K x - F) = 0
+    basis = np.hstack([R, np.zeros((len(R), r)), S])
+    hold = np.linalg.solve(A.T @ a.K @ A, A.T) if A.shape[1] else np.zeros((0, len(R)))
+    G, h0, h1 = basis - A @ hold @ a.K @ basis, A @ hold @ a.F0, A @ hold @ a.F1
+    rest = np.hstack([-a.K @ G, (a.F0 - a.K @ h0)[:, None], (a.F1 - a.K @ h1)[:, None]])  # F - K x over (z, 1, sin)
+    velocity = np.hstack([np.zeros((r, r)), np.eye(r), np.zeros((r, s + 2))])
+    rest = rest - a.D @ R @ velocity
+    s_rate = np.linalg.solve(S.T @ a.D @ S, S.T @ rest) if s else np.zeros((0, rest.shape[1]))
+    push = R.T @ (rest - a.D @ S @ s_rate)
+    acceleration = np.linalg.solve(R.T @ a.M @ R, push) if r else push
+    n = 2 * r + s
+    system = np.zeros((n + 3, n + 3))  # over (z, 1, sin, cos)
+    system[:n, : n + 2] = np.vstack([velocity, acceleration, s_rate])
+    system[n + 1, n + 2], system[n + 2, n + 1] = OMEGA, -OMEGA
+    start = np.concatenate([R.T @ x0, R.T @ v0, S.T @ x0, [1.0, 0.0, 1.0]])
+    states = [expm(system * t) @ start for t in TIMES]
+    return np.array([G @ z[:n] + h0 + h1 * z[n + 1] for z in states])
+
+
+# ------------------------------------------------------------------------------------- test
+
+
+def start_of(s: Scene, a: Assembly, b: Split, draw) -> tuple[dict[str, float], np.ndarray]:
+    """Start values for as many masses as have independent coordinates, and the velocity they give along R."""
+    chosen: list[int] = []
+    for i, (_, node, _, _) in enumerate(s.masses):
+        rows = a.P[[s.masses[j][1] for j in chosen] + [node]] @ b.R
+        if np.linalg.matrix_rank(rows, tol=1e-8) > len(chosen):
+            chosen.append(i)
+    initial, rates = {}, []
+    for i in chosen:
+        _, node, _, name = s.masses[i]
+        position, rate = ("q", "v") if s.kinds[node] == "line" else ("theta", "omega")
+        initial[f"{name}.{position}"] = draw(st.sampled_from([-0.2, 0.0, 0.1])) + a.p[node]
+        rates.append(draw(st.sampled_from([-1.0, 0.0, 0.5])))
+        initial[f"{name}.{rate}"] = rates[-1]
+    if not chosen:
+        return initial, np.zeros(s.coordinates)
+    rows = a.P[[s.masses[i][1] for i in chosen]] @ b.R
+    return initial, b.R @ np.linalg.solve(rows, rates)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@given(trees(), st.data())
+def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
+    assembly = assemble(scene)
+    bases = split(assembly)
+    assume(well_posed(assembly, bases))
+    initial, v0 = start_of(scene, assembly, bases, data.draw)
+
+    dae = lmoc.compile_text(scene.text())
+    r, s = bases.R.shape[1], bases.S.shape[1]
+    assert 2 * r <= len(dae.states) <= 2 * r + s
+
+    run = dae.simulate(times=TIMES, rtol=1e-8, atol=1e-11, initial=initial)
+    places = np.array([run[scene.potential(i)] for i in range(len(scene.kinds))]).T
+    for name, value in initial.items():
+        assert abs(run[name][0] - value) < 1e-9
+    x0 = np.linalg.lstsq(assembly.P, places[0] - assembly.p, rcond=None)[0]
+    expected = trajectory(assembly, bases, x0, v0) @ assembly.P.T + assembly.p
+    assert np.allclose(places, expected, rtol=0, atol=1e-6 * max(1.0, np.abs(expected).max()))
+    assert run.energy.balance < 1e-6
