@@ -78,3 +78,35 @@ def test_contradicting_start_values_are_named():
     with pytest.raises((lmoc.ModelError, lmoc.SimulationError)) as caught:
         compiled("H32").simulate()
     assert "gear1.omega" in str(caught.value) and "gear2.omega" in str(caught.value)
+
+
+@pytest.mark.parametrize("length", [1, 2, 7, 100])
+def test_gear_train_with_weightless_shafts_has_two_states(length):
+    """With a motor J0 and a load J1 behind the total ratio R: (J0 + J1/R²) theta'' = tau."""
+    ratios = [-1.5 if i % 2 else 0.8 for i in range(length)]
+    dae = lmoc.compile_text(
+        f"""model Train
+          Torque drive(tau = 2);
+          Inertia motor(J = 0.3), load(J = 0.7);
+          Gear gear[{length}](N = {{{", ".join(map(str, ratios))}}});
+          Inertia between[{length - 1}](each J = 0);
+        equation
+          connect(drive.shaft, motor.shaft);
+          connect(motor.shaft, gear[1].a);
+          for i in 1:{length - 1} loop
+            connect(gear[i].b, between[i].shaft);
+            connect(between[i].shaft, gear[i + 1].a);
+          end for;
+          connect(gear[{length}].b, load.shaft);
+        end Train;"""
+    )
+    assert len(dae.states) == 2
+    run = dae.simulate(stop=1, points=5, rtol=1e-9)
+    total = np.prod(ratios)
+    alpha = 2 / (0.3 + 0.7 / total**2)
+    assert np.allclose(run["motor.alpha"], alpha, rtol=1e-9)
+    assert np.allclose(run["motor.theta"], alpha * run.time**2 / 2, rtol=1e-7)
+    assert np.allclose(run["load.theta"] * total, run["motor.theta"], rtol=1e-12)
+    torque = np.array([run[f"gear[{i + 1}].b.tau"][-1] for i in range(length)])
+    transmitted = 2 - 0.3 * alpha
+    assert np.allclose(torque, -transmitted * np.cumprod(ratios), rtol=1e-8)
