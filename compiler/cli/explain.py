@@ -1,0 +1,26 @@
+"""`lmoc explain E0312`: the catalogue's page of a code."""
+
+from __future__ import annotations
+
+import argparse
+
+from lmoc.catalogue import CATALOGUE
+from lmoc.cli.arguments import Parser, UsageError
+from lmoc.diagnostics import Diagnostic, nearest
+
+
+def configure(parser: Parser) -> None:
+    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as E0312; without one, all are listed")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    if arguments.code is None:
+        for code, entry in sorted(CATALOGUE.items(), key=lambda item: (item[0][1:], item[0])):
+            print(f"{code}  {entry.title}")
+        return 0
+    code = arguments.code.upper()
+    if code not in CATALOGUE:
+        hint = nearest(code, CATALOGUE) or "`lmoc explain` lists the codes"
+        raise UsageError([Diagnostic("E0620", f"there is no diagnostic '{arguments.code}'", hint=hint)])
+    print(f"{code}: {CATALOGUE[code].title}\n\n{CATALOGUE[code].explanation}")
+    return 0
