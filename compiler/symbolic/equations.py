@@ -1,0 +1,379 @@
+"""Equations of motion as a person writes them: ``m·q̈ + c·q̇ + k·q = f``.
+
+Each residual of `symbolic.motion` is sorted: terms in the coordinates on the left, highest derivative first, with
+collected coefficients; inputs and constants on the right. Denominators that are plain products (a radius, a ratio)
+are cleared, others (``k1·k2/(k1 + k2)``) stay. Nonlinear terms stay as the user factored them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.symbolic.names import base_of
+from lmoc.symbolic.notation import Formula, Notation, Style, join_terms
+from lmoc.symbolic.system import SymbolicSystem, jet_symbol, symbolic_system
+
+if TYPE_CHECKING:
+    import sympy
+
+    from lmoc.structure.reduced import Reduced
+
+Term = tuple["sympy.Expr", "sympy.Expr"]  # coefficient, what it multiplies
+
+
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """``Σ coefficient·factor = Σ coefficient·factor``: coordinates on the left, inputs and constants on the right."""
+
+    coordinate: sympy.Symbol
+    order: int
+    left: tuple[Term, ...]
+    right: tuple[Term, ...]
+
+    @property
+    def residual(self) -> sympy.Expr:
+        """Left minus right side."""
+        import sympy as sp
+
+        return sp.Add(*(c * f for c, f in self.left)) - sp.Add(*(c * f for c, f in self.right))
+
+    @property
+    def term_count(self) -> int:
+        """Terms after opening the brackets around coefficients."""
+        import sympy as sp
+
+        return sum(len(sp.Add.make_args(sp.numer(sp.together(c)))) for c, _ in (*self.left, *self.right))
+
+    def write(self, notation: Notation, style: Style) -> str:
+        formula = Formula(notation, style)
+        left, right = (join_terms(formula.term(c, f) for c, f in side) for side in (self.left, self.right))
+        return f"{left} = {right}"
+
+
+@dataclass(frozen=True, eq=False)
+class EquationsOfMotion:
+    """The equations of motion of a scene; print it, or ask for `latex`, `html`, `to_dict`.
+
+    Attributes
+    ----------
+    equations : tuple of Equation
+    forces : {name: Expr}
+        Internal forces, where asked for.
+    notation : Notation
+    descriptions : {full name: (unit, description)}
+        Of the symbols that occur.
+    assumptions : tuple of str
+        What was taken for granted about parameter values.
+    """
+
+    name: str
+    equations: tuple[Equation, ...]
+    forces: Mapping[str, sympy.Expr]
+    notation: Notation
+    descriptions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    assumptions: tuple[str, ...] = ()
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return tuple(e.coordinate.name for e in self.equations)
+
+    @property
+    def operation_count(self) -> int:
+        import sympy as sp
+
+        return sum(int(sp.count_ops(c * f)) for e in self.equations for c, f in (*e.left, *e.right)) + sum(
+            len(e.left) + len(e.right) - 1 for e in self.equations
+        )
+
+    def lines(self, style: Style = Style()) -> list[str]:
+        return [e.write(self.notation, style) for e in self.equations]
+
+    def force_lines(self, style: Style = Style()) -> list[str]:
+        formula = Formula(self.notation, style)
+        return [f"{self.notation.name(n, style)} = {formula.sum(v)}" for n, v in self.forces.items()]
+
+    def text(self, ascii: bool = False) -> str:
+        """For a terminal: the equations, the forces, and the table of abbreviations."""
+        style = Style("ascii" if ascii else "unicode")
+        lines = self.lines(style) or ["nothing moves: there is no coordinate"]
+        if self.forces:
+            lines += ["", "internal forces:", *self.force_lines(style)]
+        table = [(style.symbol(short, 0), full) for short, full in self.notation.abbreviations.items()]
+        if table:
+            width = max(len(short) for short, _ in table)
+            lines += ["", "with", *(f"  {short:<{width}}  {full}" for short, full in table)]
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def latex(self) -> str:
+        """An `align*` environment."""
+        lines = [*self.lines(Style("latex")), *self.force_lines(Style("latex"))]
+        rows = " \\\\\n".join("  " + line.replace(" = ", " &= ", 1) for line in lines)
+        return f"\\begin{{align*}}\n{rows}\n\\end{{align*}}"
+
+    def _repr_latex_(self) -> str:
+        return self.latex()
+
+    def to_dict(self) -> dict:
+        """For JSON: each equation as text, LaTeX and residual in full names (SymPy syntax)."""
+        return {
+            "model": self.name,
+            "equations": [
+                {
+                    "coordinate": e.coordinate.name,
+                    "order": e.order,
+                    "text": e.write(self.notation, Style("ascii")),
+                    "latex": e.write(self.notation, Style("latex")),
+                    "residual": str(e.residual),
+                }
+                for e in self.equations
+            ],
+            "forces": {name: str(value) for name, value in self.forces.items()},
+            "abbreviations": self.notation.abbreviations,
+            "assumptions": list(self.assumptions),
+        }
+
+    def about(self, equilibrium: Mapping[str, sympy.Expr], inputs: Mapping[str, object] | None = None) -> EquationsOfMotion:
+        """The equations in deviations ``δq = q − q_e`` from an equilibrium: constant loads disappear.
+
+        Parameters
+        ----------
+        equilibrium : {state name: value}
+            From `equilibria`.
+        inputs : {name: value}, optional
+            The inputs' constant values at the equilibrium (zero without); ``δu = u − u_e`` where not zero.
+        """
+        import sympy as sp
+
+        shift: dict[sympy.Symbol, sympy.Expr] = {}
+        rename: dict[str, str] = {}
+        for e in self.equations:
+            rename[e.coordinate.name] = _delta(e.coordinate.name)
+            for n in range(e.order + 1):
+                new = jet_symbol(rename[e.coordinate.name], n)
+                rest = equilibrium.get(e.coordinate.name, sp.S.Zero) if n == 0 else sp.S.Zero
+                shift[jet_symbol(e.coordinate.name, n)] = new + rest
+        for name, value in (inputs or {}).items():
+            if value != 0:
+                rename[name] = _delta(name)
+                shift[sp.Symbol(name)] = sp.Symbol(rename[name]) + sp.sympify(value)
+        zero = {sp.Symbol(n): sp.S.Zero for n in self.notation.late if n not in self.coordinates and n not in (inputs or {})}
+        moved = []
+        for e in self.equations:
+            rest = {k: v.xreplace(zero) if k in shift else v for k, v in shift.items()}
+            residual = e.residual.xreplace(rest)
+            coordinate = sp.Symbol(rename[e.coordinate.name])
+            late = [rename.get(n, n) for n in self.notation.late]
+            coordinates = [sp.Symbol(rename[n]) for n in self.coordinates]
+            moved.append(sorted_equation(residual, coordinate, e.order, coordinates, late))
+        short = {rename.get(n, n): ("δ" + s if n in rename else s) for n, s in self.notation.short.items()}
+        notation = Notation(short, {rename.get(n, n): i for n, i in self.notation.late.items()})
+        return replace(self, equations=tuple(moved), notation=notation, forces={})
+
+
+def _delta(name: str) -> str:
+    return "δ" + name
+
+
+def equations_of_motion(
+    reduced: Reduced,
+    values: np.ndarray | None = None,
+    forces: bool = False,
+    system: SymbolicSystem | None = None,
+) -> EquationsOfMotion:
+    """Equations of motion of a reduced system.
+
+    Parameters
+    ----------
+    reduced : Reduced
+    values : (flat.count,), optional
+        Parameter values in force.
+    forces : bool
+        With the internal forces of ideal parts (rods, strings, gears).
+    system : SymbolicSystem, optional
+        If it is already at hand.
+
+    Raises
+    ------
+    ModelError
+        E0660, as `symbolic_system`.
+    """
+    from lmoc.symbolic.motion import derive
+
+    system = symbolic_system(reduced, values) if system is None else system
+    motion = derive(reduced, system, values, forces)
+    late = [*(u.name for u in system.inputs), *(q.name for q in motion.coordinates)]
+    equations = tuple(
+        sorted_equation(r, q, n, motion.coordinates, late, clear_all=not motion.balanced)
+        for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders)
+    )
+    found = {name: _tidy_sum(value, late) for name, value in motion.forces.items()}
+    occurring = [e.residual for e in equations] + list(found.values())
+    notation = Notation.of(*occurring, names=found, late=late)
+    descriptions = _descriptions(reduced.flat, notation.short)
+    return EquationsOfMotion(system.name, equations, found, notation, descriptions, system.assumptions)
+
+
+def _descriptions(flat, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    found = {}
+    for name in names:
+        variables = flat.find(name)
+        if variables is not None and len(variables):
+            block = flat.block_at(int(variables[0]))
+            found[name] = (block.unit, block.description)
+    return found
+
+
+# ------------------------------------------------------------------ sorting
+
+
+def sorted_equation(
+    residual: sympy.Expr,
+    coordinate: sympy.Symbol,
+    order: int,
+    coordinates: Iterable[sympy.Symbol],
+    late: Iterable[str],
+    clear_all: bool = False,
+) -> Equation:
+    """Sort a residual into terms.
+
+    Parameters
+    ----------
+    residual : Expr
+        In the coordinates and their derivatives ``der(q)``.
+    coordinates, late : all coordinates, and the names of all inputs and coordinates
+    clear_all : bool
+        Clear every denominator, not only plain products.
+    """
+    import sympy as sp
+
+    names = [q.name for q in coordinates]
+    terms = gathered(residual, set(late))
+    terms = _without_denominators(terms, clear_all)
+    left = [(c, f) for c, f in terms if any(base_of(s.name)[0] in names for s in f.free_symbols)]
+    right = [(-c, f) for c, f in terms if not any(base_of(s.name)[0] in names for s in f.free_symbols)]
+    own = base_of(coordinate.name)[0]
+
+    def rank(term: Term):
+        jets = [base_of(s.name) for s in term[1].free_symbols]
+        jets = [(n, names.index(b)) for b, n in jets if b in names]
+        highest = max(n for n, _ in jets)
+        place = min(i for n, i in jets if n == highest)
+        return (-highest, not term[1].is_Symbol, highest == order and names[place] != own, place, str(term[1]))
+
+    left.sort(key=rank)
+    right.sort(key=lambda t: (t[1] == 1, -max((base_of(s.name)[1] for s in t[1].free_symbols), default=0), str(t[1])))
+    if left and _leading_negative(left[0][0]):
+        left, right = ([(-c, f) for c, f in side] for side in (left, right))
+    return Equation(sp.Symbol(own), order, tuple(left), tuple(right))
+
+
+def _leading_negative(coefficient: sympy.Expr) -> bool:
+    import sympy as sp
+
+    return all(t.could_extract_minus_sign() for t in sp.Add.make_args(sp.numer(sp.together(coefficient))))
+
+
+def gathered(value: sympy.Expr, late: set[str]) -> list[Term]:
+    """Terms with like factors put together; a factor holds all that moves (inputs, coordinates), 1 for constants."""
+    import sympy as sp
+
+    sums: dict[sympy.Expr, list] = {}
+    for term in sp.Add.make_args(sp.expand_mul(value)):
+        moving = [s for s in term.free_symbols if base_of(s.name)[0] in late or s.name == "time"]
+        coefficient, factor = term.as_independent(*moving, as_Add=False) if moving else (term, sp.S.One)
+        top, bottom = sp.fraction(factor)
+        if factor.is_Add or bottom.is_Add and not bottom.free_symbols & set(moving):
+            coefficient, factor = coefficient / bottom, top
+        sums.setdefault(factor, []).append(coefficient)
+    terms = [(lowest(sp.Add(*c)), f) for f, c in sums.items()]
+    return _with_trigonometry([(c, f) for c, f in terms if c != 0])
+
+
+def lowest(value: sympy.Expr) -> sympy.Expr:
+    """A coefficient in lowest terms, factored where that is shorter."""
+    import sympy as sp
+
+    if value.is_Number or value.is_Symbol:
+        return value
+    cancelled = sp.cancel(value)
+    factored = sp.factor_terms(cancelled)
+    if sp.fraction(cancelled)[1].is_Add:
+        factored = sp.factor(cancelled)
+    return min((cancelled, factored), key=lambda e: (e.count_ops(), not e.is_Add))
+
+
+def _with_trigonometry(terms: list[Term]) -> list[Term]:
+    """sin² + cos² = 1 and the like, among terms with the same velocities and accelerations."""
+    import sympy as sp
+
+    groups: dict[sympy.Expr, list[Term]] = {}
+    for c, f in terms:
+        rates = [g for g in sp.Mul.make_args(f) if _is_rate(g)]
+        groups.setdefault(sp.Mul(*rates), []).append((c, f))
+    result = []
+    for rate, members in groups.items():
+        rest = sp.Add(*(c * f / rate for c, f in members))
+        if len(members) > 1 and rest.has(sp.sin) and rest.has(sp.cos):
+            simpler = sp.trigsimp(rest)
+            if simpler.count_ops() < rest.count_ops():
+                members = _split(simpler, rate, members)
+        result += members
+    return result
+
+
+def _is_rate(factor: sympy.Expr) -> bool:
+    import sympy as sp
+
+    base = factor.base if isinstance(factor, sp.Pow) else factor
+    return base.is_Symbol and base.name.startswith("der(")
+
+
+def _split(value: sympy.Expr, rate: sympy.Expr, members: list[Term]) -> list[Term]:
+    import sympy as sp
+
+    moving = set().union(*(f.free_symbols for _, f in members))
+    sums: dict[sympy.Expr, sympy.Expr] = {}
+    for term in sp.Add.make_args(sp.expand_mul(value)):
+        coefficient, factor = term.as_independent(*moving, as_Add=False)
+        sums[factor * rate] = sums.get(factor * rate, sp.S.Zero) + coefficient
+    return [(lowest(c), f) for f, c in sums.items()]
+
+
+def _without_denominators(terms: list[Term], clear_all: bool) -> list[Term]:
+    """Multiply by the denominators that are plain products; take out a factor common to all terms."""
+    import sympy as sp
+
+    if not terms:
+        return terms
+    parts = [sp.fraction(sp.cancel(c)) for c, _ in terms]
+    if clear_all:
+        common = sp.lcm_list([d for _, d in parts])
+    else:
+        common = sp.lcm_list([_plain_factors(d) for _, d in parts])
+    shared = sp.gcd_list([_plain_factors(n) for n, _ in parts]) if common == 1 else sp.S.One
+    factor = common / shared
+    return terms if factor == 1 else [(lowest(c * factor), f) for c, f in terms]
+
+
+def _plain_factors(value: sympy.Expr) -> sympy.Expr:
+    """The part of a product that consists of powers of symbols."""
+    import sympy as sp
+
+    factors = [f for f in sp.Mul.make_args(sp.factor_terms(value)) if (f.base if f.is_Pow else f).is_Symbol]
+    return sp.Mul(*factors)
+
+
+def _tidy_sum(value: sympy.Expr, late: Iterable[str]) -> sympy.Expr:
+    import sympy as sp
+
+    return sp.Add(*(c * f for c, f in gathered(value, set(late))))

@@ -1,0 +1,226 @@
+"""Equations of motion by the principle of virtual power.
+
+Connections carry no power: the sum of ``flow · rate of potential`` over all ports of all parts vanishes for every motion
+that the connections allow (Tellegen's theorem). With the rates of the potentials as linear functions of the coordinates'
+rates, each coordinate gives one equation, ``Σ flow · ∂(rate)/∂q̇ᵢ = 0``: Lagrange's equations in the parts' own terms,
+with symmetric mass matrix, in which the flows of ideal parts (rods, gears, pulleys) cancel by themselves. Nothing is
+inverted, so what the user wrote stays recognizable.
+
+Scenes whose forces are not all tied to ports get the explicit form, one solved acceleration an equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.diagnostics import ModelError
+from lmoc.semantics.flat import Kind
+from lmoc.structure.reduced import Reduced
+from lmoc.symbolic.local import NotLinearError, PartLaws
+from lmoc.symbolic.system import Interpreter, SymbolicSystem, jet_symbol
+
+if TYPE_CHECKING:
+    import sympy
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Residuals that vanish on every motion.
+
+    Attributes
+    ----------
+    coordinates : tuple of Symbol
+        Named as in the flat model; derivatives are ``der(q)``, ``der(der(q))``.
+    orders : tuple of int
+        Order of each coordinate's equation, 2 or 1.
+    residuals : tuple of Expr
+    forces : {name: Expr}
+        Internal forces of ideal parts.
+    balanced : bool
+        By virtual power; otherwise each residual is a solved equation.
+    """
+
+    coordinates: tuple[sympy.Symbol, ...]
+    orders: tuple[int, ...]
+    residuals: tuple[sympy.Expr, ...]
+    forces: Mapping[str, sympy.Expr]
+    balanced: bool
+
+
+class Kinematics:
+    """Known motion: parameters, inputs, states and potentials, in jets of the coordinates."""
+
+    def __init__(self, interpreter: Interpreter, system: SymbolicSystem, potentials: list[int]):
+        reduced = interpreter.reduced
+        self.interpreter = interpreter
+        self.coordinates = [system.states[q] for q, _ in system.coordinates]
+        self.orders = [2 if v >= 0 else 1 for _, v in system.coordinates]
+        self._velocity = {system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0}
+        self._quadrature = self._quadratures(reduced)
+        registers = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
+        held = {int(reduced.registers.variable[r]) for r in registers if reduced.registers.order[r] == 0}
+        interpreter.fill([int(reduced.register_of[v]) for v in potentials if reduced.register_of[v] >= 0])
+        self.known = held | set(potentials)
+        self._rates: dict[sympy.Symbol, sympy.Expr] = {}
+
+    def _quadratures(self, reduced: Reduced) -> dict:
+        names = [self.interpreter.w[int(r)] for r in reduced.quadratures]
+        rates = [int(r) for r in reduced.quadrature_derivatives]
+        self.interpreter.fill(rates)
+        return {z: self._in_jets(self.interpreter.w[r]) for z, r in zip(names, rates)}
+
+    def _in_jets(self, value: sympy.Expr) -> sympy.Expr:
+        return value.xreplace(self._velocity)
+
+    def value(self, variable: int) -> sympy.Expr:
+        flat = self.interpreter.reduced.flat
+        if flat.kind[variable] == Kind.INPUT:
+            return jet_symbol(flat.variable_name(variable), 0)
+        return self._in_jets(self.interpreter.variable(variable))
+
+    def rate(self, value: sympy.Expr) -> sympy.Expr:
+        """Total time derivative."""
+        import sympy as sp
+
+        terms = [value.diff(x) * self._rate_of(x) for x in sorted(value.free_symbols, key=lambda s: s.name)]
+        return sp.Add(*terms)
+
+    def _rate_of(self, x: sympy.Symbol) -> sympy.Expr:
+        import sympy as sp
+
+        if x in self._quadrature:
+            return self._quadrature[x]
+        if x.name == "time":
+            return sp.S.One
+        base = x.name
+        order = 0
+        while base.startswith("der("):
+            base, order = base[4:-1], order + 1
+        symbol = sp.Symbol(base)
+        if symbol in self.coordinates or symbol in self.interpreter.input_symbols:
+            return jet_symbol(base, order + 1)
+        return sp.S.Zero
+
+
+def derive(reduced: Reduced, system: SymbolicSystem, values: np.ndarray | None = None, forces: bool = False) -> Motion:
+    """Equations of motion of a reduced system.
+
+    Parameters
+    ----------
+    reduced, values : as in `symbolic_system`
+    system : SymbolicSystem
+        Its explicit form: the test of what is derived, and the fall-back.
+    forces : bool
+        With the internal forces of ideal parts.
+    """
+    interpreter = Interpreter(reduced, reduced.values if values is None else values)
+    interpreter.run(reduced.parameter_program)
+    interpreter.run(reduced.rhs)
+    try:
+        found = _virtual_power(interpreter, system, forces)
+    except (ModelError, NotLinearError):
+        found = None
+    return found if found is not None and agrees(found, system) else explicit(system)
+
+
+def _virtual_power(interpreter: Interpreter, system: SymbolicSystem, forces: bool) -> Motion | None:
+    import sympy as sp
+
+    flat = interpreter.reduced.flat
+    ports = _ports(flat)
+    kinematics = Kinematics(interpreter, system, [p for p, _ in ports])
+    laws = PartLaws(flat, kinematics)
+    elimination, unknowns, right = laws.solve_relations()
+    tied = {
+        unknowns[v]: sum((c * right[j] for j, c in combination.items()), sp.S.Zero)
+        + sum((c * unknowns[x] for x, c in elimination.by_free[v].items()), sp.S.Zero)
+        for v, combination in elimination.solution.items()
+    }
+    rates = [jet_symbol(q.name, 1) for q in kinematics.coordinates]
+    power = {q: [] for q in rates}
+    for potential, flow in ports:
+        rate = kinematics.rate(kinematics.value(potential))
+        for q in rates:
+            weight = rate.diff(q)
+            if weight != 0:
+                power[q].append(laws.value(flow).xreplace(tied) * weight)
+    residuals = [_without(sp.Add(*power[q]), set(unknowns.values())) for q in rates]
+    if any(r is None for r in residuals):
+        return None
+    found = _reactions(laws) if forces else {}
+    return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), tuple(residuals), found, True)
+
+
+def _ports(flat) -> list[tuple[int, int]]:
+    """(potential, flow) variables of all elements."""
+    pairs = []
+    for part in flat.parts:
+        if part.leaf:
+            for p, f in part.ports:
+                potential, flow = flat.blocks[p], flat.blocks[f]
+                pairs += [(potential.offset + i, flow.offset + i) for i in range(flow.size)]
+    return pairs
+
+
+def _without(power: sympy.Expr, reactions: set) -> sympy.Expr | None:
+    """The sum with the reactions cancelled; None where one stays."""
+    import sympy as sp
+
+    for reaction in sorted(power.free_symbols & reactions, key=lambda s: s.name):
+        if sp.simplify(power.diff(reaction)) != 0:
+            return None
+    return power.xreplace({r: sp.S.Zero for r in reactions})
+
+
+def _reactions(laws: PartLaws) -> dict[str, sympy.Expr]:
+    """Internal forces of ideal parts, in jets of the coordinates: those they declare, or the flow of their first port."""
+    import sympy as sp
+
+    flat = laws.flat
+    elimination, unknowns, right = laws.solve_relations(balances=True)
+    named: dict[int, int] = {}
+    for v in sorted(laws.unknown):
+        block = flat.block_at(v)
+        best = named.get(block.part)
+        if best is None or (flat.block_at(best).connector and not block.connector):
+            named[block.part] = v
+    found = {}
+    for v in named.values():
+        if v in elimination.solution and not elimination.by_free[v]:
+            value = sum((c * right[j] for j, c in elimination.solution[v].items()), sp.S.Zero)
+            found[flat.variable_name(v)] = value
+    return found
+
+
+def explicit(system: SymbolicSystem) -> Motion:
+    """One solved equation for each coordinate."""
+    jets = {system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0}
+    coordinates = tuple(system.states[q] for q, _ in system.coordinates)
+    orders = tuple(2 if v >= 0 else 1 for _, v in system.coordinates)
+    residuals = []
+    for (q, v), order in zip(system.coordinates, orders):
+        rate = system.derivatives[v if order == 2 else q].xreplace(jets)
+        residuals.append(jet_symbol(system.states[q].name, order) - rate)
+    return Motion(coordinates, orders, tuple(residuals), {}, False)
+
+
+def agrees(motion: Motion, system: SymbolicSystem) -> bool:
+    """The residuals vanish with the explicit derivatives, and determine them; tried at random numbers."""
+    import sympy as sp
+
+    highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders)]
+    solved = explicit(system)
+    values = {x: x - r for x, r in zip(highest, solved.residuals)}
+    symbols = set().union(*(r.free_symbols for r in (*motion.residuals, *values.values())), set()) - set(highest)
+    generator = np.random.default_rng(7)
+    point = {s: sp.Float(v, 30) for s, v in zip(sorted(symbols, key=lambda s: s.name), generator.uniform(0.5, 1.5, 999))}
+    numbers = {x: v.xreplace(point).evalf(30) for x, v in values.items()}
+    matrix = sp.Matrix([[r.diff(x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals])
+    if len(highest) != len(motion.residuals) or (highest and abs(matrix.det()) < 1e-20):
+        return False
+    left = [r.xreplace(point).xreplace(numbers).evalf(30) for r in motion.residuals]
+    return all(v.is_number and abs(v) < 1e-15 for v in left)

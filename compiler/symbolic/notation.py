@@ -1,0 +1,297 @@
+"""Formulas as text: for the terminal (with or without accents) and as LaTeX.
+
+SymPy's own printers sort for machines. Here parameters come before powers, inputs and coordinates last, derivatives are
+dots, and what counts up comes before what is subtracted: ``(J + m·r²)·θ̈ + c·θ̇ + k·r²·θ``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from lmoc.symbolic.names import base_of, short_names
+
+if TYPE_CHECKING:
+    import sympy
+
+_GREEK = dict(
+    zip(
+        "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega".split(),
+        "αβγδεζηθκλμνξπρστφχψω",
+    )
+)
+_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_ACCENTS = {1: "\u0307", 2: "\u0308", 3: "\u20db", 4: "\u20dc"}
+_LATEX_ACCENTS = {1: r"\dot", 2: r"\ddot", 3: r"\dddot", 4: r"\ddddot"}
+_SPLIT = re.compile(r"^([A-Za-zΔδ]+?)_?(\d*)$")
+
+
+@dataclass(frozen=True)
+class Style:
+    """How products, powers, fractions and derivatives look.
+
+    `name` is ``unicode``, ``ascii`` or ``latex``.
+    """
+
+    name: str = "unicode"
+
+    @property
+    def times(self) -> str:
+        return {"unicode": "·", "ascii": "*", "latex": r" \, "}[self.name]
+
+    def power(self, base: str, exponent: str) -> str:
+        if self.name == "unicode" and re.fullmatch(r"-?\d+", exponent):
+            return base + exponent.translate(_SUPERSCRIPT)
+        if self.name == "latex":
+            return f"{base}^{{{exponent}}}"
+        return f"{base}^{exponent}" if re.fullmatch(r"\w+", exponent) else f"{base}^({exponent})"
+
+    def fraction(self, top: str, bottom: str, simple_bottom: bool) -> str:
+        if self.name == "latex":
+            return rf"\frac{{{top}}}{{{bottom}}}"
+        return f"{top}/{bottom}" if simple_bottom else f"{top}/({bottom})"
+
+    def brackets(self, text: str) -> str:
+        return rf"\left({text}\right)" if self.name == "latex" else f"({text})"
+
+    def symbol(self, name: str, order: int) -> str:
+        if self.name == "ascii":
+            return name + "'" * order
+        delta = name.startswith("δ")
+        lead = (r"\delta " if self.name == "latex" else "δ") if delta else ""
+        found = _SPLIT.match(name[1:] if delta else name)
+        if self.name == "latex":
+            return lead + _latex_symbol(name[1:] if delta else name, found, order)
+        word, digits = (found.group(1), found.group(2)) if found else (name[1:] if delta else name, "")
+        letter = _GREEK.get(word, word)
+        if order and (len(letter) > 1 or order > 4):
+            return f"{lead}{letter}{digits}" + "'" * order
+        return lead + letter + _ACCENTS.get(order, "") + digits
+
+
+def _latex_symbol(name: str, found: re.Match | None, order: int) -> str:
+    word, digits = (found.group(1), found.group(2)) if found else (name, "")
+    word, underscore, rest = word.partition("_")
+    if word in _GREEK:
+        letter = "\\" + word
+    else:
+        letter = word if len(word) == 1 else rf"\mathit{{{word}}}".replace("_", r"\_")
+    if order:
+        letter = f"{_LATEX_ACCENTS[order]}{{{letter}}}" if order <= 4 else rf"{letter}^{{({order})}}"
+    index = rf"\mathrm{{{rest}}}".replace("_", r"\_") if underscore else digits
+    return f"{letter}_{{{index}}}" if index else letter
+
+
+@dataclass(frozen=True)
+class Notation:
+    """Names of symbols and the order in which they are written.
+
+    Attributes
+    ----------
+    short : {full name: name shown}
+    late : frozenset of full names
+        Inputs and coordinates: written after the parameters, coordinates last.
+    """
+
+    short: dict[str, str]
+    late: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, *expressions: sympy.Expr, names: Iterable[str] = (), late: Iterable[str] = ()) -> Notation:
+        """For the symbols of some expressions and further names."""
+        found = sorted({base_of(s.name)[0] for e in expressions for s in e.free_symbols})
+        late = [base_of(n)[0] for n in late]
+        return cls(short_names([*late, *(base_of(n)[0] for n in names), *found]), {n: i for i, n in enumerate(late)})
+
+    def name(self, full: str, style: Style = Style()) -> str:
+        base, order = base_of(full)
+        return style.symbol(self.short.get(base, base), order)
+
+    def text(self, value: sympy.Expr, style: Style = Style()) -> str:
+        return Formula(self, style).sum(value)
+
+    def polynomial(self, value: sympy.Expr, variable: str, style: Style = Style()) -> str:
+        """A polynomial by falling powers of its variable, in brackets where it has several terms."""
+        import sympy as sp
+
+        x = sp.Symbol(variable)
+        formula = Formula(self, style)
+        terms = sp.Poly(value, x).terms() if value.has(x) else [((0,), value)]
+        parts = [formula.term(sp.factor_terms(c), x**n if n else None) for (n,), c in terms]
+        text = join_terms(parts)
+        return style.brackets(text) if len(parts) > 1 else text
+
+    @property
+    def abbreviations(self) -> dict[str, str]:
+        """{name shown: full name} where they differ."""
+        return {short: full for full, short in self.short.items() if short != full}
+
+
+def join_terms(parts: Iterable[tuple[bool, str]]) -> str:
+    """Terms (negative?, text) as a sum."""
+    text = ""
+    for negative, part in parts:
+        lead = (" - " if negative else " + ") if text else ("-" if negative else "")
+        text += lead + part
+    return text or "0"
+
+
+@dataclass(frozen=True)
+class Formula:
+    """Writes expressions in one notation and style."""
+
+    notation: Notation
+    style: Style
+
+    def term(self, coefficient: sympy.Expr, factor: sympy.Expr | None) -> tuple[bool, str]:
+        """``coefficient·factor`` as (negative?, text); a sum as coefficient stays in brackets."""
+        import sympy as sp
+
+        negative = _is_negative(coefficient)
+        coefficient = -coefficient if negative else coefficient
+        if factor is None or factor == 1:
+            if isinstance(coefficient, sp.Add):
+                return negative, self.style.brackets(self.sum(coefficient)) if negative else self.sum(coefficient)
+            return negative, self.product(coefficient)
+        if isinstance(coefficient, sp.Add):
+            return negative, self.style.brackets(self.sum(coefficient)) + self.style.times + self.product(factor)
+        if sp.denom(coefficient).is_Add:
+            return negative, self.product(coefficient) + self.style.times + self.product(factor)
+        return negative, self.product(sp.Mul(coefficient, factor, evaluate=False))
+
+    def sum(self, value: sympy.Expr) -> str:
+        import sympy as sp
+
+        terms = [(_is_negative(t), t) for t in sp.Add.make_args(value)]
+        parts = [(negative, self.product(-t if negative else t), t) for negative, t in terms]
+        parts.sort(key=lambda p: (p[0], not self._moves(p[2]), p[1]))
+        return join_terms((negative, text) for negative, text, _ in parts)
+
+    def _moves(self, value: sympy.Expr) -> bool:
+        return any(base_of(s.name)[0] in self.notation.late for s in value.free_symbols)
+
+    def product(self, value: sympy.Expr) -> str:
+        import sympy as sp
+
+        if isinstance(value, sp.Add):
+            return self.style.brackets(self.sum(value))
+        if value.is_Number:
+            return self.number(value)
+        top, bottom = [], []
+        number = sp.S.One
+        for factor in _factors(value):
+            if factor.is_Rational:
+                number *= factor
+            elif isinstance(factor, sp.Pow) and _is_negative(factor.exp):
+                bottom.append(1 / factor)
+            else:
+                top.append(factor)
+        if number.q != 1 and not _decimal(number):
+            bottom.insert(0, sp.Integer(number.q))
+            number = sp.Integer(number.p)
+        if number != 1 or not top:
+            top.insert(0, number)
+        above = self.style.times.join(self.atom(f) for f in self._sorted(top))
+        if not bottom:
+            return above
+        if self.style.name == "latex" and len(top) == 1 and isinstance(top[0], sp.Add):
+            above = self.sum(top[0])
+        below = self._sorted(bottom)
+        alone = len(below) == 1
+        plain = self.style.name == "latex" and alone and isinstance(below[0], sp.Add)
+        text = self.sum(below[0]) if plain else self.style.times.join(self.atom(f) for f in below)
+        return self.style.fraction(above, text, alone)
+
+    def _sorted(self, factors: list) -> list:
+        return sorted(factors, key=self._rank)
+
+    def _rank(self, factor: sympy.Expr) -> tuple:
+        import sympy as sp
+
+        if factor.is_Number:
+            return (0, 0, "")
+        base = factor.base if isinstance(factor, sp.Pow) else factor
+        text = str(base)
+        if isinstance(base, sp.Symbol):
+            name, _ = base_of(base.name)
+            if name in self.notation.late:
+                return (4, self.notation.late[name], text)
+            return (1, factor is not base, self.notation.short.get(name, name))
+        return (2 if not self._moves(base) else 3, 0, text)
+
+    def atom(self, value: sympy.Expr) -> str:
+        import sympy as sp
+
+        if value.is_Symbol:
+            return self.notation.name(value.name, self.style)
+        if value.is_Number:
+            return self.number(value)
+        if isinstance(value, sp.Pow):
+            return self._power(value)
+        if isinstance(value, sp.Add):
+            return self.style.brackets(self.sum(value))
+        if value in (sp.pi, sp.E):
+            return {"latex": r"\pi" if value == sp.pi else "e"}.get(self.style.name, "π" if value == sp.pi else "e")
+        if isinstance(value, sp.Function) and not isinstance(value, sp.Piecewise):
+            name = type(value).__name__.lower()
+            arguments = ", ".join(self.sum(a) for a in value.args)
+            return (rf"\{name}" if self.style.name == "latex" else name) + self.style.brackets(arguments)
+        return self.style.brackets(self._plain(value))
+
+    def _power(self, value: sympy.Pow) -> str:
+        import sympy as sp
+
+        base, exponent = value.args
+        if exponent == sp.Rational(1, 2):
+            inside = self.sum(base)
+            return rf"\sqrt{{{inside}}}" if self.style.name == "latex" else f"sqrt({inside})"
+        if isinstance(base, sp.Function) and exponent.is_Integer and exponent > 0:  # cos²(θ)
+            name, rest = type(base).__name__.lower(), self.style.brackets(", ".join(self.sum(a) for a in base.args))
+            lead = rf"\{name}" if self.style.name == "latex" else name
+            return self.style.power(lead, str(exponent)) + rest
+        return self.style.power(self.atom(base), self.sum(exponent))
+
+    def _plain(self, value: sympy.Basic) -> str:
+        """What has no textbook form (cases, relations), in SymPy's words and our names."""
+        import sympy as sp
+
+        names = {s: sp.Symbol(self.notation.name(s.name, Style("ascii"))) for s in value.free_symbols}
+        shown = value.xreplace(names)
+        return sp.latex(shown) if self.style.name == "latex" else sp.sstr(shown)
+
+    def number(self, value: sympy.Number) -> str:
+        if value.is_Integer:
+            return str(value)
+        if value.is_Rational and not _decimal(value):
+            return self.style.fraction(str(value.p), str(value.q), True)
+        return f"{float(value):.10g}"
+
+
+def _factors(value: sympy.Expr) -> list:
+    import sympy as sp
+
+    if not isinstance(value, sp.Mul):
+        return [value]
+    return [g for f in value.args for g in _factors(f)]
+
+
+def _is_negative(value: sympy.Expr) -> bool:
+    import sympy as sp
+
+    if isinstance(value, sp.Add):
+        return all(_is_negative(t) for t in value.args)
+    return bool(value.as_coeff_Mul()[0] < 0)
+
+
+def _decimal(number: sympy.Rational) -> bool:
+    """A fraction that people write as a decimal number: 9.81, not 1/2 or 9/16."""
+    if not number.is_Rational or number.q == 1:
+        return False
+    rest, fives, twos = number.q, 0, 0
+    while rest % 5 == 0:
+        rest, fives = rest // 5, fives + 1
+    while rest % 2 == 0:
+        rest, twos = rest // 2, twos + 1
+    return (rest == 1 and (fives > 0 or twos > 6)) or number.q > 10_000
