@@ -35,7 +35,7 @@ CATALOGUE: dict[str, Entry] = {
     "E0101": Entry(
         "something unexpected",
         "The text does not go on as the language allows at this place. What could stand here is listed.",
-        "model A\n  Real x;\nequation\n  x = * 2;\nend A;",
+        "model A\n  Real x;\nequation\n  if x > 0 x = 1;\n  end if;\nend A;",
     ),
     "E0102": Entry(
         "';' is missing",
@@ -140,6 +140,11 @@ CATALOGUE: dict[str, Entry] = {
         "an unknown escape in a string",
         "A backslash stands before ', \", ?, \\, n, t, r, a, b, f or v.",
         'model A "\\d"\n  Real x = 1;\nend A;',
+    ),
+    "E0122": Entry(
+        "'equation' is missing",
+        "Equations stand below the word 'equation', statements below 'algorithm'.",
+        "model A\n  Real x;\n  x = 1;\nend A;",
     ),
     # ------------------------------ 02xx names, classes, modifications, models
     # ----------------------------------------- 03xx types, units, connections

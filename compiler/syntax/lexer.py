@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left, bisect_right
 from functools import cache
 from typing import NamedTuple
 
+from lmoc.diagnostics import Diagnostic
+from lmoc.source import Source, Span
 from lmoc.syntax.tables import END_OF_TEXT, Tables
 
 
@@ -17,15 +20,26 @@ class Tokens(NamedTuple):
     starts: list[int]
     ends: list[int]
 
-    def splice(self, at: int, removed: int, symbols: tuple[str, ...]) -> None:
-        """Replace `removed` tokens from `at` on by made-up ones of no width, placed after the token before."""
-        place = self.ends[at - 1] if at else 0
-        made = len(symbols)
+    def splice(self, at: int, removed: int, inserted: tuple[str, ...], name: str = "") -> None:
+        """Replace tokens from `at` on by others, an identifier among them being called `name`.
+
+        One that replaces another takes its place, others have no width and stand right after the token before.
+        """
         stop = at + removed
-        self.symbols[at:stop] = symbols
-        self.texts[at:stop] = symbols
-        self.starts[at:stop] = [place] * made
-        self.ends[at:stop] = [place] * made
+        if removed != len(inserted):
+            place = self.ends[at - 1] if at else 0
+            self.starts[at:stop] = self.ends[at:stop] = [place] * len(inserted)
+        self.symbols[at:stop] = inserted
+        self.texts[at:stop] = [name if symbol == "IDENT" else symbol for symbol in inserted]
+
+
+# Signs of other languages, and of mathematics, for which there is one of our own.
+_FOREIGN = {
+    **{"!=": "<>", "~=": "<>", "≠": "<>", "≤": "<=", "≥": ">=", "&&": "and", "||": "or", "!": "not"},
+    **{"−": "-", "–": "-", "·": "*", "×": "*", "⋅": "*", "÷": "/"},
+}
+_WORD = re.compile(r"\w+")
+_OPEN_NAME = re.compile(r"'[^\s;,()=]*")
 
 
 @cache
@@ -33,17 +47,39 @@ def _scanner(tables: Tables) -> re.Pattern:
     operators = sorted((s for s in tables.literals if not s[0].isalpha()), key=len, reverse=True)
     # Patterns come first, those with a longer fixed beginning (`initial equation`) before the general names.
     order = sorted(tables.patterns, key=lambda item: item[0] in ("IDENT", "NUMBER"))
-    parts = [f"(?P<{symbol}>{pattern})" for symbol, pattern in order]
-    return re.compile("|".join([*parts, f"(?P<operator>{'|'.join(map(re.escape, operators))})", r"(?P<wrong>[\s\S])"]))
+    groups = [
+        *order,
+        ("foreign", "|".join(map(re.escape, _FOREIGN))),
+        ("open_comment", r"/\*"),
+        ("operator", "|".join(map(re.escape, operators))),
+        ("wrong", r"[\s\S]"),
+    ]
+    return re.compile("|".join(f"(?P<{symbol}>{pattern})" for symbol, pattern in groups))
 
 
-def scan(text: str, tables: Tables) -> tuple[Tokens, list[int]]:
-    """The tokens of a text, and the offsets of characters with which no token begins.
+def scan(source: Source, tables: Tables) -> tuple[Tokens, list[Diagnostic]]:
+    """The tokens of a text, and what is wrong with its characters.
 
-    Keywords and operators are their own symbols. The wrong characters are left out of the tokens.
+    Keywords and operators are their own symbols. What is wrong is read as what was probably meant, or left out.
     """
+    said: list[Diagnostic] = []
+    text = source.text
+    while True:
+        tokens, irregular = _tokens(text, tables)
+        open_end = _first_open(text, tokens, irregular)
+        if open_end is None:
+            break
+        said.append(_not_closed(source, open_end))
+        text = _close(text, open_end)
+    for symbol, offset in irregular:
+        said += _mend(source, tokens, symbol, offset)
+    return tokens, said
+
+
+def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
+    """The tokens of a text, and kind and offset of each piece that is none."""
     tokens = Tokens([], [], [], [])
-    wrong: list[int] = []
+    irregular: list[tuple[str, int]] = []
     add_symbol, add_text = tokens.symbols.append, tokens.texts.append
     add_start, add_end = tokens.starts.append, tokens.ends.append
     ignored, literals = tables.ignored, tables.literals
@@ -52,11 +88,15 @@ def scan(text: str, tables: Tables) -> tuple[Tokens, list[int]]:
         if symbol in ignored:
             continue
         value = match.group()
-        if symbol == "wrong":
-            wrong.append(match.start())
-            continue
-        # A pattern with a context of its own (`end` as an index) goes before the keyword of the same text.
-        add_symbol(value if value in literals and symbol in ("IDENT", "operator") else symbol)
+        if symbol == "IDENT" or symbol == "operator":
+            if value in literals:
+                symbol = value
+        elif symbol in ("foreign", "open_comment", "wrong"):
+            irregular.append((symbol, match.start()))
+            if symbol != "foreign":
+                continue
+            symbol = _FOREIGN[value]
+        add_symbol(symbol)
         add_text(value)
         add_start(match.start())
         add_end(match.end())
@@ -64,4 +104,73 @@ def scan(text: str, tables: Tables) -> tuple[Tokens, list[int]]:
     add_text("")
     add_start(len(text))
     add_end(len(text))
-    return tokens, wrong
+    return tokens, irregular
+
+
+def _first_open(text: str, tokens: Tokens, irregular: list[tuple[str, int]]) -> int | None:
+    """Where the first string or comment begins that is not closed, None if all are.
+
+    Where a closing quote is missing, the next opening one closes the string, and a letter follows it at once.
+    """
+    for symbol, start, end in zip(tokens.symbols, tokens.starts, tokens.ends, strict=True):
+        if symbol == "STRING" and text[end : end + 1].isalnum() and "\n" in text[start:end]:
+            return start
+    return next((at for symbol, at in irregular if symbol == "open_comment" or text[at] == '"'), None)
+
+
+def _not_closed(source: Source, start: int) -> Diagnostic:
+    line_end = source.text.find("\n", start)
+    place = Span(source, start, len(source.text) if line_end < 0 else line_end)
+    if source.text[start] == '"':
+        return Diagnostic("E0104", "this string is not closed", place, expected="a '\"' at its end")
+    return Diagnostic("E0105", "this comment is not closed", place, expected="'*/' at its end")
+
+
+def _close(text: str, start: int) -> str:
+    """The text, as long as before, with the string or comment that begins at `start` ended on its line."""
+    line_end = text.find("\n", start)
+    line = text[start : len(text) if line_end < 0 else line_end]
+    if line[0] == '"':
+        kept = line.rstrip(" \t\r;),")
+        closed = f'{kept[:-1]}"' if len(kept) > 1 else " "
+        line = closed.replace("\\", " ") + line[len(kept) :]
+    else:
+        line = " " * len(line)
+    return text[:start] + line + text[start + len(line) :]
+
+
+def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diagnostic]:
+    """Explain a piece that is no token, and put a name among the tokens where it was meant as one."""
+    text = source.text
+    if symbol == "foreign":
+        sign = next(sign for sign in sorted(_FOREIGN, key=len, reverse=True) if text.startswith(sign, offset))
+        place = Span(source, offset, offset + len(sign))
+        return [Diagnostic("E0106", f"'{sign}' is not a sign of lmo", place, hint=f"write '{_FOREIGN[sign]}'")]
+    if text[offset] == "'":
+        end = _OPEN_NAME.match(text, offset).end()
+        _put_name(source, tokens, offset, end)
+        return [Diagnostic("E0104", "this quoted name is not closed", Span(source, offset, end), expected='a "\'"')]
+    if not text[offset].isalpha():
+        return [Diagnostic("E0106", f"'{text[offset]}' means nothing here", Span(source, offset, offset + 1))]
+    start, end = _put_name(source, tokens, offset, _WORD.match(text, offset).end())
+    if start < offset and not text[offset - 1].isascii():
+        return []  # said at its first wrong letter
+    word = text[start:end]
+    place = Span(source, start, end)
+    hint = f"a name in quotes can have it: \"'{word}'\""
+    return [Diagnostic("E0106", f"'{text[offset]}' cannot stand in a name", place, hint=hint)]
+
+
+def _put_name(source: Source, tokens: Tokens, start: int, end: int) -> tuple[int, int]:
+    """Make one name of the tokens that touch a range, whose extent is given back."""
+    first = bisect_left(tokens.ends, start)
+    last = bisect_right(tokens.starts, end - 1)
+    if first < last and tokens.ends[first] == start and not tokens.texts[first][-1].isalnum():
+        first += 1
+    if first < last:
+        start, end = min(start, tokens.starts[first]), max(end, tokens.ends[last - 1])
+    tokens.symbols[first:last] = ["IDENT"]
+    tokens.texts[first:last] = [source.text[start:end]]
+    tokens.starts[first:last] = [start]
+    tokens.ends[first:last] = [end]
+    return start, end

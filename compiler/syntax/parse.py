@@ -18,20 +18,29 @@ def parse(source: Source, report: Report) -> tree.File:
     ----------
     source : Source
     report : Report
-        Takes the syntax errors.
+        Takes the syntax errors, in the order of their places.
 
     Returns
     -------
     tree.File
-        What could be understood; complete where `report` has no new errors.
+        What could be understood; all of it where `report` has no new errors.
     """
     tables = load()
-    tokens, wrong = scan(source.text, tables)
-    for offset in wrong:
-        report.error("E0106", f"'{source.text[offset]}' means nothing here", Span(source, offset, offset + 1))
-    automaton = Automaton(tables, tokens, Actions(source, report))
-    if automaton.run():
+    tokens, said = scan(source, tables)
+    found = Report()
+    automaton = Automaton(tables, tokens, Actions(source, found))
+    understood = automaton.run()
+    if not understood:
+        # Only now is it worth to load what explains and repairs.
+        from lmoc.syntax.recovery import repair
+
+        found = Report()
+        changes, acceptable = repair(source, tables, tokens, {d.span.start for d in said})
+        said += changes
+        automaton = Automaton(tables, tokens, Actions(source, found))
+        understood = acceptable and automaton.run()
+    said += found.diagnostics
+    report.diagnostics += sorted(said, key=lambda d: d.span.start)
+    if understood:
         return automaton.values[-1]
-    place = Span(source, tokens.starts[automaton.at], tokens.ends[automaton.at])
-    report.error("E0101", f"'{place.text}' is not expected here", place)
     return tree.File((), (), Span(source, 0, len(source.text)))

@@ -1,0 +1,97 @@
+"""Going on after a syntax error: the smallest change of the tokens with which the text makes sense.
+
+Where the automaton stops, likely slips are tried in turn (`lmoc.syntax.slips`): each is a change of a few tokens, and
+the first one after which the automaton reads on well is taken, as in the repair methods of Graham and Rhodes (1975) and
+Burke and Fisher (1987). Only if none helps is the rest of the statement skipped. What comes out is a list
+of tokens that the grammar accepts, and a diagnostic for each change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lmoc.diagnostics import Diagnostic
+from lmoc.source import Source
+from lmoc.syntax.lexer import Tokens
+from lmoc.syntax.slips import slips, unexpected
+from lmoc.syntax.tables import Tables
+from lmoc.syntax.trouble import CERTAIN, FRESH, Edit, Node, Slip, Trouble, advance
+
+# After a change that is no more than a guess, at least so many tokens must make sense.
+_CONVINCING = 4
+_MOST_ERRORS = 20
+
+
+def repair(source: Source, tables: Tables, tokens: Tokens, quiet: set[int]) -> tuple[list[Diagnostic], bool]:
+    """Change tokens in place until the grammar accepts them.
+
+    Parameters
+    ----------
+    source, tables
+    tokens : Tokens
+        Changed in place.
+    quiet : set of int
+        Offsets of characters already complained about: what goes wrong right after them is not reported again.
+
+    Returns
+    -------
+    list of Diagnostic
+        One for each change.
+    bool
+        Whether the tokens are acceptable now; false where nothing helped.
+    """
+    said: list[Diagnostic] = []
+    trail = [Node(tables.start, "", 0, None)]
+    while True:
+        _read(tables, tokens, trail)
+        at = len(trail) - 1
+        if at == len(tokens.symbols):
+            return said, True
+        trouble = Trouble(source, tables, tokens, trail, at)
+        slip = _most_likely(trouble, slips(trouble)) or _skip(trouble)
+        begin = tokens.ends[at - 1] if at else 0
+        if slip is None or not any(begin <= offset <= tokens.ends[at] for offset in quiet):
+            said.append((slip or _hopeless(trouble)).explain())
+        if slip is None or len(said) >= _MOST_ERRORS:
+            return said, False
+        tokens.splice(*slip.edit)
+        del trail[slip.edit.at + 1 :]
+
+
+def _read(tables: Tables, tokens: Tokens, trail: list[Node]) -> None:
+    """Read on from the end of the trail as far as possible."""
+    symbols = tokens.symbols
+    for token in range(len(trail) - 1, len(symbols)):
+        node = advance(tables, trail[-1], symbols[token], token)
+        if node is None:
+            return
+        trail.append(node)
+
+
+def _most_likely(trouble: Trouble, candidates: Iterator[Slip]) -> Slip | None:
+    """The first candidate with which reading goes on well, else the one that carries farthest."""
+    best, farthest = None, _CONVINCING - 1
+    for slip in candidates:
+        reach = trouble.reach(slip.edit)
+        if reach >= CERTAIN:
+            return slip
+        if reach > farthest:
+            best, farthest = slip, reach
+    return best
+
+
+def _skip(trouble: Trouble) -> Slip | None:
+    """Leave out the statement: up to the next place where reading can go on from an earlier one."""
+    symbols = trouble.tokens.symbols
+    for stop in range(trouble.at, len(symbols)):
+        if symbols[stop] not in FRESH and (stop == 0 or symbols[stop - 1] != ";"):
+            continue
+        for start in range(min(stop, trouble.at), -1, -1):
+            edit = Edit(start, stop - start, ())
+            if trouble.reach(edit) + trouble.at - stop >= min(_CONVINCING, len(symbols) - stop):
+                return Slip(edit, _hopeless(trouble).explain)
+    return None
+
+
+def _hopeless(trouble: Trouble) -> Slip:
+    return Slip(Edit(trouble.at, 0, ()), lambda: unexpected(trouble))
