@@ -31,7 +31,8 @@ class Parser(argparse.ArgumentParser):
         """
         arguments, rest = self.parse_known_args(argv)
         if rest:
-            raise UsageError([self._superfluous(word) for word in rest if word.startswith("-")] or [self._too_many(rest)])
+            options = [self._superfluous(word) for word in rest if word.startswith("-")]
+            raise UsageError(options or [self._too_many(rest)])
         return arguments
 
     def error(self, message: str) -> NoReturn:
@@ -59,7 +60,8 @@ class Parser(argparse.ArgumentParser):
         return Diagnostic("E0620", f"{self.prog} has no option '{option}'", hint=hint)
 
     def _too_many(self, words: Sequence[str]) -> Diagnostic:
-        return Diagnostic("E0620", f"{self.prog}: '{words[0]}' is one argument too many", hint=f"see `{self.prog} --help`")
+        message = f"{self.prog}: '{words[0]}' is one argument too many"
+        return Diagnostic("E0620", message, hint=f"see `{self.prog} --help`")
 
 
 def add_model_arguments(parser: Parser) -> None:
@@ -128,8 +130,8 @@ def choice(names: Sequence[str]) -> Callable[[str], str]:
 
     def convert(text: str) -> str:
         if text not in names:
-            hint = nearest(text, names)
-            raise argparse.ArgumentTypeError(f"expected one of {', '.join(names)}; found '{text}'" + (f"; {hint}" if hint else ""))
+            message = f"expected one of {', '.join(names)}; found '{text}'"
+            raise argparse.ArgumentTypeError("; ".join(filter(None, [message, nearest(text, names)])))
         return text
 
     return convert

@@ -24,7 +24,7 @@ def styled(text: str, style: str, stream: TextIO) -> str:
 
 
 def show(diagnostics: Iterable[Diagnostic], severities: tuple[str, ...] = ("error", "warning", "note")) -> None:
-    """Write diagnostics, errors last so that they stand where one looks first, and their number if there are several."""
+    """Write diagnostics, errors last where one looks first; and their number if there are several."""
     order = {"note": 0, "warning": 1, "error": 2}
     chosen = sorted((d for d in diagnostics if d.severity in severities), key=lambda d: order[d.severity])
     for d in chosen:
@@ -47,7 +47,7 @@ def failure(message: str) -> None:
 
 
 def internal_error(error: BaseException) -> None:
-    """Own up to a mistake of the compiler, with the traceback in a file (on standard error too with LMOC_TRACEBACK=1)."""
+    """Own up to a mistake of the compiler; the traceback goes into a file, with LMOC_TRACEBACK=1 to the terminal too."""
     import tempfile
     import traceback
 

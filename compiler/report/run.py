@@ -1,0 +1,233 @@
+"""The result of a run: every variable of the flat model by name, what the run cost, and where the energy went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic
+from lmoc.report.names import UnknownNameError, hint_for
+from lmoc.semantics.flat import Block, FlatDAE, Kind
+from lmoc.structure.reduced import Reduced
+
+if TYPE_CHECKING:
+    from lmoc.numerics.trajectory import Trajectory
+
+MANY = 2000  # variables: tables of larger scenes hold outputs and states unless names are given
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """The ledger of a run, in joules at the output times.
+
+    Attributes
+    ----------
+    stored : (times,) energy in all parts
+    supplied, lost : (times,) work of the sources and heat since the start
+    balance : the largest |supplied - lost - Δstored| over the largest of supplied, lost and the range of stored;
+        NaN where the run did not integrate work and heat
+    """
+
+    stored: np.ndarray
+    supplied: np.ndarray
+    lost: np.ndarray
+
+    @cached_property
+    def balance(self) -> float:
+        change = self.stored - self.stored[0]
+        scale = max(np.abs(self.supplied).max(), np.abs(self.lost).max(), np.ptp(self.stored))
+        error = np.abs(self.supplied - self.lost - change).max()
+        return float(error / scale) if scale > 0 else float(error)
+
+
+class Run:
+    """What a simulation has computed.
+
+    Variables that nobody integrates are computed when first asked for.
+
+    Attributes
+    ----------
+    time : (times,) s
+    stats : {name: number or text}: solver, steps, evaluations, wall time of each stage
+    notes : warnings and notes of the compilation and of this run
+    events : records of switching and impacts
+    complete : False where the run failed before its end
+    """
+
+    def __init__(
+        self,
+        reduced: Reduced,
+        trajectory: Trajectory,
+        notes: Sequence[Diagnostic] = (),
+        timings: Mapping[str, float] | None = None,
+        complete: bool = True,
+    ):
+        self.flat: FlatDAE = reduced.flat
+        self.reduced = reduced
+        self.trajectory = trajectory
+        self.time: np.ndarray = trajectory.time
+        self.notes = tuple(notes)
+        self.timings = dict(timings or {})
+        self.events: tuple = ()
+        self.complete = complete
+
+    # ---------------------------------------------------------------------- variables
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Values over time: (times,) for a variable, (times, n) for an array (all indices in row-major order).
+
+        Parameters
+        ----------
+        name : ``body.q``, ``m[3].q``, ``m.q`` or ``m[2:4].q``; ``der(...)`` of a state; a parameter gives a constant
+
+        Raises
+        ------
+        UnknownNameError
+            A KeyError that names what may have been meant.
+        """
+        if name == "time":
+            return self.time
+        if name.startswith("der(") and name.endswith(")"):
+            return self._derivative(name)
+        variables = self.flat.find(name)
+        if variables is None:
+            raise UnknownNameError(name, hint_for(self.flat, name))
+        values = self.values(variables)
+        return values if _is_array(self.flat, name) else values[:, 0]
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (name == "time" or self.flat.find(name) is not None)
+
+    def values(self, variables: np.ndarray) -> np.ndarray:
+        """Values (times, n) of variables given by their indices in the flat model."""
+        variables = np.asarray(variables, int)
+        result = np.full((len(self.time), len(variables)), np.nan)
+        known = self.flat.kind[variables] < Kind.INPUT
+        result[:, known] = self.trajectory.parameters[variables[known]]
+        registers = self.reduced.register_of[variables]
+        standing = ~known & (registers >= 0)
+        result[:, standing] = self.trajectory.registers(registers[standing]).T
+        return result
+
+    def _derivative(self, name: str) -> np.ndarray:
+        inner, order = name, 0
+        while inner.startswith("der(") and inner.endswith(")"):
+            inner, order = inner[4:-1].strip(), order + 1
+        found = self.flat.find(inner)
+        if found is None or len(found) != 1:
+            raise UnknownNameError(name, hint_for(self.flat, inner))
+        table = self.reduced.registers
+        register = np.flatnonzero((table.variable == found[0]) & (table.order == order))
+        if not len(register):
+            raise UnknownNameError(name, "only derivatives of states are at hand")
+        return self.trajectory.registers(register[:1])[0]
+
+    @property
+    def states(self) -> list[str]:
+        """Names of the solved states."""
+        return self.reduced.state_names
+
+    @cached_property
+    def outputs(self) -> list[str]:
+        """Names of the top-level outputs."""
+        return [b.name(i) for b in self.flat.blocks if b.output for i in range(b.size)]
+
+    @cached_property
+    def final(self) -> dict[str, float]:
+        """The last values of the outputs and the states."""
+        return {name: float(self[name][-1]) for name in dict.fromkeys([*self.outputs, *self.states])}
+
+    # --------------------------------------------------------------------- cost, energy
+
+    @property
+    def stats(self) -> dict[str, Any]:
+        return self.trajectory.stats
+
+    @cached_property
+    def energy(self) -> Energy:
+        return Energy(*(self[f"ledger.{name}"] for name in ("stored", "work", "heat")))
+
+    def unit(self, name: str) -> str:
+        """Unit of a variable or a state's derivative as written; empty where none is known."""
+        order = name.count("der(")
+        found = self.flat.find(name.replace("der(", "").rstrip(")") if order else name)
+        if found is None:
+            return ""
+        unit = self.flat.block_at(int(found[0])).unit
+        for _ in range(order if unit else 0):
+            unit = _per_second(unit)
+        return unit
+
+    # ------------------------------------------------------------- tables, files, pictures
+
+    def table_names(self) -> list[str]:
+        """Names of the columns of a table: all that changes in time, outputs first; of a large scene only outputs, states
+        and inputs."""
+        first = [*self.outputs, *self.states]
+        blocks = [b for b in self.flat.blocks if b.kind >= Kind.INPUT and not b.protected]
+        if sum(b.size for b in blocks) > MANY:
+            blocks = [b for b in blocks if b.kind == Kind.INPUT]
+        return list(dict.fromkeys([*first, *(b.name(i) for b in blocks for i in range(b.size))]))
+
+    def columns(self, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """{name: (times,) values}, time first; the names of `table_names`, or those given, arrays by their members."""
+        columns = {"time": self.time}
+        for name in self.table_names() if names is None else names:
+            values = self[name]
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                for k, variable in enumerate(self.flat.find(name)):
+                    columns[self.flat.variable_name(int(variable))] = values[:, k]
+        return columns
+
+    def to_dataframe(self, names: Sequence[str] | None = None):
+        """A pandas DataFrame with the time as index; columns as in `columns`."""
+        import pandas
+
+        columns = self.columns(names)
+        return pandas.DataFrame(columns).set_index("time")
+
+    def save(self, path: str | Path, names: Sequence[str] | None = None) -> Path:
+        """Write a table of the run: .csv, .npz, .parquet or .mat by the ending of the name.
+
+        Raises
+        ------
+        ModelError
+            E0623 the file cannot be written, E0624 unknown ending.
+        """
+        from lmoc.report.files import save
+
+        return save(self, Path(path), names)
+
+    def plot(self, names: Sequence[str] | None = None, path: str | Path | None = None):
+        """Draw signals in panels by unit, and the energy. Returns the matplotlib figure; with `path` also writes it."""
+        from lmoc.report.plots import plot
+
+        return plot(self, names, path)
+
+    def __repr__(self) -> str:
+        end = "" if self.complete else ", incomplete"
+        return f"<Run of {self.flat.name}: {len(self.time)} times from {self.time[0]:g} to {self.time[-1]:g} s{end}>"
+
+
+def _is_array(flat: FlatDAE, name: str) -> bool:
+    """Whether a name stands for several variables: an index is missing or is a range."""
+    block: Block = flat.block_at(int(flat.find(name)[0]))
+    subscripts = name.count("[") and sum(len(s.split("]")[0].split(",")) for s in name.split("[")[1:])
+    return subscripts < len(block.dims) or ":" in name
+
+
+def _per_second(unit: str) -> str:
+    """The unit of a derivative: m → m/s → m/s2."""
+    if unit == "1":
+        return "1/s"
+    head, slash, tail = unit.rpartition("/s")
+    if slash and (not tail or tail.isdigit()):
+        return f"{head}/s{int(tail or 1) + 1}"
+    return f"{unit}/s" if "/" not in unit else f"{unit}.s-1"

@@ -1,0 +1,161 @@
+"""The text that `lmoc run` prints, and the same as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lmoc.report.names import summarised
+from lmoc.report.run import Run
+from lmoc.semantics.flat import Block
+
+_LABEL = 10
+_MOST_ROWS = 24
+
+
+def summary(run: Run) -> str:
+    """What was solved, at which cost, how well, and where it ended."""
+    title = run.flat.name + (f": {run.flat.description}" if run.flat.description else "")
+    lines = [title]
+    lines += _labelled("reduction", " → ".join(f"{_number(n)} {stage}" for stage, n in stages(run.reduced.counts)))
+    lines += _labelled("states", ", ".join(summarised(run.states)) or "none")
+    lines += _labelled("solver", _solver(run.stats))
+    lines += _labelled("cost", _cost(run))
+    lines += _labelled("energy", energy_text(run))
+    lines += ["", f"at t = {run.time[-1]:g} s", *_table(final_rows(run))]
+    return "\n".join(lines)
+
+
+def as_data(run: Run) -> dict[str, Any]:
+    """The summary as plain data for JSON; NaN becomes None."""
+    energy = run.energy
+    data = {
+        "model": run.flat.name,
+        "description": run.flat.description,
+        "complete": run.complete,
+        "counts": run.reduced.counts,
+        "states": run.states,
+        "outputs": run.outputs,
+        "start": run.time[0],
+        "stop": run.time[-1],
+        "stats": dict(run.stats),
+        "timings": run.timings,
+        "energy": {
+            "balance": energy.balance,
+            "stored": [energy.stored[0], energy.stored[-1]],
+            "supplied": energy.supplied[-1],
+            "lost": energy.lost[-1],
+        },
+        "final": run.final,
+        "units": {name: run.unit(name) for name in run.final},
+        "notes": [{"code": d.code, "severity": d.severity, "message": d.message} for d in run.notes],
+    }
+    return plain(data)
+
+
+def plain(value: Any) -> Any:
+    """Numpy scalars and arrays as numbers and lists; what is not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value)
+
+
+# ---------------------------------------------------------------------------- the lines
+
+
+def _labelled(label: str, text: str, width: int = 100) -> list[str]:
+    """A label and a text beside it, broken between words."""
+    import textwrap
+
+    lead = " " * (_LABEL + 2)
+    broken = textwrap.wrap(text, width, initial_indent=lead, subsequent_indent=lead, break_on_hyphens=False)
+    return [f"  {label:<{_LABEL}}{broken[0][len(lead) :]}", *broken[1:]] if broken else []
+
+
+def stages(counts: Mapping[str, int]) -> list[tuple[str, int]]:
+    """The counts worth a word: parts, flat equations, what linear elimination leaves, solved states."""
+    words = {"parts": "parts", "equations": "flat equations", "after aliases": "after elimination", "states": "states"}
+    return [(words[key], counts[key]) for key in words if key in counts]
+
+
+def _solver(stats: Mapping[str, Any]) -> str:
+    reason = stats.get("reason", "")
+    return f"{stats.get('solver', 'none')}" + (f" ({reason})" if reason else "")
+
+
+def _cost(run: Run) -> str:
+    stats = run.stats
+    counted = [
+        f"{_number(stats[key])} {word}"
+        for key, word in (("steps", "steps"), ("evaluations", "evaluations"))
+        if key in stats
+    ]
+    compile_ms = sum(1e3 * s for stage, s in run.timings.items() if stage != "simulate")
+    times = [f"compile {_milliseconds(compile_ms)}"]
+    if "simulate" in run.timings:
+        times.append(f"run {_milliseconds(1e3 * run.timings['simulate'])}")
+    slowest = sorted(run.timings.items(), key=lambda item: -item[1])[:3]
+    detail = ", ".join(f"{stage} {_milliseconds(1e3 * s)}" for stage, s in slowest)
+    return "; ".join([", ".join(counted), f"{', '.join(times)} (most: {detail})"] if counted else times)
+
+
+def energy_text(run: Run) -> str:
+    """Stored, supplied and lost energy at the end, and the error of their balance."""
+    e = run.energy
+    if math.isnan(e.balance):
+        return "the ledger is not complete: a part states neither energy, loss nor power"
+    change = e.stored[-1] - e.stored[0]
+    return (
+        f"supplied {e.supplied[-1]:.4g} J = lost {e.lost[-1]:.4g} J + stored {change:.4g} J; "
+        f"balance error {e.balance:.1e}"
+    )
+
+
+def final_rows(run: Run) -> list[tuple[str, float, str, str]]:
+    """(name, value, unit, description) of the outputs, then of the states that are not outputs already."""
+    outputs = {int(run.reduced.register_of[b.offset + i]) for b in run.flat.blocks if b.output for i in range(b.size)}
+    names = list(run.outputs)
+    names += [n for n, r in zip(run.states, run.reduced.states.tolist(), strict=True) if r not in outputs]
+    shown = names if len(names) <= _MOST_ROWS else [*names[: _MOST_ROWS - 4], *names[-3:]]
+    return [(name, float(run[name][-1]), run.unit(name), _description(run, name)) for name in shown]
+
+
+def _description(run: Run, name: str) -> str:
+    found = run.flat.find(name)
+    block: Block | None = None if found is None else run.flat.block_at(int(found[0]))
+    return "" if block is None else block.description
+
+
+def _table(rows: Sequence[tuple[str, float, str, str]]) -> list[str]:
+    """Aligned at the decimal sign."""
+    values = [f"{value:.6g}" for _, value, _, _ in rows]
+    width = max((len(name) for name, *_ in rows), default=0)
+    before = max((len(_whole(v)) for v in values), default=0)
+    after = max((len(v) - len(_whole(v)) for v in values), default=0)
+    units = max((len(unit) for _, _, unit, _ in rows), default=0)
+    lines = []
+    for (name, _, unit, description), v in zip(rows, values, strict=True):
+        number = (_whole(v).rjust(before) + v[len(_whole(v)) :]).ljust(before + after)
+        lines.append(f"  {name:<{width}}  {number}  {unit:<{units}}  {description}".rstrip())
+    return lines
+
+
+def _whole(text: str) -> str:
+    return text.partition(".")[0] if "." in text else text.partition("e")[0]
+
+
+def _number(n: float) -> str:
+    return f"{n:,}".replace(",", " ") if isinstance(n, int) else f"{n:g}"
+
+
+def _milliseconds(ms: float) -> str:
+    return f"{ms:.0f} ms" if ms < 1000 else f"{ms / 1000:.1f} s"
