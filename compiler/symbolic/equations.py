@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.symbolic.names import base_of
-from lmoc.symbolic.notation import Formula, Notation, Style, join_terms
+from lmoc.symbolic.notation import ASCII, LATEX, UNICODE, Formula, Notation, Style, join_terms
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol, symbolic_system
 
 if TYPE_CHECKING:
@@ -89,16 +89,16 @@ class EquationsOfMotion:
             len(e.left) + len(e.right) - 1 for e in self.equations
         )
 
-    def lines(self, style: Style = Style()) -> list[str]:
+    def lines(self, style: Style = UNICODE) -> list[str]:
         return [e.write(self.notation, style) for e in self.equations]
 
-    def force_lines(self, style: Style = Style()) -> list[str]:
+    def force_lines(self, style: Style = UNICODE) -> list[str]:
         formula = Formula(self.notation, style)
         return [f"{self.notation.name(n, style)} = {formula.sum(v)}" for n, v in self.forces.items()]
 
     def text(self, ascii: bool = False) -> str:
         """For a terminal: the equations, the forces, and the table of abbreviations."""
-        style = Style("ascii" if ascii else "unicode")
+        style = ASCII if ascii else UNICODE
         lines = self.lines(style) or ["nothing moves: there is no coordinate"]
         if self.forces:
             lines += ["", "internal forces:", *self.force_lines(style)]
@@ -116,7 +116,7 @@ class EquationsOfMotion:
 
     def latex(self) -> str:
         """An `align*` environment."""
-        lines = [*self.lines(Style("latex")), *self.force_lines(Style("latex"))]
+        lines = [*self.lines(LATEX), *self.force_lines(LATEX)]
         rows = " \\\\\n".join("  " + line.replace(" = ", " &= ", 1) for line in lines)
         return f"\\begin{{align*}}\n{rows}\n\\end{{align*}}"
 
@@ -131,8 +131,8 @@ class EquationsOfMotion:
                 {
                     "coordinate": e.coordinate.name,
                     "order": e.order,
-                    "text": e.write(self.notation, Style("ascii")),
-                    "latex": e.write(self.notation, Style("latex")),
+                    "text": e.write(self.notation, ASCII),
+                    "latex": e.write(self.notation, LATEX),
                     "residual": str(e.residual),
                 }
                 for e in self.equations
@@ -142,7 +142,9 @@ class EquationsOfMotion:
             "assumptions": list(self.assumptions),
         }
 
-    def about(self, equilibrium: Mapping[str, sympy.Expr], inputs: Mapping[str, object] | None = None) -> EquationsOfMotion:
+    def about(
+        self, equilibrium: Mapping[str, sympy.Expr], inputs: Mapping[str, object] | None = None
+    ) -> EquationsOfMotion:
         """The equations in deviations ``δq = q − q_e`` from an equilibrium: constant loads disappear.
 
         Parameters
@@ -166,7 +168,8 @@ class EquationsOfMotion:
             if value != 0:
                 rename[name] = _delta(name)
                 shift[sp.Symbol(name)] = sp.Symbol(rename[name]) + sp.sympify(value)
-        zero = {sp.Symbol(n): sp.S.Zero for n in self.notation.late if n not in self.coordinates and n not in (inputs or {})}
+        others = set(self.notation.late) - set(self.coordinates) - set(inputs or {})
+        zero = {sp.Symbol(n): sp.S.Zero for n in others}
         moved = []
         for e in self.equations:
             rest = {k: v.xreplace(zero) if k in shift else v for k, v in shift.items()}

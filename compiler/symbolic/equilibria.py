@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.linearize import LinearModel, linearize
 from lmoc.symbolic.roots import Root, real_roots, search
@@ -63,11 +65,17 @@ class Equilibrium(Mapping):
 
     @property
     def stability(self) -> str | None:
-        """From the linear model: see `LinearModel.stability`; ``undecided`` where a nonlinear scene needs more."""
+        """From the linear model: see `LinearModel.stability`.
+
+        ``undecided`` where a nonlinear scene has an eigenvalue on the imaginary axis: the linear model cannot tell.
+        """
         if self.model is None:
             return None
-        found = self.model.stability
-        return "undecided" if self.nonlinear and found == "neutral" and self.isolated else found
+        values = self.model.eigenvalues
+        worst = float(values.real.max(initial=-np.inf))
+        if self.nonlinear and self.isolated and abs(worst) <= 1e-6 * max(1.0, float(np.abs(values).max(initial=0.0))):
+            return "undecided"
+        return self.model.stability
 
     def __repr__(self) -> str:
         values = ", ".join(f"{s}: {v}" for s, v in self.values.items())

@@ -93,7 +93,9 @@ class LinearModel:
     @cached_property
     def _numeric_A(self) -> np.ndarray:
         if self.symbolic:
-            raise refuse("eigenvalues need parameter values", hint="give the parameters values, or ask with symbolic=False")
+            raise refuse(
+                "eigenvalues need parameter values", hint="give the parameters values, or ask with symbolic=False"
+            )
         return self.A
 
     @property
@@ -183,10 +185,13 @@ class LinearModel:
 
 
 def stability(eigenvalues: np.ndarray, A: np.ndarray) -> str:
-    """Stability of ``ẋ = A x`` from its eigenvalues; a multiple root on the axis is stable only if A leaves its space whole."""
+    """Stability of ``ẋ = A x`` from its eigenvalues.
+
+    A multiple root on the imaginary axis is stable only if it has as many eigenvectors.
+    """
     size = max(1.0, float(np.abs(eigenvalues).max(initial=0.0)))
     worst = float(eigenvalues.real.max(initial=-np.inf))
-    if worst > 1e-9 * size ** 1.5:
+    if worst > 1e-9 * size**1.5:
         if worst > 1e-6 * size or _simple_roots(eigenvalues[eigenvalues.real > -1e-6 * size], A, size):
             return "unstable"
     if worst < -1e-9 * size:
@@ -240,13 +245,17 @@ def linearize(
     highest = max((len(j) for j in jets), default=1)
     f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
     here = {x: sp.sympify(v) for x, v in point.items()}
-    for u, jet in zip(system.inputs, jets):
+    for jet in jets:
         here |= {d: sp.S.Zero for d in jet[1:] if d not in here}
+
+    if not symbolic:
+        _check_values(f.free_symbols | h.free_symbols, system, values)
 
     def finish(matrix: sp.Matrix) -> Matrix:
         matrix = matrix.xreplace(here)
         return matrix.applyfunc(_lowest) if symbolic else numeric_matrix(matrix, system, values)
 
+    drift, output_values = finish(f), finish(h)
     Bs, Ds = [], []
     for k in range(highest):
         columns = [jet[k] if k < len(jet) else sp.Dummy() for jet in jets]
@@ -261,8 +270,8 @@ def linearize(
         C=finish(_jacobian(h, system.states)),
         Ds=tuple(Ds),
         point={x.name: here.get(x, x if symbolic else sp.S.Zero) for x in (*system.states, *system.inputs)},
-        drift=_column(finish(f)),
-        output_values=_column(finish(h)),
+        drift=_column(drift),
+        output_values=_column(output_values),
         coordinates=system.coordinates,
     )
 
@@ -287,14 +296,28 @@ def numeric_matrix(matrix: sympy.Matrix, system: SymbolicSystem, values: Mapping
     """A matrix of expressions as numbers; states and inputs left over are zero."""
     import sympy as sp
 
-    known = {s: sp.Float(float(v), 17) if not isinstance(v, sp.Expr) else v for s, v in (values or {}).items()}
-    table = {**system.numbers, **known}
-    zero = {x: sp.S.Zero for x in (*system.states, *system.inputs, sp.Symbol("time"))}
-    done = matrix.xreplace(table).xreplace({x: z for x, z in zero.items() if x not in table})
+    table = _numbers(system, values)
+    zero = {x: sp.S.Zero for x in (*system.states, *system.inputs, sp.Symbol("time")) if x not in table}
+    done = matrix.xreplace(table).xreplace(zero)
     missing = sorted({s.name for s in done.free_symbols})
     if missing:
         raise no_value(missing)
     return np.array(done.evalf(17).tolist(), float).reshape(matrix.shape)
+
+
+def _check_values(symbols: set, system: SymbolicSystem, values: Mapping | None) -> None:
+    missing = symbols & {s for s, v in system.values.items() if np.isnan(v)} - set(values or {})
+    if missing:
+        raise no_value(sorted(s.name for s in missing))
+
+
+def _numbers(system: SymbolicSystem, values: Mapping | None) -> dict:
+    import sympy as sp
+
+    from lmoc.expression.to_sympy import exact
+
+    more = {s: v if isinstance(v, sp.Expr) else exact(float(v)) for s, v in (values or {}).items()}
+    return {**system.numbers, **more}
 
 
 def no_value(missing: list[str]):

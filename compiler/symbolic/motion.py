@@ -1,10 +1,10 @@
 """Equations of motion by the principle of virtual power.
 
-Connections carry no power: the sum of ``flow · rate of potential`` over all ports of all parts vanishes for every motion
-that the connections allow (Tellegen's theorem). With the rates of the potentials as linear functions of the coordinates'
-rates, each coordinate gives one equation, ``Σ flow · ∂(rate)/∂q̇ᵢ = 0``: Lagrange's equations in the parts' own terms,
-with symmetric mass matrix, in which the flows of ideal parts (rods, gears, pulleys) cancel by themselves. Nothing is
-inverted, so what the user wrote stays recognizable.
+Connections carry no power: the sum of ``flow · rate of potential`` over all ports of all parts vanishes for every
+motion that the connections allow (Tellegen's theorem). With the rates of the potentials as linear functions of the
+coordinates' rates, each coordinate gives one equation, ``Σ flow · ∂(rate)/∂q̇ᵢ = 0``: Lagrange's equations in the parts'
+own terms, with symmetric mass matrix, in which the flows of ideal parts (rods, gears, pulleys) cancel by themselves.
+Nothing is inverted, so what the user wrote stays recognizable.
 
 Scenes whose forces are not all tied to ports get the explicit form, one solved acceleration an equation.
 """
@@ -59,7 +59,9 @@ class Kinematics:
         self.interpreter = interpreter
         self.coordinates = [system.states[q] for q, _ in system.coordinates]
         self.orders = [2 if v >= 0 else 1 for _, v in system.coordinates]
-        self._velocity = {system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0}
+        self._velocity = {
+            system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0
+        }
         self._quadrature = self._quadratures(reduced)
         registers = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
         held = {int(reduced.registers.variable[r]) for r in registers if reduced.registers.order[r] == 0}
@@ -217,9 +219,13 @@ def agrees(motion: Motion, system: SymbolicSystem) -> bool:
     values = {x: x - r for x, r in zip(highest, solved.residuals)}
     symbols = set().union(*(r.free_symbols for r in (*motion.residuals, *values.values())), set()) - set(highest)
     generator = np.random.default_rng(7)
-    point = {s: sp.Float(v, 30) for s, v in zip(sorted(symbols, key=lambda s: s.name), generator.uniform(0.5, 1.5, 999))}
+    point = {
+        s: sp.Float(v, 30) for s, v in zip(sorted(symbols, key=lambda s: s.name), generator.uniform(0.5, 1.5, 999))
+    }
     numbers = {x: v.xreplace(point).evalf(30) for x, v in values.items()}
-    matrix = sp.Matrix([[r.diff(x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals])
+    matrix = sp.Matrix(
+        [[r.diff(x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals]
+    )
     if len(highest) != len(motion.residuals) or (highest and abs(matrix.det()) < 1e-20):
         return False
     left = [r.xreplace(point).xreplace(numbers).evalf(30) for r in motion.residuals]

@@ -84,6 +84,9 @@ def _latex_symbol(name: str, found: re.Match | None, order: int) -> str:
     return f"{letter}_{{{index}}}" if index else letter
 
 
+UNICODE, ASCII, LATEX = Style("unicode"), Style("ascii"), Style("latex")
+
+
 @dataclass(frozen=True)
 class Notation:
     """Names of symbols and the order in which they are written.
@@ -105,14 +108,14 @@ class Notation:
         late = [base_of(n)[0] for n in late]
         return cls(short_names([*late, *(base_of(n)[0] for n in names), *found]), {n: i for i, n in enumerate(late)})
 
-    def name(self, full: str, style: Style = Style()) -> str:
+    def name(self, full: str, style: Style = UNICODE) -> str:
         base, order = base_of(full)
         return style.symbol(self.short.get(base, base), order)
 
-    def text(self, value: sympy.Expr, style: Style = Style()) -> str:
+    def text(self, value: sympy.Expr, style: Style = UNICODE) -> str:
         return Formula(self, style).sum(value)
 
-    def polynomial(self, value: sympy.Expr, variable: str, style: Style = Style()) -> str:
+    def polynomial(self, value: sympy.Expr, variable: str, style: Style = UNICODE) -> str:
         """A polynomial by falling powers of its variable, in brackets where it has several terms."""
         import sympy as sp
 
@@ -257,7 +260,7 @@ class Formula:
         """What has no textbook form (cases, relations), in SymPy's words and our names."""
         import sympy as sp
 
-        names = {s: sp.Symbol(self.notation.name(s.name, Style("ascii"))) for s in value.free_symbols}
+        names = {s: sp.Symbol(self.notation.name(s.name, ASCII)) for s in value.free_symbols}
         shown = value.xreplace(names)
         return sp.latex(shown) if self.style.name == "latex" else sp.sstr(shown)
 

@@ -140,7 +140,9 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     s = sp.Symbol("s")
     column, row = _index(model.inputs, u, "input"), _index(model.outputs, y, "output")
     pencil, scale = _pencil(model)
-    drive = [scale[i] * sum((B[i, column] * s**k for k, B in enumerate(model.Bs)), sp.S.Zero) for i in range(len(scale))]
+    drive = [
+        scale[i] * sum((B[i, column] * s**k for k, B in enumerate(model.Bs)), sp.S.Zero) for i in range(len(scale))
+    ]
     through = sum((D[row, column] * s**k for k, D in enumerate(model.Ds)), sp.S.Zero)
     last = sp.lcm_list([sp.fraction(sp.together(c))[1] for c in [*model.C[row, :], through]] or [sp.S.One])
     bordered = sp.Matrix.vstack(
@@ -151,7 +153,9 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     top, bottom = sp.fraction(sp.cancel(_determinant(bordered) / (full * last)))
     if sp.Poly(bottom, s).LC().could_extract_minus_sign():
         top, bottom = sp.expand(-top), sp.expand(-bottom)
-    return TransferFunction(u, y, _collect(top, s), _collect(bottom, s), _cancelled(full, bottom, s), dict(values or {}))
+    return TransferFunction(
+        u, y, _collect(top, s), _collect(bottom, s), _cancelled(full, bottom, s), dict(values or {})
+    )
 
 
 def input_output_equation(model: LinearModel, u: str, y: str) -> InputOutputEquation:

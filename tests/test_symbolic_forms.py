@@ -1,0 +1,177 @@
+"""Linear models, transfer functions, equilibria and printed equations, from the reference equations of the notes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from lmoc.diagnostics import ModelError
+from lmoc.symbolic.equilibria import equilibria
+from lmoc.symbolic.linearize import linearize
+from lmoc.symbolic.motion import explicit
+from lmoc.symbolic.system import SymbolicSystem, jet_symbol
+from lmoc.symbolic.transfer import characteristic_polynomial, input_output_equation, transfer_function
+from symbolic_truth import TRUTH, by_hand, equal, matrix, names_of, read
+
+LINEAR = [name for name, truth in TRUTH.items() if "linear" in truth]
+every_linear = pytest.mark.parametrize("name", LINEAR)
+x, v, m, k, c, u, s = sp.symbols("x v m k c u s")
+
+
+def oscillator(**values) -> SymbolicSystem:
+    """m x'' + c x' + k x = u."""
+    return SymbolicSystem(
+        "oscillator",
+        (x, v),
+        (v, (u - c * v - k * x) / m),
+        (u,),
+        outputs={"x": x, "v": v},
+        values={p: values.get(p.name, np.nan) for p in (m, k, c)},
+    )
+
+
+@every_linear
+def test_matrices(name):
+    model, linear = linearize(by_hand(name), symbolic=True), TRUTH[name]["linear"]
+    for found, key in ((model.A, "A"), (model.B, "B"), (model.C, "C"), (model.D, "D")):
+        assert sp.simplify(found - matrix(name, linear[key])).is_zero_matrix, key
+
+
+@every_linear
+def test_characteristic_polynomial_and_transfer_functions(name):
+    truth, model = TRUTH[name], linearize(by_hand(name), symbolic=True)
+    assert not sp.simplify(characteristic_polynomial(model) / read(name, truth["characteristic"])).free_symbols
+    for key, text in truth["transfer"].items():
+        y, _, u = key.partition("/")
+        assert equal(transfer_function(model, u, y).expression, read(name, text))
+
+
+@every_linear
+def test_input_output_equations(name):
+    model = linearize(by_hand(name), symbolic=True)
+    for key, text in TRUTH[name]["input_output"].items():
+        y, _, u = key.partition("/")
+        left, right = (side.rsplit(") ", 1)[0] + ")" for side in text.split(" = "))
+        found = input_output_equation(model, u, y)
+        assert equal(found.left * read(name, right), found.right * read(name, left))
+
+
+def test_input_output_equation_reads_as_in_the_notes():
+    found = input_output_equation(linearize(by_hand("Ex7"), symbolic=True), "tau2", "y")
+    assert str(found) == "(J²·p⁴ + 3·J·k·p² + k²) y = (-J·p² - k) τ2"
+
+
+@every_linear
+def test_equilibria(name):
+    expected, found = TRUTH[name]["equilibrium"], equilibria(by_hand(name))
+    assert len(found) == 1
+    if isinstance(expected, str) or len(expected[0]) < len(TRUTH[name]["states"]):
+        assert found[0].free and found[0].conditions
+    else:
+        assert found[0].isolated and not found[0].conditions
+        assert all(equal(found[0][state], read(name, text)) for state, text in expected[0].items())
+
+
+def test_input_derivative_is_removed_by_a_change_of_state():
+    model = linearize(by_hand("Ex5"), symbolic=True)
+    plain = model.realization()
+    assert model.Bd is not None and plain.Bd is None
+    for y in ("q1", "tire_force"):
+        assert equal(transfer_function(plain, "u", y).expression, transfer_function(model, "u", y).expression)
+
+
+def test_improper_output_has_no_proper_form():
+    with pytest.raises(ModelError, match="derivative of an input"):
+        linearize(by_hand("Ex5")).matrices()
+
+
+def test_modes_of_a_damped_oscillator():
+    model = linearize(oscillator(m=2.0, k=50.0, c=3.0))
+    assert np.allclose(model.frequencies, 5.0)
+    assert np.allclose(model.dampings, 3 / (2 * np.sqrt(100)))
+    assert np.allclose(model.A @ model.modes, model.modes * model.eigenvalues)
+    assert model.stability == "asymptotically stable"
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"m": 1, "k": 4, "c": 0}, "stable"),
+        ({"m": 1, "k": 0, "c": 1}, "neutral"),
+        ({"m": 1, "k": 0, "c": 0}, "unstable"),
+        ({"m": 1, "k": -4, "c": 1}, "unstable"),
+        ({"m": 1, "k": 4, "c": -0.1}, "unstable"),
+    ],
+)
+def test_stability(values, expected):
+    assert linearize(oscillator(**values)).stability == expected
+
+
+def test_poles_zeros_and_gain():
+    tf = transfer_function(linearize(oscillator(), symbolic=True), "u", "x", {m: 2.0, k: 50.0, c: 3.0})
+    assert np.allclose(sorted(tf.poles, key=np.imag), np.roots([2, 3, 50])[::-1])
+    assert len(tf.zeros) == 0 and tf.gain == pytest.approx(1 / 50)
+    assert tf.response(np.array([5.0]))[0] == pytest.approx(1 / (15j))
+
+
+def test_cancelled_modes_are_named():
+    tf = transfer_function(linearize(by_hand("S8-ideal"), symbolic=True), "tau1", "tau_load")
+    names = names_of("S8-ideal")
+    assert set(tf.cancelled) == {s, names["J2"] * s + names["c"]} and tf.expression == sp.Symbol("N")
+
+
+def test_missing_value_is_named():
+    with pytest.raises(ModelError, match="no value for c, k, m"):
+        linearize(oscillator())
+
+
+def test_unknown_output_is_named():
+    with pytest.raises(ModelError, match="there is no output 'y'"):
+        transfer_function(linearize(oscillator(), symbolic=True), "u", "y")
+
+
+def test_cubic_spring_rests_at_its_free_length():
+    L, d0 = sp.symbols("L d0")
+    system = SymbolicSystem("cubic", (x, v), (v, (u - k * (x + L - d0) ** 3) / m), (u,), values={m: 1.0, k: 2.0})
+    (found,) = equilibria(system, {"u": 0})
+    assert equal(found["x"], d0 - L) and found.how == "exact"
+    (loaded,) = equilibria(replace(system, values={m: 1.0, k: 2.0, L: 0.0, d0: 0.0}), {"u": 16})
+    assert float(loaded["x"].subs({k: 2, L: 0, d0: 0})) == pytest.approx(2.0)
+
+
+def test_pendulum_rests_hanging_and_standing():
+    pendulum = SymbolicSystem("pendulum", (x, v), (v, -k * sp.sin(x)), values={k: 9.81})
+    found = {e["x"]: e.stability for e in equilibria(pendulum)}
+    assert found == {0: "undecided", sp.pi: "unstable"}  # undamped: the linear model cannot tell
+
+
+def test_two_nonlinear_unknowns_are_searched_and_it_is_said_so():
+    y, w = sp.symbols("y w")
+    system = SymbolicSystem("pair", (x, y, v, w), (v, w, sp.sin(x) + y**3 - y - v, y**3 - y + x * 0 - w))
+    found = equilibria(system)
+    assert {round(float(e["y"])) for e in found} == {-1, 0, 1}
+    assert all("starts" in e.how for e in found if e.how != "exact")
+
+
+def test_nothing_rests_under_an_uncarried_load():
+    assert equilibria(SymbolicSystem("falling", (x, v), (v, k), values={k: 9.81})) == []
+
+
+def test_double_pendulum_prints_compactly():
+    from lmoc.symbolic.equations import sorted_equation
+    from lmoc.symbolic.notation import Notation, Style
+
+    a, b, l = sp.symbols("a b l")
+    accelerations = [jet_symbol(n, 2) for n in "ab"]
+    residual = m * l**2 * (sp.cos(a) * (sp.cos(a) * accelerations[0] + sp.cos(b) * accelerations[1])) + m * l**2 * (
+        sp.sin(a) * (sp.sin(a) * accelerations[0] + sp.sin(b) * accelerations[1])
+    )
+    equation = sorted_equation(residual, a, 2, [a, b], ["a", "b"])
+    text = equation.write(Notation.of(residual, late=["a", "b"]), Style("ascii"))
+    assert text == "a'' + cos(a - b)*b'' = 0"
+
+
+def test_explicit_form_of_the_oscillator():
+    motion = explicit(oscillator())
+    assert motion.coordinates == (x,) and motion.orders == (2,)
+    assert equal(motion.residuals[0], jet_symbol("x", 2) - (u - c * jet_symbol("x", 1) - k * x) / m)
