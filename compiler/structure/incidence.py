@@ -1,0 +1,92 @@
+"""Which unknowns stand in which equations, and how often differentiated: the input of every graph algorithm here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+
+def ranges(start: np.ndarray, items: np.ndarray) -> np.ndarray:
+    """Positions ``start[i] … start[i+1]-1`` of all `items` of a compressed table, one after the other."""
+    begin = start[items]
+    length = start[items + 1] - begin
+    total = int(length.sum())
+    if total == 0:
+        return np.zeros(0, np.int64)
+    shift = np.repeat(begin - np.concatenate([[0], np.cumsum(length)[:-1]]), length)
+    return shift + np.arange(total)
+
+
+def pointers(sorted_keys: np.ndarray, count: int) -> np.ndarray:
+    """Where each key ``0 … count-1`` begins in a sorted array: the ``start`` of a compressed table."""
+    return np.concatenate([[0], np.cumsum(np.bincount(sorted_keys, minlength=count))])
+
+
+@dataclass(frozen=True, eq=False)
+class Incidence:
+    """A sparse matrix of derivative orders, its entries sorted by (row, column), no pair twice.
+
+    Attributes
+    ----------
+    rows, columns : int
+        Equations and unknowns.
+    row, column, order : (nnz,) int
+        The highest derivative order of each unknown in each equation: Pryce's signature matrix.
+    """
+
+    rows: int
+    columns: int
+    row: np.ndarray
+    column: np.ndarray
+    order: np.ndarray
+
+    @staticmethod
+    def of(rows: int, columns: int, row: np.ndarray, column: np.ndarray, order: np.ndarray) -> Incidence:
+        """Sorted, with the highest order where a pair is given several times."""
+        key = np.asarray(row, np.int64) * max(columns, 1) + column
+        place = np.argsort(key, kind="stable")
+        key, order = key[place], np.asarray(order)[place]
+        first = np.ones(len(key), bool)
+        first[1:] = key[1:] != key[:-1]
+        if not first.all():
+            begin = np.flatnonzero(first)
+            order, key = np.maximum.reduceat(order, begin), key[begin]
+        row, column = np.divmod(key, max(columns, 1))
+        return Incidence(rows, columns, row, column, order)
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """(rows+1,) where each row's entries begin."""
+        return pointers(self.row, self.rows)
+
+    @cached_property
+    def by_column(self) -> np.ndarray:
+        """(nnz,) the entries in an order sorted by (column, row)."""
+        return np.argsort(self.column, kind="stable")
+
+    @cached_property
+    def column_start(self) -> np.ndarray:
+        """(columns+1,) where each column begins in `by_column`."""
+        return pointers(self.column, self.columns)
+
+    def of_rows(self, rows: np.ndarray) -> np.ndarray:
+        """The entries in these rows."""
+        return ranges(self.start, rows)
+
+    def of_columns(self, columns: np.ndarray) -> np.ndarray:
+        """The entries in these columns."""
+        return self.by_column[ranges(self.column_start, columns)]
+
+    def restricted(self, entries: np.ndarray) -> Incidence:
+        """The same rows and columns with these entries (a mask or sorted positions) only."""
+        return Incidence(self.rows, self.columns, self.row[entries], self.column[entries], self.order[entries])
+
+    def submatrix(self, rows: np.ndarray, columns: np.ndarray) -> Incidence:
+        """Chosen rows and columns (sorted numbers), numbered anew."""
+        new_row, new_column = np.full(self.rows, -1, np.int64), np.full(self.columns, -1, np.int64)
+        new_row[rows], new_column[columns] = np.arange(len(rows)), np.arange(len(columns))
+        r, c = new_row[self.row], new_column[self.column]
+        kept = (r >= 0) & (c >= 0)
+        return Incidence(len(rows), len(columns), r[kept], c[kept], self.order[kept])
