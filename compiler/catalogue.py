@@ -149,6 +149,32 @@ CATALOGUE: dict[str, Entry] = {
     # ------------------------------ 02xx names, classes, modifications, models
     # ----------------------------------------- 03xx types, units, connections
     # --------------------------------------------------------- 04xx structure
+    "E0411": Entry(
+        "constraints contradict each other",
+        "Rigid connections form a loop, or end at places that are fixed, and their lengths and offsets do not add up: "
+        "two rods of different lengths side by side, a rod between two walls that are further apart. Every place on the "
+        "loop is listed. Change one of them, or put a spring where the real thing gives way.",
+    ),
+    "E0412": Entry(
+        "a loop that cannot move",
+        "Two ways through ideal gears, drums or levers lead from one coordinate to the same other one with different "
+        "ratios: only rest satisfies both. Where the ratios are meant to be equal, give them the same value.",
+    ),
+    "E0413": Entry(
+        "a motion is prescribed twice",
+        "Two given functions of time (an input, a prescribed motion, a fixed place) act on the same coordinate through "
+        "rigid connections. Prescribe it once, or put a spring between them.",
+    ),
+    "E0414": Entry(
+        "unknown state",
+        "A name given as a preferred state is not a variable of the model.",
+    ),
+    "N0415": Entry(
+        "a constraint repeats others",
+        "A loop of rigid connections gives one constraint more than there are coordinates, and they agree. It is left "
+        "out: the motion is the same, but the forces inside the loop are not unique. They are reported as undetermined "
+        "(NaN); what they do together to the bodies is right.",
+    ),
     # ------------------------------------------- 05xx start, inputs, running
     # -------------------------------------------------- 06xx files, commands
     "E0610": Entry(
@@ -210,6 +236,16 @@ CATALOGUE: dict[str, Entry] = {
     "E0662": Entry(
         "a parameter without a value",
         "Numbers (poles, eigenvalues, a numeric linear model) need a value for every parameter that occurs.",
+    ),
+    "N0630": Entry(
+        "flattened again",
+        "A parameter given to this run decides about the structure of the model (the length of an array, a condition),\n"
+        "so the scene has been flattened and reduced anew. The result is kept for further runs with the same value.",
+    ),
+    "N0631": Entry(
+        "reduced anew",
+        "The smallest system of equations rested on an assumption about parameter values, such as `J = 0`, which does\n"
+        "not hold for the values of this run. The reduction has been redone, and is kept for further runs.",
     ),
 }
 

@@ -18,6 +18,7 @@ from lmoc.expression.dag import (
     neg,
     postorder,
     power,
+    rebuild,
     slot,
     sub,
 )
@@ -130,7 +131,8 @@ def _linear_node(node: Expr, wanted: set[Expr], parts: dict):
     if any(g is None for g in got):
         return None
     if not any(g[0] for g in got):
-        return {}, node
+        rests = tuple(g[1] for g in got)  # leaves may have cancelled below
+        return {}, node if rests == node.args else rebuild(node.op, rests)
     op = node.op
     if op == "neg":
         return {k: neg(c) for k, c in got[0][0].items()}, neg(got[0][1])

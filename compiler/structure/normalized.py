@@ -54,9 +54,10 @@ class LongSums:
 class Normalized:
     """The flat model in root jets.
 
-    Every unknown ``x`` of the flat model is ``factor·root^(order) + offset``. `root` may be an input or a parameter
-    (then x is known), `factor` and `offset` are extended variables (constants, parameters or derived parameters) or
-    -1 for 1 and 0; `factor` -2 is -1.
+    Every unknown ``x`` of the flat model is ``factor·root^(order) + offset``. `root` may be an input, a parameter or
+    a derived parameter (then x is known; what is constant has such a root alone: order 0, factor and offset -1).
+    `factor` and `offset` are extended variables (constants, parameters or derived parameters) or -1 for 1 and 0;
+    `factor` -2 is -1.
 
     Attributes
     ----------
@@ -64,7 +65,8 @@ class Normalized:
     derived_values : values of the derived parameters for the present parameter values
     root, order, factor, offset : (flat.count,)
     groups, sums : what remains to be solved
-    undetermined : flat variables on which a redundant loop leaves no unique answer
+    undetermined : flat variables on which a redundant loop leaves no unique answer; `groups` sets as many of their
+        roots to zero as are needed for the others to follow
     """
 
     flat: FlatDAE
@@ -80,6 +82,7 @@ class Normalized:
     guards: tuple[Guard, ...] = ()
     notes: tuple[Diagnostic, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
+    undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
 
     @cached_property
     def all_values(self) -> np.ndarray:

@@ -1,0 +1,100 @@
+"""Flat equations by number: their place, their variables, the parts they belong to. For messages only."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from itertools import accumulate
+
+import numpy as np
+
+from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.source import Span
+
+
+class Equations:
+    """The flat equations numbered through: the groups in order, then the sums."""
+
+    def __init__(self, flat: FlatDAE):
+        self.flat = flat
+        self._first = [0, *accumulate(g.rows for g in flat.groups)]
+
+    @property
+    def first_sum(self) -> int:
+        """Number of the first sum."""
+        return self._first[-1]
+
+    def place(self, number: int) -> tuple[int, int]:
+        """Group (-1: the sums) and row of an equation."""
+        if number >= self.first_sum:
+            return -1, number - self.first_sum
+        group = bisect_right(self._first, number) - 1
+        return group, number - self._first[group]
+
+    def span(self, number: int) -> Span | None:
+        group, row = self.place(number)
+        if group >= 0:
+            return self.flat.groups[group].span
+        sums = self.flat.sums
+        at = int(sums.span_of[row]) if len(sums.span_of) else -1
+        return sums.spans[at] if at >= 0 else None
+
+    def text(self, number: int) -> str:
+        group, row = self.place(number)
+        return self.flat.sum_text(row) if group < 0 else self.flat.row_text(self.flat.groups[group], row)
+
+    def unknowns(self, number: int) -> list[int]:
+        group, row = self.place(number)
+        sums = self.flat.sums
+        found = sums.index[sums.start[row] : sums.start[row + 1]] if group < 0 else self.flat.groups[group].slots[row]
+        return [v for v in dict.fromkeys(found.tolist()) if self.flat.kind[v] == Kind.UNKNOWN]
+
+    def part(self, number: int) -> str:
+        """The element that an equation describes, "" for connections and for equations of the model itself."""
+        group, row = self.place(number)
+        if group < 0:
+            return ""
+        g = self.flat.groups[group]
+        if g.origin in ("connection", "unconnected", "ledger") or not self.flat.parts[g.part].path:
+            return ""
+        depth = len(self.flat.parts[g.part].path)
+        names = [self.flat.variable_name(v).split(".") for v in g.slots[row].tolist() if v < self.flat.count]
+        own = [p.split("[")[0] for p in self.flat.parts[g.part].pattern.split(".")]
+        for name in names:
+            if [n.split("[")[0] for n in name[:depth]] == own:
+                return ".".join(name[:depth])
+        return self.flat.parts[g.part].pattern
+
+    def parts(self, numbers: Iterable[int]) -> list[str]:
+        """Names of the elements that some equations describe, each once."""
+        return [name for name in dict.fromkeys(self.part(n) for n in numbers) if name]
+
+    def spans(self, numbers: Iterable[int]) -> list[Span]:
+        """Places of some equations, each once."""
+        return [s for s in dict.fromkeys(self.span(n) for n in numbers) if s is not None]
+
+
+class Loops:
+    """Remembers by which equation each eliminated variable hangs on another, to name what closes a loop."""
+
+    def __init__(self, equations: Equations, count: int):
+        self.equations = equations
+        self.parent = np.full(count + 1, -1, np.int64)
+        self.source = np.full(count + 1, -1, np.int64)
+
+    def link(self, child: np.ndarray, parent: np.ndarray, source: np.ndarray) -> None:
+        self.parent[child] = parent
+        self.source[child] = source
+
+    def _path(self, variable: int) -> list[int]:
+        path = []
+        while self.parent[variable] >= 0:
+            path.append(int(self.source[variable]))
+            variable = int(self.parent[variable])
+        return path
+
+    def around(self, number: int) -> list[int]:
+        """The equations of the loop that this one closes, itself first."""
+        paths = [self._path(v) for v in self.equations.unknowns(number)]
+        shared = set.intersection(*(set(p) for p in paths)) if paths else set()
+        return list(dict.fromkeys([number, *(e for path in paths for e in path if e not in shared)]))

@@ -1,0 +1,135 @@
+"""Terms whose coefficient is zero for the present parameter values: they are taken out of their equations.
+
+``J·der(omega) = tau`` with J = 0 is the equation ``0 = tau``: another structure, not a small number. Every such
+decision is a guard, to be checked for each further parameter set.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.evaluate import evaluate
+from lmoc.expression.text import to_text
+from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.structure.coefficients import (
+    ROUNDOFF,
+    compound_coefficients,
+    factors_of,
+    linear_form,
+    linear_sum,
+    renumbered,
+    signed,
+    value_and_size,
+    without_factors,
+)
+from lmoc.structure.derived import DerivedParameters
+from lmoc.structure.reduced import Guard
+from lmoc.structure.substitution import Rows, partition
+
+
+@dataclass(frozen=True, eq=False)
+class Vanishing:
+    """The test ``|expr(slots[i])| ≤ roundoff`` row by row, with what came out."""
+
+    expr: Expr
+    slots: np.ndarray
+    zero: np.ndarray  # (n,) bool
+    derived: DerivedParameters
+    nan_is_zero: bool
+
+    def __call__(self, values: np.ndarray) -> bool:
+        beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
+        known = self.derived.extended(values) if beyond else values
+        return bool((vanishes(self.expr, self.slots, known, self.derived, self.nan_is_zero) == self.zero).all())
+
+
+def vanishes(
+    expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters, nan_is_zero: bool
+) -> np.ndarray:
+    """Where the value is zero to within the roundoff of its terms; one bool a row."""
+    if any(n.op in ("add", "sub") for n in postorder(expr)):
+        sizes = derived.sizes(known)
+        value, size = value_and_size(expr, known[table], sizes[table])
+        zero = np.abs(value) <= ROUNDOFF * size
+    else:
+        value = evaluate(expr, lambda k, _: known[table[:, k]])
+        zero = np.equal(value, 0.0)
+    if nan_is_zero:
+        zero = zero | np.isnan(value)
+    return np.broadcast_to(zero, (len(table),))
+
+
+class Splitter:
+    """Splits groups by vanishing coefficients and keeps the guards."""
+
+    def __init__(self, flat: FlatDAE, derived: DerivedParameters):
+        self.flat = flat
+        self.derived = derived
+        self.guards: list[Guard] = []
+        self._tested: dict[tuple[Expr, bytes], np.ndarray] = {}
+
+    def by_factors(self, group: Rows) -> list[Rows]:
+        """Parts of the group in which no factor that is a parameter expression is zero."""
+        tests = factors_of(group.shape, group.kinds)
+        result = self._split(group, tests, lambda g, zero: g.with_shape(without_factors(g.shape, zero)))
+        return [part for g in result for part in self.by_coefficients(g)]
+
+    def by_coefficients(self, group: Rows) -> list[Rows]:
+        """The same for coefficients of linear equations in which terms cancel, as N1 - N2 in a loop of gears."""
+        compound = compound_coefficients(group.shape, group.kinds)
+        if not compound:
+            return [group]
+
+        def without(g: Rows, zero: tuple[Expr, ...]) -> Rows:
+            coefficients, rest = linear_form(g.shape, g.kinds)
+            kept = {leaf: c for leaf, c in coefficients.items() if c not in zero}
+            return g.with_shape(linear_sum(kept, rest))
+
+        return self._split(group, tuple(dict.fromkeys(c for _, c in compound)), without)
+
+    def _split(self, group: Rows, tests: tuple[Expr, ...], without) -> list[Rows]:
+        if not tests:
+            return [group]
+        outcome = np.stack([self.vanishing(group, test) for test in tests], axis=1)
+        parts = []
+        for pattern, rows in partition(outcome):
+            part = group if rows is None else group.take(rows)
+            zero = tuple(t for t, z in zip(tests, pattern, strict=True) if z)
+            parts.append(without(part, zero) if zero else part)
+        return parts
+
+    def vanishing(self, group: Rows, expr: Expr) -> np.ndarray:
+        """The test for all rows, recorded as a guard."""
+        expr = signed(expr)[1]
+        shape, columns = renumbered(expr)
+        table = group.slots[:, list(columns)]
+        key = (shape, table.tobytes())
+        if key not in self._tested:
+            zero = vanishes(shape, table, self.derived.known, self.derived, group.looped > 0)
+            self._tested[key] = zero
+            if not all(i < self.flat.count and self.flat.kind[i] == Kind.CONSTANT for i in table[0].tolist()):
+                holds = Vanishing(shape, table, zero, self.derived, group.looped > 0)
+                self.guards.append(Guard(holds, self._text(group, expr, zero)))
+        return self._tested[key]
+
+    def _text(self, group: Rows, expr: Expr, zero: np.ndarray) -> str:
+        """What is assumed, on the first row that vanishes, or on the first of all."""
+        some = bool(zero.any())
+        row = int(np.argmax(zero)) if some else 0
+        count = int(zero.sum()) if some else len(zero)
+        text = self.text(group, expr, row) + (" = 0" if some else " <> 0")
+        return text if count == 1 else f"{text} (and {count - 1} more)"
+
+    def text(self, group: Rows, expr: Expr, row: int) -> str:
+        names = group.slots[row].tolist()
+
+        def name(column: int, order: int) -> str:
+            text = self.derived.text(names[column], self.flat.variable_name)
+            for _ in range(order):
+                text = f"der({text})"
+            return text
+
+        return to_text(expr, name)
