@@ -35,8 +35,15 @@ class Tokens(NamedTuple):
 
 # Signs of other languages, and of mathematics, for which there is one of our own.
 _FOREIGN = {
-    **{"!=": "<>", "~=": "<>", "≠": "<>", "≤": "<=", "≥": ">=", "&&": "and", "||": "or", "!": "not"},
+    **{"!=": "<>", "~=": "<>", "≠": "<>", "≤": "<=", "≥": ">=", "&&": "and", "||": "or", "!": "not", "**": "^"},
     **{"−": "-", "–": "-", "·": "*", "×": "*", "⋅": "*", "÷": "/"},
+}
+_MEANT = {
+    "?": "a choice is written 'if c then a else b'",
+    "%": "the remainder is 'mod(a, b)'; a comment begins with '//'",
+    "#": "a comment begins with '//'",
+    "&": "write 'and'",
+    "|": "write 'or'",
 }
 _WORD = re.compile(r"\w+")
 _OPEN_NAME = re.compile(r"'[^\s;,()=]*")
@@ -73,7 +80,25 @@ def scan(source: Source, tables: Tables) -> tuple[Tokens, list[Diagnostic]]:
         text = _close(text, open_end)
     for symbol, offset in irregular:
         said += _mend(source, tokens, symbol, offset)
-    return tokens, said
+    return tokens, said + _stray_index_ends(source, tokens)
+
+
+def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
+    """Complain about each ``end`` that is meant as the last index but stands in no subscript."""
+    said = []
+    for at, symbol in enumerate(tokens.symbols):
+        if symbol != "INDEX_END":
+            continue
+        depth, before = 0, at
+        while before > 0 and depth <= 0 and symbol != ";":
+            before -= 1
+            symbol = tokens.symbols[before]
+            depth += (symbol == "[") - (symbol == "]")
+        if depth <= 0:
+            place = Span(source, tokens.starts[at], tokens.ends[at])
+            hint = "as the last index it stands inside the brackets of an array: 'x[end]'"
+            said.append(Diagnostic("E0101", "'end' cannot stand here", place, hint=hint))
+    return said
 
 
 def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
@@ -151,7 +176,9 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
         _put_name(source, tokens, offset, end)
         return [Diagnostic("E0104", "this quoted name is not closed", Span(source, offset, end), expected='a "\'"')]
     if not text[offset].isalpha():
-        return [Diagnostic("E0106", f"'{text[offset]}' means nothing here", Span(source, offset, offset + 1))]
+        sign = text[offset]
+        place = Span(source, offset, offset + 1)
+        return [Diagnostic("E0106", f"'{sign}' means nothing here", place, hint=_MEANT.get(sign, ""))]
     start, end = _put_name(source, tokens, offset, _WORD.match(text, offset).end())
     if start < offset and not text[offset - 1].isascii():
         return []  # said at its first wrong letter

@@ -35,7 +35,7 @@ def parse(source: Source, report: Report) -> tree.File:
         from lmoc.syntax.recovery import repair
 
         found = Report()
-        changes, acceptable = repair(source, tables, tokens, {d.span.start for d in said})
+        changes, acceptable = repair(source, tables, tokens, tuple(said))
         said += changes
         automaton = Automaton(tables, tokens, Actions(source, found))
         understood = acceptable and automaton.run()

@@ -8,7 +8,7 @@ of tokens that the grammar accepts, and a diagnostic for each change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lmoc.diagnostics import Diagnostic
 from lmoc.source import Source
@@ -18,11 +18,13 @@ from lmoc.syntax.tables import Tables
 from lmoc.syntax.trouble import CERTAIN, FRESH, Edit, Node, Slip, Trouble, advance
 
 # After a change that is no more than a guess, at least so many tokens must make sense.
-_CONVINCING = 4
+_CONVINCING = 3
 _MOST_ERRORS = 20
 
 
-def repair(source: Source, tables: Tables, tokens: Tokens, quiet: set[int]) -> tuple[list[Diagnostic], bool]:
+def repair(
+    source: Source, tables: Tables, tokens: Tokens, known: Sequence[Diagnostic]
+) -> tuple[list[Diagnostic], bool]:
     """Change tokens in place until the grammar accepts them.
 
     Parameters
@@ -30,8 +32,8 @@ def repair(source: Source, tables: Tables, tokens: Tokens, quiet: set[int]) -> t
     source, tables
     tokens : Tokens
         Changed in place.
-    quiet : set of int
-        Offsets of characters already complained about: what goes wrong right after them is not reported again.
+    known : sequence of Diagnostic
+        What is known to be wrong with the characters: what goes wrong next to it is not reported again.
 
     Returns
     -------
@@ -49,9 +51,9 @@ def repair(source: Source, tables: Tables, tokens: Tokens, quiet: set[int]) -> t
             return said, True
         trouble = Trouble(source, tables, tokens, trail, at)
         slip = _most_likely(trouble, slips(trouble)) or _skip(trouble)
-        begin = tokens.ends[at - 1] if at else 0
-        if slip is None or not any(begin <= offset <= tokens.ends[at] for offset in quiet):
-            said.append((slip or _hopeless(trouble)).explain())
+        begin, end = trouble.gap().start, trouble.span().end
+        if slip is None or not any(d.span.start <= end and d.span.end >= begin for d in known):
+            said.append(slip.explain() if slip else unexpected(trouble))
         if slip is None or len(said) >= _MOST_ERRORS:
             return said, False
         tokens.splice(*slip.edit)
@@ -88,10 +90,6 @@ def _skip(trouble: Trouble) -> Slip | None:
             continue
         for start in range(min(stop, trouble.at), -1, -1):
             edit = Edit(start, stop - start, ())
-            if trouble.reach(edit) + trouble.at - stop >= min(_CONVINCING, len(symbols) - stop):
-                return Slip(edit, _hopeless(trouble).explain)
+            if trouble.reach(edit) >= min(_CONVINCING, len(symbols) - stop):
+                return Slip(edit, lambda: unexpected(trouble))
     return None
-
-
-def _hopeless(trouble: Trouble) -> Slip:
-    return Slip(Edit(trouble.at, 0, ()), lambda: unexpected(trouble))

@@ -9,17 +9,27 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator
 
-from lmoc.diagnostics import Diagnostic, Label
+from lmoc.diagnostics import Diagnostic
 from lmoc.syntax.tables import END_OF_TEXT
 from lmoc.syntax.trouble import Edit, Slip, Trouble
+from lmoc.syntax.unclosed import (
+    BLOCKS,
+    brackets,
+    missing_block_word,
+    missing_end_name,
+    stray_end,
+    unclosed_block,
+    unclosed_class,
+)
 from lmoc.syntax.words import completed, expectation, found, is_word
 
-_PARTNER = {"(": ")", "[": "]", "{": "}"}
-_BLOCKS = {"for", "if", "when", "while"}
 _OPERAND_ENDS = {"IDENT", "NUMBER", "STRING", ")", "]", "}", "true", "false"}
 _OPERAND_STARTS = {"IDENT", "NUMBER", "(", "{", "der"}
 _WANT_OPERAND = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> = := and or not ( [ { , : if then else elseif in".split())
-_SIGNS = {"=": (":=", "=="), ":=": ("=",), "==": ("=", ":=")}
+_SIGNS = {"=": (":=", "in", "=="), ":=": ("=", "in"), "==": ("=", ":=")}
+_CONDITIONS = {"if", "elseif", "when", "elsewhen", "while", "("}
+_FUNCTIONS = set("der pre abs sign sqrt sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10".split())
+_ATTRIBUTES = set("start fixed unit min max nominal stateSelect displayUnit quantity".split())
 # So far back a misspelled keyword is looked for: it may have been taken for the name of a type.
 _LOOK_BACK = 40
 
@@ -28,19 +38,22 @@ def slips(trouble: Trouble) -> Iterator[Slip]:
     """The changes that might repair a place, the most likely first."""
     for kind in (
         _missing_semicolon_at_line_end,
+        _missing_semicolon_before,
         _declaration_among_equations,
-        _unclosed_block,
-        _brackets,
+        missing_block_word,
+        unclosed_block,
+        unclosed_class,
+        brackets,
         _wrong_sign,
         _keyword_as_name,
         _misspelled_keyword,
         _missing_section,
-        _missing_end_name,
+        missing_end_name,
         _missing_operand,
         _missing_operator,
         _missing_word,
         _missing_semicolon,
-        _stray_end,
+        stray_end,
         _missing_name,
         _stray_token,
     ):
@@ -52,7 +65,7 @@ def unexpected(trouble: Trouble) -> Diagnostic:
     return Diagnostic(
         "E0101",
         f"{found(trouble)} cannot stand here",
-        trouble.span() if trouble.found != END_OF_TEXT else trouble.after_previous(),
+        trouble.span() if trouble.found != END_OF_TEXT else trouble.gap(),
         expected=expectation(trouble),
         found=found(trouble),
         hint=_hint(trouble),
@@ -62,8 +75,12 @@ def unexpected(trouble: Trouble) -> Diagnostic:
 def _hint(trouble: Trouble) -> str:
     if trouble.found == "=" and "=" in trouble.tokens.symbols[trouble.statement_start() : trouble.at]:
         return "an equation has one '='; is a ';' missing on an earlier line?"
-    if trouble.found == "if" and trouble.before == "=":
-        return "an if-expression that is part of a larger one needs parentheses"
+    if trouble.found == "if":
+        return "an if-expression inside a larger expression needs parentheses"
+    if trouble.found == "NUMBER" and "IDENT" in trouble.can_follow():
+        return "a name begins with a letter"
+    if trouble.at == 0:
+        return "everything stands inside a class: 'model Name', its parts and equations, 'end Name;'"
     return ""
 
 
@@ -80,17 +97,27 @@ def _missing_semicolon_at_line_end(trouble: Trouble) -> Iterator[Slip]:
 
 
 def _missing_semicolon(trouble: Trouble) -> Iterator[Slip]:
-    def explain() -> Diagnostic:
-        what = completed(trouble)
-        return Diagnostic(
-            "E0102",
-            f"';' is missing after {what}",
-            trouble.after_previous(),
-            expected=f"';' after {what}",
-            found=found(trouble),
-        )
+    yield Slip(_insert(trouble, ";"), lambda: _no_semicolon(trouble, completed(trouble), trouble.at))
 
-    yield Slip(_insert(trouble, ";"), explain)
+
+def _missing_semicolon_before(trouble: Trouble) -> Iterator[Slip]:
+    """A line that begins with a sign or a parenthesis goes on with the one above: ``der(x) = v`` / ``-k*x = f;``."""
+    for token in range(trouble.at - 1, trouble.statement_start(), -1):
+        if trouble.breaks_before(token):
+            yield Slip(
+                Edit(token, 0, (";",)),
+                lambda token=token: _no_semicolon(trouble, f"'{trouble.tokens.texts[token - 1]}'", token),
+            )
+
+
+def _no_semicolon(trouble: Trouble, what: str, token: int) -> Diagnostic:
+    return Diagnostic(
+        "E0102",
+        f"';' is missing after {what}",
+        trouble.gap(token),
+        expected=f"';' after {what}",
+        found=found(trouble, token),
+    )
 
 
 # ------------------------------------------------------------ declarations
@@ -101,7 +128,7 @@ def _section_word(trouble: Trouble) -> str:
     for node in trouble.stack():
         if node.symbol in ("equation", "algorithm", "INITIAL_EQUATION", "INITIAL_ALGORITHM"):
             return trouble.tokens.texts[node.token]
-        if node.symbol in ("public", "protected", "class_kind") or node.symbol in _BLOCKS:
+        if node.symbol in ("public", "protected", "class_kind") or node.symbol in BLOCKS:
             return ""
     return ""
 
@@ -148,131 +175,13 @@ def _missing_section(trouble: Trouble) -> Iterator[Slip]:
         )
 
 
-# ------------------------------------------------------------------- blocks
-
-
-def _class_name(trouble: Trouble) -> tuple[str, int] | None:
-    """Name and token of the innermost class that is not closed yet."""
-    for node in trouble.stack():
-        if node.symbol == "name" and node.below is not None and node.below.symbol == "class_kind":
-            return trouble.tokens.texts[node.token], node.token
-    return None
-
-
-def _open_block(trouble: Trouble, token: int) -> tuple[str, int] | None:
-    """Word and token of the innermost ``for``, ``if``, ``when``, ``while`` that is open before a token."""
-    for node in trouble.stack(token):
-        if node.symbol in _BLOCKS:
-            return node.symbol, node.token
-        if node.symbol == "class_kind":
-            return None
-    return None
-
-
-def _unclosed_block(trouble: Trouble) -> Iterator[Slip]:
-    at = trouble.at - 1 if trouble.before == "end" else trouble.at
-    block = _open_block(trouble, at)
-    if block is not None and (trouble.before == "end" or trouble.found in (END_OF_TEXT, "equation", "algorithm")):
-        word, begin = block
-        yield Slip(
-            Edit(at, 0, ("end", word, ";")),
-            lambda: _not_closed(trouble, f"'{word}'", f"'end {word};'", begin, at),
-        )
-        if trouble.before == "end" and trouble.found in _BLOCKS:
-            yield Slip(
-                Edit(trouble.at, 1, (word,)),
-                lambda: Diagnostic(
-                    "E0109",
-                    f"'{word}' is closed by 'end {trouble.found}'",
-                    trouble.span(at, trouble.at),
-                    expected=f"'end {word};'",
-                    labels=(Label(trouble.span(begin), "begins here"),),
-                ),
-            )
-    owner = _class_name(trouble)
-    if owner is not None and trouble.found == END_OF_TEXT:
-        name, begin = owner
-        for inserted in (("end", "IDENT", ";"), (";", "end", "IDENT", ";")):
-            yield Slip(
-                Edit(trouble.at, 0, inserted, name),
-                lambda: _not_closed(trouble, f"'{name}'", f"'end {name};'", begin, trouble.at),
-            )
-
-
-def _not_closed(trouble: Trouble, what: str, expected: str, begin: int, at: int) -> Diagnostic:
-    return Diagnostic(
-        "E0109",
-        f"{what} is not closed: {expected} is missing",
-        trouble.span(at) if trouble.found != END_OF_TEXT else trouble.after_previous(),
-        expected=expected,
-        found=found(trouble, at),
-        labels=(Label(trouble.span(begin), "begins here"),),
-    )
-
-
-def _missing_end_name(trouble: Trouble) -> Iterator[Slip]:
-    owner = _class_name(trouble)
-    if trouble.before == "end" and owner is not None:
-        yield Slip(
-            Edit(trouble.at, 0, ("IDENT",), owner[0]),
-            lambda: Diagnostic(
-                "E0108",
-                f"after 'end' stands the name of what ends: '{owner[0]}'",
-                trouble.after_previous(),
-                expected=f"'end {owner[0]};'",
-                found=found(trouble),
-            ),
-        )
-
-
-def _stray_end(trouble: Trouble) -> Iterator[Slip]:
-    if trouble.found == "end":
-        for removed in (3, 2):
-            last = min(trouble.at + removed, len(trouble.tokens.symbols)) - 1
-            yield Slip(
-                Edit(trouble.at, removed, ()),
-                lambda last=last: Diagnostic("E0109", "this 'end' closes nothing", trouble.span(trouble.at, last)),
-            )
-
-
-# ----------------------------------------------------------------- brackets
-
-
-def _brackets(trouble: Trouble) -> Iterator[Slip]:
-    opener = next((node for node in trouble.stack() if node.symbol in _PARTNER), None)
-    closers = set(_PARTNER.values())
-    if opener is None:
-        if trouble.found in closers:
-            yield Slip(
-                Edit(trouble.at, 1, ()),
-                lambda: Diagnostic("E0103", f"'{trouble.found}' has no partner before it", trouble.span()),
-            )
-        return
-    closer = _PARTNER[opener.symbol]
-
-    def explain() -> Diagnostic:
-        return Diagnostic(
-            "E0103",
-            f"'{opener.symbol}' is not closed",
-            trouble.after_previous(),
-            expected=f"'{closer}'",
-            found=found(trouble),
-            labels=(Label(trouble.span(opener.token), "opened here"),),
-        )
-
-    if trouble.found in closers and trouble.found != closer:
-        yield Slip(Edit(trouble.at, 1, (closer,)), explain)
-    if trouble.found != ",":
-        yield Slip(_insert(trouble, closer), explain)
-    if trouble.breaks_line:
-        yield Slip(_insert(trouble, closer, ";"), explain)
-
-
 # -------------------------------------------------------------------- words
 
 
 def _wrong_sign(trouble: Trouble) -> Iterator[Slip]:
     for sign in _SIGNS.get(trouble.found, ()):
+        if sign == "==" and not any(node.symbol in _CONDITIONS for node in trouble.stack()):
+            continue
         yield Slip(
             Edit(trouble.at, 1, (sign,)),
             lambda sign=sign: Diagnostic(
@@ -320,17 +229,28 @@ def _misspelled_keyword(trouble: Trouble) -> Iterator[Slip]:
 
 
 def _missing_word(trouble: Trouble) -> Iterator[Slip]:
-    for word in ("then", "loop", "=", ":=", ",", "else", "in"):
-        yield Slip(
-            _insert(trouble, word),
-            lambda word=word: Diagnostic(
-                "E0101",
-                f"'{word}' is missing",
-                trouble.after_previous(),
-                expected=f"'{word}'",
-                found=found(trouble),
-            ),
+    def explain(word: str) -> Diagnostic:
+        return Diagnostic(
+            "E0101",
+            f"'{word}' is missing",
+            trouble.gap(),
+            expected=f"'{word}'",
+            found=found(trouble),
+            hint=_hint_for_missing(trouble, word),
         )
+
+    for inserted in (("then",), ("loop",), (",",), ("=",), (":=",), ("in",), ("else", "IDENT"), (",", "IDENT")):
+        yield Slip(_insert(trouble, *inserted), lambda word=inserted[0]: explain(word))
+
+
+def _hint_for_missing(trouble: Trouble, word: str) -> str:
+    if word == "else":
+        return "an if-expression has a value in every case: 'if c then a else b'"
+    if word == "," and any(node.symbol == "connect" for node in trouble.stack()):
+        return "'connect(a, b)' joins two connectors"
+    if word == "," and trouble.tokens.texts[trouble.at] in _ATTRIBUTES:
+        return f"attributes stand in parentheses: '{_text(trouble, -1)}({_text(trouble, 0)} = ...)'"
+    return ""
 
 
 # ----------------------------------------------------------------- operands
@@ -344,7 +264,7 @@ def _missing_operand(trouble: Trouble) -> Iterator[Slip]:
             lambda: Diagnostic(
                 "E0117",
                 f"something is missing after '{where}'",
-                trouble.after_previous(),
+                trouble.gap(),
                 expected=expectation(trouble),
                 found=found(trouble),
             ),
@@ -353,13 +273,15 @@ def _missing_operand(trouble: Trouble) -> Iterator[Slip]:
 
 def _missing_operator(trouble: Trouble) -> Iterator[Slip]:
     if trouble.before in _OPERAND_ENDS and trouble.found in _OPERAND_STARTS:
+        left, right = _text(trouble, -1), _text(trouble, 0)
+        call = f"a call needs parentheses: '{left}({right})'"
         yield Slip(
             _insert(trouble, "*"),
             lambda: Diagnostic(
                 "E0119",
-                f"an operator is missing between '{_text(trouble, -1)}' and '{_text(trouble, 0)}'",
-                trouble.after_previous(),
-                hint="a product is written with '*'",
+                f"an operator is missing between '{left}' and '{right}'",
+                trouble.gap(),
+                hint=call if left in _FUNCTIONS else "a product is written with '*'",
             ),
         )
 
@@ -374,7 +296,7 @@ def _missing_name(trouble: Trouble) -> Iterator[Slip]:
         lambda: Diagnostic(
             "E0101",
             "a name is missing",
-            trouble.after_previous(),
+            trouble.gap(),
             expected=expectation(trouble),
             found=found(trouble),
         ),

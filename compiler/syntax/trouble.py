@@ -96,7 +96,7 @@ class Trouble:
     @property
     def breaks_line(self) -> bool:
         """Whether the wrong token is the first of its line."""
-        return self.at == 0 or "\n" in self.source.text[self.tokens.ends[self.at - 1] : self.tokens.starts[self.at]]
+        return self.breaks_before(self.at)
 
     def span(self, token: int | None = None, last: int | None = None) -> Span:
         """The place of a token (the wrong one by default), or of several."""
@@ -104,9 +104,10 @@ class Trouble:
         last = first if last is None else last
         return Span(self.source, self.tokens.starts[first], self.tokens.ends[last])
 
-    def after_previous(self) -> Span:
-        """The place right after the token before, where something is missing."""
-        end = self.tokens.ends[self.at - 1] if self.at else 0
+    def gap(self, token: int | None = None) -> Span:
+        """The place right after the token before (the wrong one by default), where something is missing."""
+        token = self.at if token is None else token
+        end = self.tokens.ends[token - 1] if token else 0
         return Span(self.source, end, end)
 
     def stack(self, token: int | None = None) -> Iterator[Node]:
@@ -127,6 +128,10 @@ class Trouble:
         advance(self.tables, self.trail[self.at], symbol, self.at, reduced)
         return reduced
 
+    def breaks_before(self, token: int) -> bool:
+        """Whether a token is the first of its line."""
+        return token == 0 or "\n" in self.source.text[self.tokens.ends[token - 1] : self.tokens.starts[token]]
+
     def statement_start(self) -> int:
         """The first token of the statement or declaration in which the wrong token stands."""
         starts = FRESH | {";", "then", "else", "loop"}
@@ -136,17 +141,17 @@ class Trouble:
         return 0
 
     def reach(self, edit: Edit) -> int:
-        """How many tokens after the wrong one can be read with a change, up to a limit."""
+        """How many of the tokens after a change, and not before the wrong one, can be read; at most `CERTAIN`."""
         node: Node | None = self.trail[edit.at]
         for symbol in edit.inserted:
             node = advance(self.tables, node, symbol, edit.at)
             if node is None:
                 return 0
         symbols = self.tokens.symbols
-        for token in range(edit.at + edit.removed, len(symbols)):
+        resumed = edit.at + edit.removed
+        counted = max(resumed, self.at)
+        for token in range(resumed, min(counted + CERTAIN, len(symbols))):
             node = advance(self.tables, node, symbols[token], token)
             if node is None:
-                return token - self.at
-            if token - self.at >= CERTAIN:
-                break
+                return token - counted
         return CERTAIN

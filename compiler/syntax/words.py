@@ -18,13 +18,6 @@ _ENDED = {
     "wrong_equality": "the equation",
     "lone_expression": "the equation",
     "connect": "'connect'",
-    "for_equation": "'end for'",
-    "for_statement": "'end for'",
-    "if_equation": "'end if'",
-    "if_statement": "'end if'",
-    "when_equation": "'end when'",
-    "when_statement": "'end when'",
-    "while_statement": "'end while'",
     "assignment": "the statement",
     "wrong_assignment": "the statement",
     "lone_statement": "the statement",
@@ -32,7 +25,6 @@ _ENDED = {
     "break_statement": "'break'",
     "short_class": "the definition",
     "enumeration": "the definition",
-    "long_class": "the end of the class",
 }
 # Sets of symbols with a name of their own: where all are possible, the name stands for them and for all of the second.
 _CLASS_WORDS = {"class", "model", "block", "connector", "type", "record", "package", "function"}
@@ -40,6 +32,7 @@ _PREFIXES = set(
     "redeclare final inner outer replaceable encapsulated partial flow stream discrete parameter constant input output "
     "expandable operator pure impure each".split()
 )
+_DECLARATION = _CLASS_WORDS | _PREFIXES | {"IDENT", ".", "import", "extends", "annotation"}
 _EXPRESSION = set("IDENT NUMBER STRING true false ( { [ INDEX_END not + - .+ .- . if der initial".split())
 _OPERATORS = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> and or :".split())
 _SECTIONS = {
@@ -48,8 +41,7 @@ _SECTIONS = {
 _CONCEPTS = (
     ({"connect", "for", "when"}, _EXPRESSION | {"connect", "for", "when", "if", "annotation"}, "an equation"),
     ({"while", "break"}, _EXPRESSION | {"while", "break", "return", "for", "when", "if", "annotation"}, "a statement"),
-    ({"IDENT", "parameter", "model", "import"}, _CLASS_WORDS | _PREFIXES | {"IDENT", ".", "import", "extends", "annotation"},
-     "a declaration"),
+    ({"IDENT", "parameter", "model", "import"}, _DECLARATION, "a declaration"),
     ({"model", "package"}, _CLASS_WORDS | _PREFIXES, "a class (for instance 'model Name')"),
     ({"IDENT", "NUMBER", "("}, _EXPRESSION, "an expression"),
     ({"+", "*", "<"}, _OPERATORS, "an operator"),
@@ -88,10 +80,13 @@ def found(trouble: Trouble, token: int | None = None) -> str:
 
 def completed(trouble: Trouble) -> str:
     """What a ';' would end here."""
+    tokens = trouble.tokens
+    if trouble.at > 1 and tokens.symbols[trouble.at - 2] == "end":
+        return f"'end {tokens.texts[trouble.at - 1]}'"
     for rule in reversed(trouble.completed_by(";")):
         if rule in _ENDED:
             return _ENDED[rule]
-    return f"'{trouble.tokens.texts[trouble.at - 1]}'"
+    return f"'{tokens.texts[trouble.at - 1]}'"
 
 
 def expectation(trouble: Trouble) -> str:

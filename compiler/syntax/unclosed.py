@@ -1,0 +1,174 @@
+"""Usual slips with what has a beginning and an end: blocks, classes, brackets.
+
+As in `lmoc.syntax.slips`, each function yields changes of the tokens that would repair the place, with the diagnostic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lmoc.diagnostics import Diagnostic, Label
+from lmoc.syntax.tables import END_OF_TEXT
+from lmoc.syntax.trouble import Edit, Slip, Trouble
+from lmoc.syntax.words import found
+
+BLOCKS = {"for", "if", "when", "while"}
+_PARTNER = {"(": ")", "[": "]", "{": "}"}
+
+
+# ------------------------------------------------------------------- blocks
+
+
+def _open_classes(trouble: Trouble, token: int) -> Iterator[tuple[str, int]]:
+    """Name and token of the classes that are open before a token, the innermost first."""
+    for node in trouble.stack(token):
+        if node.symbol == "name" and node.below is not None and node.below.symbol == "class_kind":
+            yield trouble.tokens.texts[node.token], node.token
+
+
+def _open_block(trouble: Trouble, token: int) -> tuple[str, int] | None:
+    """Word and token of the innermost ``for``, ``if``, ``when``, ``while`` that is open before a token."""
+    for node in trouble.stack(token):
+        if node.symbol in BLOCKS:
+            return node.symbol, node.token
+        if node.symbol == "class_kind":
+            return None
+    return None
+
+
+def unclosed_block(trouble: Trouble) -> Iterator[Slip]:
+    at = trouble.at - 1 if trouble.before == "end" else trouble.at
+    block = _open_block(trouble, at)
+    if block is not None and (trouble.before == "end" or trouble.found in (END_OF_TEXT, "equation", "algorithm")):
+        word, begin = block
+        yield Slip(
+            Edit(at, 0, ("end", word, ";")),
+            lambda: _not_closed(trouble, f"'{word}'", f"'end {word};'", begin, at),
+        )
+        if trouble.before == "end" and trouble.found in BLOCKS:
+            yield Slip(
+                Edit(trouble.at, 1, (word,)),
+                lambda: Diagnostic(
+                    "E0109",
+                    f"'{word}' is closed by 'end {trouble.found}'",
+                    trouble.span(at, trouble.at),
+                    expected=f"'end {word};'",
+                    labels=(Label(trouble.span(begin), "begins here"),),
+                ),
+            )
+
+
+def unclosed_class(trouble: Trouble) -> Iterator[Slip]:
+    owner = next(_open_classes(trouble, trouble.at), None)
+    if owner is None or trouble.found != END_OF_TEXT:
+        return
+    symbols, texts = trouble.tokens.symbols, trouble.tokens.texts
+    for end in range(trouble.at - 1):
+        # An `end A` that closes B, where A is the name of a class around B: that of B is missing before it.
+        if symbols[end] == "end" and symbols[end + 1] == "IDENT":
+            around = list(_open_classes(trouble, end))
+            name, begin = around[0] if around else ("", 0)
+            if name != texts[end + 1] and texts[end + 1] in [outer for outer, _ in around]:
+                yield Slip(
+                    Edit(end, 0, ("end", "IDENT", ";"), name),
+                    lambda name=name, begin=begin, end=end: _not_closed(
+                        trouble, f"'{name}'", f"'end {name};'", begin, end
+                    ),
+                )
+    name, begin = owner
+    for inserted in (("end", "IDENT", ";"), (";", "end", "IDENT", ";")):
+        yield Slip(
+            Edit(trouble.at, 0, inserted, name),
+            lambda: _not_closed(trouble, f"'{name}'", f"'end {name};'", begin, trouble.at),
+        )
+
+
+def missing_block_word(trouble: Trouble) -> Iterator[Slip]:
+    block = _open_block(trouble, trouble.at)
+    if trouble.before == "end" and block is not None:
+        word, begin = block
+        yield Slip(
+            Edit(trouble.at, 0, (word,)),
+            lambda: Diagnostic(
+                "E0109",
+                f"after 'end' stands the word of what ends: '{word}'",
+                trouble.gap(),
+                expected=f"'end {word};'",
+                found=found(trouble),
+                labels=(Label(trouble.span(begin), "begins here"),),
+            ),
+        )
+
+
+def _not_closed(trouble: Trouble, what: str, expected: str, begin: int, at: int) -> Diagnostic:
+    is_else_if = begin > 0 and trouble.tokens.symbols[begin - 1] == "else"
+    hint = "'else if' opens another 'if'; the word for a further case is 'elseif'" if is_else_if else ""
+    return Diagnostic(
+        "E0109",
+        f"{what} is not closed: {expected} is missing",
+        trouble.span(at) if trouble.tokens.texts[at] else trouble.gap(at),
+        expected=expected,
+        found=found(trouble, at),
+        hint=hint,
+        labels=(Label(trouble.span(begin), "begins here"),),
+    )
+
+
+def missing_end_name(trouble: Trouble) -> Iterator[Slip]:
+    owner = next(_open_classes(trouble, trouble.at), None)
+    if trouble.before == "end" and owner is not None:
+        yield Slip(
+            Edit(trouble.at, 0, ("IDENT",), owner[0]),
+            lambda: Diagnostic(
+                "E0108",
+                f"after 'end' stands the name of what ends: '{owner[0]}'",
+                trouble.gap(),
+                expected=f"'end {owner[0]};'",
+                found=found(trouble),
+            ),
+        )
+
+
+def stray_end(trouble: Trouble) -> Iterator[Slip]:
+    if trouble.found == "end":
+        for removed in (3, 2):
+            last = min(trouble.at + removed, len(trouble.tokens.symbols)) - 1
+            yield Slip(
+                Edit(trouble.at, removed, ()),
+                lambda last=last: Diagnostic("E0109", "this 'end' closes nothing", trouble.span(trouble.at, last)),
+            )
+
+
+# ----------------------------------------------------------------- brackets
+
+
+def brackets(trouble: Trouble) -> Iterator[Slip]:
+    opener = next((node for node in trouble.stack() if node.symbol in _PARTNER), None)
+    closers = set(_PARTNER.values())
+    if opener is None:
+        if trouble.found in closers:
+            yield Slip(
+                Edit(trouble.at, 1, ()),
+                lambda: Diagnostic("E0103", f"'{trouble.found}' has no partner before it", trouble.span()),
+            )
+        return
+    closer = _PARTNER[opener.symbol]
+
+    def explain() -> Diagnostic:
+        return Diagnostic(
+            "E0103",
+            f"'{opener.symbol}' is not closed",
+            trouble.gap(),
+            expected=f"'{closer}'",
+            found=found(trouble),
+            labels=(Label(trouble.span(opener.token), "opened here"),),
+        )
+
+    if trouble.found in closers and trouble.found != closer:
+        yield Slip(Edit(trouble.at, 1, (closer,)), explain)
+    if trouble.found != ",":
+        yield Slip(Edit(trouble.at, 0, (closer,)), explain)
+    if trouble.breaks_line:
+        yield Slip(Edit(trouble.at, 0, (closer, ";")), explain)
+    if trouble.before == ";":
+        yield Slip(Edit(trouble.at - 1, 0, (closer,)), explain)
