@@ -152,8 +152,8 @@ CATALOGUE: dict[str, Entry] = {
     "E0411": Entry(
         "constraints contradict each other",
         "Rigid connections form a loop, or end at places that are fixed, and their lengths and offsets do not add up: "
-        "two rods of different lengths side by side, a rod between two walls that are further apart. Every place on the "
-        "loop is listed. Change one of them, or put a spring where the real thing gives way.",
+        "two rods of different lengths side by side, a rod between two walls that are further apart. Every place on "
+        "the loop is listed. Change one of them, or put a spring where the real thing gives way.",
     ),
     "E0412": Entry(
         "a loop that cannot move",

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc import pipeline
-from lmoc.diagnostics import Diagnostic, ModelError
+from lmoc.diagnostics import Diagnostic, Report, SimulationError
 from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names, hint_for
-from lmoc.semantics.flat import Block, FlatDAE, Kind
+from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
 
@@ -116,13 +116,12 @@ class DAE:
     def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None):
         clock = clock or Clock()
         self.flat = flat
-        self._scene = scene
-        self.values = flat.parameter_values()
+        self.values = flat.parameter_values(_indexed(flat, flat.overrides))
         self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
         self.timings: dict[str, float] = clock.seconds
+        self._scene = scene
         self._reductions = [self.reduced]  # one for each pattern of guards met so far
-        self._reshaped: dict[tuple, DAE] = {}  # for structural parameter values met so far
-        self._prepared: dict[int, Any] = {}
+        self._reshaped: dict[tuple, DAE] = {}  # one for each set of structural values met so far
 
     # ------------------------------------------------------------------------- names
 
@@ -161,8 +160,143 @@ class DAE:
         """Warnings and notes of the compilation."""
         return tuple(dict.fromkeys((*self.flat.notes, *self.reduced.notes)))
 
+    # -------------------------------------------------------------------- simulation
+
+    def simulate(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        points: int | None = None,
+        times: Sequence[float] | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        solver: str = "auto",
+        formulation: str = "reduced",
+        parameters: Mapping[str, Value] | None = None,
+        initial: Mapping[str, float] | None = None,
+        inputs: Mapping[str, object] | None = None,
+        *,
+        energy: bool = True,
+        listener: Callable[[str], None] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Run:
+        """Simulate the scene.
+
+        Parameters
+        ----------
+        start, stop : s; from the model's `experiment`, else 0 and 10
+        points : number of output times, evenly spread; from the `experiment`, else 501
+        times : the output times themselves
+        rtol, atol : tolerances; 1e-6, and rtol·1e-3·nominal
+        solver : one of `lmoc.numerics.options.SOLVERS`
+        formulation : "reduced"
+        parameters : {name: value} for this run only
+        initial : {name: value}, fixing any variable at the start
+        inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
+        energy : integrate work and heat along, for `run.energy`
+        listener : called with the name of each stage as it begins
+        progress : called now and then with the simulated time reached
+
+        Raises
+        ------
+        ModelError
+            Unknown names, missing values, contradictory or impossible starts.
+        SimulationError
+            The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
+        """
+        from lmoc.numerics.options import RunOptions
+
+        clock = Clock(listener)
+        scene, reduced, values, notes = self.prepared(parameters or {}, clock)
+        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy)
+        return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
+
+    def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
+        from lmoc.numerics.simulate import simulate
+        from lmoc.report.run import Run
+
+        def result(trajectory, complete: bool) -> Run:
+            said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *trajectory.notes))
+            return Run(reduced, trajectory, tuple(said), {**self.timings, **clock.seconds}, complete)
+
+        try:
+            with clock.stage("simulate"):
+                trajectory = simulate(reduced, values, options, initial=initial, inputs=inputs, progress=progress)
+        except SimulationError as failure:
+            if failure.partial is not None:
+                failure.partial = result(failure.partial, False)
+            raise
+        return result(trajectory, True)
+
+    def prepared(
+        self, parameters: Mapping[str, Value], clock: Clock | None = None
+    ) -> tuple[DAE, Reduced, np.ndarray, list[Diagnostic]]:
+        """The scene, its reduction and its parameter values for a run with other parameters, and what had to be redone.
+
+        A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
+        """
+        if not parameters:
+            return self, self.reduced, self.values, []
+        clock = clock or Clock()
+        overrides = _indexed(self.flat, parameters)
+        structural = {n: v for n, v in parameters.items() if self.flat.block_at(int(self.flat.find(n)[0])).structural}
+        if structural:
+            scene = self._reshape(structural, clock)
+            rest = {n: v for n, v in parameters.items() if n not in structural}
+            note = Diagnostic("N0630", f"{', '.join(structural)} shape the model: it has been flattened again")
+            scene, reduced, values, notes = scene.prepared(rest, clock)
+            return scene, reduced, values, [note, *notes]
+        values = self.flat.parameter_values({**_indexed(self.flat, self.flat.overrides), **overrides})
+        reduced, notes = self._reduction(values, clock)
+        return self, reduced, values, notes
+
+    def _reshape(self, structural: Mapping[str, Value], clock: Clock) -> DAE:
+        key = tuple(sorted((name, np.asarray(value, float).tobytes()) for name, value in structural.items()))
+        if key not in self._reshaped:
+            scene = self._scene.with_parameters(structural)
+            self._reshaped[key] = DAE(scene, pipeline.flatten(scene, clock), clock)
+        return self._reshaped[key]
+
+    def _reduction(self, values: np.ndarray, clock: Clock) -> tuple[Reduced, list[Diagnostic]]:
+        broken = self.reduced.broken_guard(values)
+        if broken is None:
+            return self.reduced, []
+        note = Diagnostic("N0631", f"the equations have been reduced anew: it no longer holds that {broken}")
+        for known in self._reductions[1:]:
+            if known.broken_guard(values) is None:
+                return known, [note]
+        self._reductions.append(pipeline.reduce(self.flat, values, self._scene.states, clock))
+        return self._reductions[-1], [note]
+
     def __repr__(self) -> str:
         return (
             f"<DAE {self.name}: {len(self.flat.parts) - 1} parts, {self.flat.equation_count} flat equations, "
             f"{len(self.reduced.states)} states>"
         )
+
+
+def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
+    """Parameter values by variable index; an array takes one value for all or one for each.
+
+    Raises
+    ------
+    ModelError
+        E0622 no such parameter, E0621 a value that does not fit.
+    """
+    report, found = Report(), {}
+    for name, value in parameters.items():
+        variables = flat.find(name)
+        if variables is None or flat.kind[variables[0]] != Kind.PARAMETER:
+            what = "is not a parameter of" if variables is not None else "is not in"
+            hint = hint_for(flat, name, lambda b: b.kind == Kind.PARAMETER)
+            report.error("E0622", f"'{name}' {what} '{flat.name}'", hint=hint)
+            continue
+        try:
+            numbers = np.broadcast_to(np.asarray(value, float).ravel(), len(variables))
+        except (TypeError, ValueError):
+            expected = "one number" if len(variables) == 1 else f"one number or {len(variables)}"
+            report.error("E0621", f"the value of '{name}' does not fit", expected=expected, found=f"{value!r:.80}")
+            continue
+        found.update(zip(variables.tolist(), numbers.tolist(), strict=True))
+    report.check()
+    return found

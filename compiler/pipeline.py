@@ -14,6 +14,7 @@ from lmoc.source import Source
 
 if TYPE_CHECKING:
     import numpy as np
+
     from lmoc.semantics.flat import FlatDAE
     from lmoc.structure.reduced import Reduced
     from lmoc.syntax import tree

@@ -47,7 +47,7 @@ def failure(message: str) -> None:
 
 
 def internal_error(error: BaseException) -> None:
-    """Own up to a mistake of the compiler; the traceback goes into a file, with LMOC_TRACEBACK=1 to the terminal too."""
+    """Own up to a mistake of the compiler; the traceback goes into a file, with LMOC_TRACEBACK=1 to the screen too."""
     import tempfile
     import traceback
 

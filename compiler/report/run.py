@@ -166,8 +166,7 @@ class Run:
     # ------------------------------------------------------------- tables, files, pictures
 
     def table_names(self) -> list[str]:
-        """Names of the columns of a table: all that changes in time, outputs first; of a large scene only outputs, states
-        and inputs."""
+        """Columns of a table: all that changes in time, outputs first; of a large scene outputs, states and inputs."""
         first = [*self.outputs, *self.states]
         blocks = [b for b in self.flat.blocks if b.kind >= Kind.INPUT and not b.protected]
         if sum(b.size for b in blocks) > MANY:

@@ -1,0 +1,239 @@
+"""The structures of the stages as text: flat model and reduced system in the user's names, arrays put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from lmoc.expression.text import number_text, to_text
+from lmoc.report.names import summarised
+from lmoc.semantics.flat import Block, FlatDAE, Group, Kind
+from lmoc.structure.program import Apply, Program, Solve, Step, Total
+from lmoc.structure.reduced import Reduced
+
+FEW = 3  # rows of a group that are written out one by one
+MOST_SUMS = 60
+WIDTH = 160  # characters after which an equation is cut
+
+
+# ------------------------------------------------------------------------------ flat model
+
+
+def flat_text(flat: FlatDAE) -> str:
+    """Parts, variables and equations of a flat model."""
+    values = flat.parameter_values()
+    sections = [
+        [flat.name + (f": {flat.description}" if flat.description else "")],
+        _parts(flat),
+        _variables(flat, "parameters", (Kind.CONSTANT, Kind.PARAMETER), values),
+        _variables(flat, "inputs", (Kind.INPUT,), values),
+        _variables(flat, "unknowns", (Kind.UNKNOWN, Kind.DISCRETE), values),
+        _equations(flat),
+        _sums(flat),
+        _initial(flat),
+    ]
+    return "\n\n".join("\n".join(section) for section in sections if section)
+
+
+def _parts(flat: FlatDAE) -> list[str]:
+    rows = [(p.pattern, p.class_name, p.description) for p in flat.parts[1:]]
+    return [f"parts ({len(rows)})", *_aligned(rows)] if rows else []
+
+
+def _variables(flat: FlatDAE, title: str, kinds: Sequence[Kind], values: np.ndarray) -> list[str]:
+    blocks = [b for b in flat.blocks if b.kind in kinds and b.size]
+    if not blocks:
+        return []
+    rows = [(b.pattern, _value(b, values), b.unit, _marks(b), b.description) for b in blocks]
+    return [f"{title} ({sum(b.size for b in blocks)})", *_aligned(rows)]
+
+
+def _value(block: Block, values: np.ndarray) -> str:
+    own = values[block.offset : block.offset + block.size]
+    if block.kind > Kind.PARAMETER:
+        return ""
+    if np.isnan(own).all():
+        return "no value"
+    low, high = np.nanmin(own), np.nanmax(own)
+    return f"= {number_text(float(low))}" if low == high else f"= {low:g} … {high:g}"
+
+
+def _marks(block: Block) -> str:
+    marks = ["output"] * block.output + ["flow"] * block.flow + ["structural"] * block.structural
+    return " ".join(marks)
+
+
+def _equations(flat: FlatDAE) -> list[str]:
+    if not flat.groups:
+        return []
+    lines = [f"equations ({flat.equation_count})"]
+    part = None
+    for group in flat.groups:
+        if group.part != part:
+            part = group.part
+            owner = flat.parts[part]
+            lines.append(f"  {owner.pattern or flat.name} ({owner.class_name})")
+        lines += [f"    {_cut(line)}" for line in group_lines(flat, group)]
+    return lines
+
+
+def group_lines(flat: FlatDAE, group: Group) -> list[str]:
+    """The equations of a group: each where they are few, else one line for all."""
+    if group.rows <= FEW:
+        return [flat.row_text(group, row) for row in range(group.rows)]
+    patterns = [column_pattern(flat, group.slots[:, k]) for k in range(group.slots.shape[1])]
+
+    def name(column: int, order: int) -> str:
+        text = patterns[column]
+        for _ in range(order):
+            text = f"der({text})"
+        return text
+
+    return [f"{to_text(group.left, name)} = {to_text(group.right, name)}   ({group.rows} equations)"]
+
+
+def column_pattern(flat: FlatDAE, variables: np.ndarray) -> str:
+    """One name for the variables of a column: ``m[2:10000].q`` if they are of one array, else the first and an ellipsis."""
+    first = int(variables[0])
+    if (variables == first).all():
+        return flat.variable_name(first)
+    block = flat.block_at(first)
+    places = variables - block.offset
+    if places.min() < 0 or places.max() >= block.size:
+        return f"{flat.variable_name(first)}…"
+    indices = np.unravel_index(places, block.dims)
+    ranges = [f"{i.min() + 1}:{i.max() + 1}" if i.min() != i.max() else str(i.min() + 1) for i in indices]
+    return _with_indices(block, ranges)
+
+
+def _with_indices(block: Block, indices: Sequence[str]) -> str:
+    left = iter(indices)
+    names = []
+    for name, dims in block.path:
+        own = ",".join(next(left) for _ in dims)
+        names.append(f"{name}[{own}]" if own else name)
+    return ".".join(names)
+
+
+def _sums(flat: FlatDAE) -> list[str]:
+    rows = flat.sums.rows
+    if not rows:
+        return []
+    lines = [f"balances at connections ({rows})"]
+    lines += [f"    {_cut(_sum_text(flat, row))}" for row in range(min(rows, MOST_SUMS))]
+    if rows > MOST_SUMS:
+        lines.append(f"    … and {rows - MOST_SUMS} more")
+    return lines
+
+
+def _sum_text(flat: FlatDAE, row: int) -> str:
+    terms = int(flat.sums.start[row + 1] - flat.sums.start[row])
+    if terms <= 40:
+        return flat.sum_text(row)
+    first, last = flat.sums.index[flat.sums.start[row]], flat.sums.index[flat.sums.start[row + 1] - 1]
+    return f"{flat.variable_name(int(first))} … {flat.variable_name(int(last))} = 0   ({terms} terms)"
+
+
+def _initial(flat: FlatDAE) -> list[str]:
+    if not flat.initial_groups:
+        return []
+    lines = [line for group in flat.initial_groups for line in group_lines(flat, group)]
+    return [f"initial equations ({sum(g.rows for g in flat.initial_groups)})", *(f"    {_cut(x)}" for x in lines)]
+
+
+# -------------------------------------------------------------------------- reduced system
+
+
+def reduced_text(reduced: Reduced) -> str:
+    """Counts, states, what the reduction rests on, and the steps that compute the derivatives."""
+    flat = reduced.flat
+    sections = [
+        [flat.name, *(f"  {n:>9} {stage}" for stage, n in reduced.counts.items())],
+        _states(reduced),
+        _quadratures(reduced),
+        _program("the derivatives, step by step", reduced, reduced.rhs),
+        ["assumed about the parameters", *(f"    {text}" for text in _unique(g.text for g in reduced.guards))],
+        ["notes", *(f"    {d.message}" for d in reduced.notes)],
+        [f"computed when asked for: {_rows(reduced.observe)} quantities in {len(reduced.observe)} steps"],
+    ]
+    return "\n\n".join("\n".join(s) for s in sections if len(s) > 1 or s and s[0].startswith("computed"))
+
+
+def _unique(texts: Iterator[str]) -> list[str]:
+    distinct = list(dict.fromkeys(texts))
+    return distinct if len(distinct) <= 20 else [*distinct[:20], f"… and {len(distinct) - 20} more"]
+
+
+def _states(reduced: Reduced) -> list[str]:
+    lines = [f"    {name}" for name in summarised(reduced.state_names, 40)]
+    return [f"states ({len(reduced.states)})", *(lines or ["    none"])]
+
+
+def _quadratures(reduced: Reduced) -> list[str]:
+    names = [reduced.register_name(int(r)) for r in reduced.quadratures]
+    return [f"quadratures ({len(names)})", *(f"    {name}" for name in summarised(names, 20))] if names else []
+
+
+def _program(title: str, reduced: Reduced, program: Program, indent: str = "    ") -> list[str]:
+    lines = [f"{title} ({len(program)} steps)"]
+    for number, step in enumerate(program, 1):
+        first, *rest = step_lines(reduced, step)
+        lines += [f"{indent}{number:>3}  {first}", *(f"{indent}     {line}" for line in rest)]
+    return lines
+
+
+def step_lines(reduced: Reduced, step: Step) -> list[str]:
+    """A step in names: the first of its rows, and their number."""
+    if isinstance(step, Apply):
+        text = to_text(step.shape, lambda k, _: reduced.register_name(int(step.slots[0, k])))
+        return [_cut(f"{reduced.register_name(int(step.out[0]))} := {text}") + _times(len(step.out))]
+    if isinstance(step, Total):
+        terms = _terms(reduced, step)
+        return [_cut(f"{reduced.register_name(int(step.out[0]))} := {terms}") + _times(len(step.out))]
+    return _solve_lines(reduced, step)
+
+
+def _solve_lines(reduced: Reduced, step: Solve) -> list[str]:
+    instances, size = step.unknowns.shape
+    kind = "constant linear" if step.constant else "linear" if step.linear else "nonlinear"
+    names = summarised([reduced.register_name(int(r)) for r in step.unknowns[0]], 8)
+    plural = "s" if size > 1 else ""
+    lines = [f"solve {size} {kind} equation{plural} for {', '.join(names)}{_times(instances)}"]
+    for inner in step.inner:
+        lines += [f"  {line}" for line in step_lines(reduced, inner)]
+    return lines
+
+
+def _terms(reduced: Reduced, step: Total) -> str:
+    begin, end = int(step.start[0]), int(step.start[1])
+    text = ""
+    for j in range(begin, min(end, begin + 12)):
+        c, name = float(step.coefficient[j]), reduced.register_name(int(step.index[j]))
+        size = name if abs(c) == 1 else f"{number_text(abs(c))}*{name}"
+        text += (" - " if c < 0 else " + ") + size
+    text = text.removeprefix(" + ") or "0"
+    return text + (f" … ({end - begin} terms)" if end - begin > 12 else "")
+
+
+def _times(rows: int) -> str:
+    return f"   (and {rows - 1} alike)" if rows > 1 else ""
+
+
+def _rows(program: Program) -> int:
+    return sum(step.unknowns.size if isinstance(step, Solve) else len(step.out) for step in program)
+
+
+# --------------------------------------------------------------------------------- layout
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells in columns; a column that is empty throughout is left out."""
+    columns = [c for c in zip(*rows, strict=True) if any(c)]
+    widths = [min(max(map(len, column)), 48) for column in columns]
+    cells = zip(*columns, strict=True)
+    return ["  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= WIDTH else text[: WIDTH - 2] + " …"
