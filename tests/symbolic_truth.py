@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import sympy as sp
+
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol
 
 ROOT = Path(__file__).parents[1]
@@ -39,7 +40,7 @@ def by_hand(name: str) -> SymbolicSystem:
         y = linear["C"] * x
         if inputs:
             y += linear["D"] * sp.Matrix(inputs) + linear["Dd"] * sp.Matrix([jets[u][1] for u in inputs])
-        outputs = dict(zip(truth["outputs"], y))
+        outputs = dict(zip(truth["outputs"], y, strict=True))
     return SymbolicSystem(
         name=name,
         states=states,

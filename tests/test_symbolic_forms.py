@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from symbolic_truth import TRUTH, by_hand, equal, matrix, names_of, read
+
 from lmoc.diagnostics import ModelError
 from lmoc.symbolic.equilibria import equilibria
 from lmoc.symbolic.linearize import linearize
 from lmoc.symbolic.motion import explicit
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol
 from lmoc.symbolic.transfer import characteristic_polynomial, input_output_equation, transfer_function
-from symbolic_truth import TRUTH, by_hand, equal, matrix, names_of, read
 
 LINEAR = [name for name, truth in TRUTH.items() if "linear" in truth]
 every_linear = pytest.mark.parametrize("name", LINEAR)
@@ -159,7 +160,8 @@ def test_nothing_rests_under_an_uncarried_load():
 
 def test_double_pendulum_prints_compactly():
     from lmoc.symbolic.equations import sorted_equation
-    from lmoc.symbolic.notation import Notation, Style
+    from lmoc.symbolic.notation import Notation
+    from lmoc.symbolic.styles import ASCII
 
     a, b, l = sp.symbols("a b l")
     accelerations = [jet_symbol(n, 2) for n in "ab"]
@@ -167,7 +169,7 @@ def test_double_pendulum_prints_compactly():
         sp.sin(a) * (sp.sin(a) * accelerations[0] + sp.sin(b) * accelerations[1])
     )
     equation = sorted_equation(residual, a, 2, [a, b], ["a", "b"])
-    text = equation.write(Notation.of(residual, late=["a", "b"]), Style("ascii"))
+    text = equation.write(Notation.of(residual, late=["a", "b"]), ASCII)
     assert text == "a'' + cos(a - b)*b'' = 0"
 
 

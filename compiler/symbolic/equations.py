@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.symbolic.names import base_of
-from lmoc.symbolic.notation import ASCII, LATEX, UNICODE, Formula, Notation, Style, join_terms
+from lmoc.symbolic.notation import Formula, Notation, join_terms
+from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol, symbolic_system
 
 if TYPE_CHECKING:
@@ -50,8 +52,8 @@ class Equation:
 
     def write(self, notation: Notation, style: Style) -> str:
         formula = Formula(notation, style)
-        left, right = (join_terms(formula.term(c, f) for c, f in side) for side in (self.left, self.right))
-        return f"{left} = {right}"
+        sides = (join_terms((formula.term(c, f) for c, f in side), style) for side in (self.left, self.right))
+        return style.equals.join(sides)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,7 @@ class EquationsOfMotion:
 
     def force_lines(self, style: Style = UNICODE) -> list[str]:
         formula = Formula(self.notation, style)
-        return [f"{self.notation.name(n, style)} = {formula.sum(v)}" for n, v in self.forces.items()]
+        return [self.notation.name(n, style) + style.equals + formula.sum(v) for n, v in self.forces.items()]
 
     def text(self, ascii: bool = False) -> str:
         """For a terminal: the equations, the forces, and the table of abbreviations."""
@@ -122,6 +124,19 @@ class EquationsOfMotion:
 
     def _repr_latex_(self) -> str:
         return self.latex()
+
+    def html(self) -> str:
+        """The equations in MathML and the table of symbols, to be put into a page."""
+        lines = [*self.lines(MATHML), *self.force_lines(MATHML)]
+        shown = "\n".join(f"<p><math display='block'>{line}</math></p>" for line in lines)
+        rows = []
+        for full, short in self.notation.short.items():
+            unit, text = self.descriptions.get(full, ("", ""))
+            symbol = f"<math>{MATHML.symbol(short, 0)}</math>"
+            cells = (symbol, f"<code>{escape(full)}</code>", escape(unit), escape(text))
+            rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+        head = "<tr><th></th><th>name</th><th>unit</th><th></th></tr>"
+        return f"{shown}\n<table>\n{head}\n" + "\n".join(rows) + "\n</table>"
 
     def to_dict(self) -> dict:
         """For JSON: each equation as text, LaTeX and residual in full names (SymPy syntax)."""
@@ -217,7 +232,7 @@ def equations_of_motion(
     late = [*(u.name for u in system.inputs), *(q.name for q in motion.coordinates)]
     equations = tuple(
         sorted_equation(r, q, n, motion.coordinates, late, clear_all=not motion.balanced)
-        for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders)
+        for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
     )
     found = {name: _tidy_sum(value, late) for name, value in motion.forces.items()}
     occurring = [e.residual for e in equations] + list(found.values())

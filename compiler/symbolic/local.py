@@ -136,7 +136,7 @@ class PartLaws:
             sums = self.flat.sums
             for r in range(sums.rows):
                 part = slice(sums.start[r], sums.start[r + 1])
-                pairs = zip(sums.index[part].tolist(), sums.sign[part].tolist())
+                pairs = zip(sums.index[part].tolist(), sums.sign[part].tolist(), strict=True)
                 residuals.append(sp.Add(*(int(sign) * self.value(v) for v, sign in pairs)))
             residuals += [self._row(g, r) for g in self.flat.groups if g.origin == "connection" for r in range(g.rows)]
         unknowns = {v: self.symbol(v) for v in sorted(self.unknown)}

@@ -73,7 +73,7 @@ class Kinematics:
         names = [self.interpreter.w[int(r)] for r in reduced.quadratures]
         rates = [int(r) for r in reduced.quadrature_derivatives]
         self.interpreter.fill(rates)
-        return {z: self._in_jets(self.interpreter.w[r]) for z, r in zip(names, rates)}
+        return {z: self._in_jets(self.interpreter.w[r]) for z, r in zip(names, rates, strict=True)}
 
     def _in_jets(self, value: sympy.Expr) -> sympy.Expr:
         return value.xreplace(self._velocity)
@@ -179,7 +179,7 @@ def _without(power: sympy.Expr, reactions: set) -> sympy.Expr | None:
 
 
 def _reactions(laws: PartLaws) -> dict[str, sympy.Expr]:
-    """Internal forces of ideal parts, in jets of the coordinates: those they declare, or the flow of their first port."""
+    """Internal forces of ideal parts in jets of the coordinates: one they declare, or the flow of their first port."""
     import sympy as sp
 
     flat = laws.flat
@@ -204,7 +204,7 @@ def explicit(system: SymbolicSystem) -> Motion:
     coordinates = tuple(system.states[q] for q, _ in system.coordinates)
     orders = tuple(2 if v >= 0 else 1 for _, v in system.coordinates)
     residuals = []
-    for (q, v), order in zip(system.coordinates, orders):
+    for (q, v), order in zip(system.coordinates, orders, strict=True):
         rate = system.derivatives[v if order == 2 else q].xreplace(jets)
         residuals.append(jet_symbol(system.states[q].name, order) - rate)
     return Motion(coordinates, orders, tuple(residuals), {}, False)
@@ -214,14 +214,14 @@ def agrees(motion: Motion, system: SymbolicSystem) -> bool:
     """The residuals vanish with the explicit derivatives, and determine them; tried at random numbers."""
     import sympy as sp
 
-    highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders)]
+    highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders, strict=True)]
     solved = explicit(system)
-    values = {x: x - r for x, r in zip(highest, solved.residuals)}
+    values = {x: x - r for x, r in zip(highest, solved.residuals, strict=True)}
     symbols = set().union(*(r.free_symbols for r in (*motion.residuals, *values.values())), set()) - set(highest)
     generator = np.random.default_rng(7)
-    point = {
-        s: sp.Float(v, 30) for s, v in zip(sorted(symbols, key=lambda s: s.name), generator.uniform(0.5, 1.5, 999))
-    }
+    ordered = sorted(symbols, key=lambda s: s.name)
+    numbers_used = generator.uniform(0.5, 1.5, len(ordered))
+    point = {s: sp.Float(v, 30) for s, v in zip(ordered, numbers_used, strict=True)}
     numbers = {x: v.xreplace(point).evalf(30) for x, v in values.items()}
     matrix = sp.Matrix(
         [[r.diff(x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals]

@@ -34,7 +34,7 @@ def short_names(names: Iterable[str]) -> dict[str, str]:
             candidates = [form(name) for name in rest]
             clash = len(set(candidates)) < len(candidates) or any(c is None or c in taken for c in candidates)
             if not clash or form is _whole:
-                result.update(zip(rest, candidates))
+                result.update(zip(rest, candidates, strict=True))
                 taken.update(candidates)
                 break
     return {name: result[name] for name in full}

@@ -1,4 +1,4 @@
-"""Formulas as text: for the terminal (with or without accents) and as LaTeX.
+"""Formulas written as a person would, in one of the styles of `symbolic.styles`.
 
 SymPy's own printers sort for machines. Here parameters come before powers, inputs and coordinates last, derivatives are
 dots, and what counts up comes before what is subtracted: ``(J + m·r²)·θ̈ + c·θ̇ + k·r²·θ``.
@@ -6,85 +6,15 @@ dots, and what counts up comes before what is subtracted: ``(J + m·r²)·θ̈ +
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from lmoc.symbolic.names import base_of, short_names
+from lmoc.symbolic.styles import ASCII, UNICODE, Style
 
 if TYPE_CHECKING:
     import sympy
-
-_GREEK = dict(
-    zip(
-        "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega".split(),
-        "αβγδεζηθκλμνξπρστφχψω",
-    )
-)
-_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_ACCENTS = {1: "\u0307", 2: "\u0308", 3: "\u20db", 4: "\u20dc"}
-_LATEX_ACCENTS = {1: r"\dot", 2: r"\ddot", 3: r"\dddot", 4: r"\ddddot"}
-_SPLIT = re.compile(r"^([A-Za-zΔδ]+?)_?(\d*)$")
-
-
-@dataclass(frozen=True)
-class Style:
-    """How products, powers, fractions and derivatives look.
-
-    `name` is ``unicode``, ``ascii`` or ``latex``.
-    """
-
-    name: str = "unicode"
-
-    @property
-    def times(self) -> str:
-        return {"unicode": "·", "ascii": "*", "latex": r" \, "}[self.name]
-
-    def power(self, base: str, exponent: str) -> str:
-        if self.name == "unicode" and re.fullmatch(r"-?\d+", exponent):
-            return base + exponent.translate(_SUPERSCRIPT)
-        if self.name == "latex":
-            return f"{base}^{{{exponent}}}"
-        return f"{base}^{exponent}" if re.fullmatch(r"\w+", exponent) else f"{base}^({exponent})"
-
-    def fraction(self, top: str, bottom: str, simple_bottom: bool) -> str:
-        if self.name == "latex":
-            return rf"\frac{{{top}}}{{{bottom}}}"
-        return f"{top}/{bottom}" if simple_bottom else f"{top}/({bottom})"
-
-    def brackets(self, text: str) -> str:
-        return rf"\left({text}\right)" if self.name == "latex" else f"({text})"
-
-    def symbol(self, name: str, order: int) -> str:
-        if self.name == "ascii":
-            return name + "'" * order
-        delta = name.startswith("δ")
-        lead = (r"\delta " if self.name == "latex" else "δ") if delta else ""
-        found = _SPLIT.match(name[1:] if delta else name)
-        if self.name == "latex":
-            return lead + _latex_symbol(name[1:] if delta else name, found, order)
-        word, digits = (found.group(1), found.group(2)) if found else (name[1:] if delta else name, "")
-        letter = _GREEK.get(word, word)
-        if order and (len(letter) > 1 or order > 4):
-            return f"{lead}{letter}{digits}" + "'" * order
-        return lead + letter + _ACCENTS.get(order, "") + digits
-
-
-def _latex_symbol(name: str, found: re.Match | None, order: int) -> str:
-    word, digits = (found.group(1), found.group(2)) if found else (name, "")
-    word, underscore, rest = word.partition("_")
-    if word in _GREEK:
-        letter = "\\" + word
-    else:
-        letter = word if len(word) == 1 else rf"\mathit{{{word}}}".replace("_", r"\_")
-    if order:
-        letter = f"{_LATEX_ACCENTS[order]}{{{letter}}}" if order <= 4 else rf"{letter}^{{({order})}}"
-    index = rf"\mathrm{{{rest}}}".replace("_", r"\_") if underscore else digits
-    return f"{letter}_{{{index}}}" if index else letter
-
-
-UNICODE, ASCII, LATEX = Style("unicode"), Style("ascii"), Style("latex")
 
 
 @dataclass(frozen=True)
@@ -123,7 +53,7 @@ class Notation:
         formula = Formula(self, style)
         terms = sp.Poly(value, x).terms() if value.has(x) else [((0,), value)]
         parts = [formula.term(sp.factor_terms(c), x**n if n else None) for (n,), c in terms]
-        text = join_terms(parts)
+        text = join_terms(parts, style)
         return style.brackets(text) if len(parts) > 1 else text
 
     @property
@@ -132,13 +62,13 @@ class Notation:
         return {short: full for full, short in self.short.items() if short != full}
 
 
-def join_terms(parts: Iterable[tuple[bool, str]]) -> str:
+def join_terms(parts: Iterable[tuple[bool, str]], style: Style) -> str:
     """Terms (negative?, text) as a sum."""
     text = ""
     for negative, part in parts:
-        lead = (" - " if negative else " + ") if text else ("-" if negative else "")
+        lead = (style.minus if negative else style.plus) if text else (style.sign if negative else "")
         text += lead + part
-    return text or "0"
+    return text or style.number("0")
 
 
 @dataclass(frozen=True)
@@ -170,7 +100,7 @@ class Formula:
         terms = [(_is_negative(t), t) for t in sp.Add.make_args(value)]
         parts = [(negative, self.product(-t if negative else t), t) for negative, t in terms]
         parts.sort(key=lambda p: (p[0], not self._moves(p[2]), p[1]))
-        return join_terms((negative, text) for negative, text, _ in parts)
+        return join_terms(((negative, text) for negative, text, _ in parts), self.style)
 
     def _moves(self, value: sympy.Expr) -> bool:
         return any(base_of(s.name)[0] in self.notation.late for s in value.free_symbols)
@@ -199,11 +129,11 @@ class Formula:
         above = self.style.times.join(self.atom(f) for f in self._sorted(top))
         if not bottom:
             return above
-        if self.style.name == "latex" and len(top) == 1 and isinstance(top[0], sp.Add):
+        if self.style.fills and len(top) == 1 and isinstance(top[0], sp.Add):
             above = self.sum(top[0])
         below = self._sorted(bottom)
         alone = len(below) == 1
-        plain = self.style.name == "latex" and alone and isinstance(below[0], sp.Add)
+        plain = self.style.fills and alone and isinstance(below[0], sp.Add)
         text = self.sum(below[0]) if plain else self.style.times.join(self.atom(f) for f in below)
         return self.style.fraction(above, text, alone)
 
@@ -236,40 +166,32 @@ class Formula:
         if isinstance(value, sp.Add):
             return self.style.brackets(self.sum(value))
         if value in (sp.pi, sp.E):
-            return {"latex": r"\pi" if value == sp.pi else "e"}.get(self.style.name, "π" if value == sp.pi else "e")
+            return self.style.constant("pi" if value == sp.pi else "e")
         if isinstance(value, sp.Function) and not isinstance(value, sp.Piecewise):
-            name = type(value).__name__.lower()
-            arguments = ", ".join(self.sum(a) for a in value.args)
-            return (rf"\{name}" if self.style.name == "latex" else name) + self.style.brackets(arguments)
-        return self.style.brackets(self._plain(value))
+            return self.style.function(type(value).__name__.lower()) + self._arguments(value)
+        names = {s: sp.Symbol(self.notation.name(s.name, ASCII)) for s in value.free_symbols}
+        return self.style.brackets(self.style.words(sp.sstr(value.xreplace(names))))  # cases, relations
+
+    def _arguments(self, value: sympy.Function) -> str:
+        return self.style.brackets(", ".join(self.sum(a) for a in value.args))
 
     def _power(self, value: sympy.Pow) -> str:
         import sympy as sp
 
         base, exponent = value.args
         if exponent == sp.Rational(1, 2):
-            inside = self.sum(base)
-            return rf"\sqrt{{{inside}}}" if self.style.name == "latex" else f"sqrt({inside})"
+            return self.style.root(self.sum(base))
         if isinstance(base, sp.Function) and exponent.is_Integer and exponent > 0:  # cos²(θ)
-            name, rest = type(base).__name__.lower(), self.style.brackets(", ".join(self.sum(a) for a in base.args))
-            lead = rf"\{name}" if self.style.name == "latex" else name
-            return self.style.power(lead, str(exponent)) + rest
+            name = self.style.function(type(base).__name__.lower())
+            return self.style.power(name, self.number(exponent)) + self._arguments(base)
         return self.style.power(self.atom(base), self.sum(exponent))
-
-    def _plain(self, value: sympy.Basic) -> str:
-        """What has no textbook form (cases, relations), in SymPy's words and our names."""
-        import sympy as sp
-
-        names = {s: sp.Symbol(self.notation.name(s.name, ASCII)) for s in value.free_symbols}
-        shown = value.xreplace(names)
-        return sp.latex(shown) if self.style.name == "latex" else sp.sstr(shown)
 
     def number(self, value: sympy.Number) -> str:
         if value.is_Integer:
-            return str(value)
+            return self.style.number(str(value))
         if value.is_Rational and not _decimal(value):
-            return self.style.fraction(str(value.p), str(value.q), True)
-        return f"{float(value):.10g}"
+            return self.style.fraction(self.style.number(str(value.p)), self.style.number(str(value.q)), True)
+        return self.style.number(f"{float(value):.10g}")
 
 
 def _factors(value: sympy.Expr) -> list:

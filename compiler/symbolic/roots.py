@@ -155,9 +155,10 @@ def search(equations: list, unknowns: list, system: SymbolicSystem, given: Mappi
         root[turning] = (root[turning] + np.pi - 1e-9) % (2 * np.pi) - np.pi + 1e-9
         if not any(np.allclose(root, other, atol=1e-7) for other in found):
             found.append(root)
-    box = ", ".join(f"|{x.name}| ≤ {r:.3g}" for x, r in zip(unknowns, reach))
+    box = ", ".join(f"|{x.name}| ≤ {r:.3g}" for x, r in zip(unknowns, reach, strict=True))
     how = f"Newton's method from {STARTS} starts in {box}; there may be others"
-    return [Root({x: _plain(v) for x, v in zip(unknowns, root)}, how=how) for root in sorted(found, key=tuple)]
+    plain = [[_plain(v) for v in root] for root in sorted(found, key=tuple)]
+    return [Root(dict(zip(unknowns, root, strict=True)), how=how) for root in plain]
 
 
 def _newton(f, jacobian, x: np.ndarray) -> np.ndarray | None:

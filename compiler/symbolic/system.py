@@ -75,7 +75,7 @@ class SymbolicSystem:
     @property
     def ode(self) -> dict[str, sympy.Expr]:
         """{state name: expression of its derivative}."""
-        return {s.name: d for s, d in zip(self.states, self.derivatives)}
+        return {s.name: d for s, d in zip(self.states, self.derivatives, strict=True)}
 
     def jets(self, u: sympy.Symbol) -> tuple[sympy.Symbol, ...]:
         return tuple(self.input_jets.get(u, (u,)))
@@ -210,24 +210,24 @@ class Interpreter:
 
     def _step(self, step: Step, again: bool) -> None:
         if isinstance(step, Apply):
-            for row, out in zip(step.slots.tolist(), step.out.tolist()):
+            for row, out in zip(step.slots.tolist(), step.out.tolist(), strict=True):
                 if again or out not in self.w:
                     self.w[out] = lower(step.shape, lambda k, _, row=row: self.w[row[k]])
         elif isinstance(step, Total):
             for i, out in enumerate(step.out.tolist()):
                 if again or out not in self.w:
                     part = slice(step.start[i], step.start[i + 1])
-                    terms = zip(step.index[part].tolist(), step.coefficient[part].tolist())
+                    terms = zip(step.index[part].tolist(), step.coefficient[part].tolist(), strict=True)
                     self.w[out] = sum((_times(c, self.w[r]) for r, c in terms), start=_zero())
         else:
-            for unknowns, residuals in zip(step.unknowns.tolist(), step.residuals.tolist()):
+            for unknowns, residuals in zip(step.unknowns.tolist(), step.residuals.tolist(), strict=True):
                 self._solve(step, unknowns, residuals)
 
     def _solve(self, step: Solve, unknowns: list[int], residuals: list[int]) -> None:
         import sympy as sp
 
         place = [sp.Dummy(f"x{i}") for i in range(len(unknowns))]
-        self.w.update(zip(unknowns, place))
+        self.w.update(zip(unknowns, place, strict=True))
         self.run(step.inner)
         left, right = [], []
         for register in residuals:
@@ -281,5 +281,5 @@ def in_lowest_terms(value: sympy.Expr, moving: set[sympy.Symbol]) -> sympy.Expr:
     if any(c.free_symbols & moving for c in coefficients):
         return value
     rest = value.xreplace({x: sp.S.Zero for x in present})
-    terms = [sp.factor_terms(sp.cancel(c)) * x for c, x in zip(coefficients, present)]
+    terms = [sp.factor_terms(sp.cancel(c)) * x for c, x in zip(coefficients, present, strict=True)]
     return sp.Add(*terms, sp.factor_terms(sp.cancel(rest)))

@@ -1,0 +1,173 @@
+"""How the pieces of a formula look: for the terminal, in plain ASCII, as LaTeX, as MathML."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+
+_LETTERS = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
+GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθκλμνξπρστφχψω", strict=True))
+_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_ACCENTS = {1: "\u0307", 2: "\u0308", 3: "\u20db", 4: "\u20dc"}
+_LATEX_ACCENTS = {1: r"\dot", 2: r"\ddot", 3: r"\dddot", 4: r"\ddddot"}
+_DOTS = {1: "˙", 2: "¨", 3: "⃛", 4: "⃜"}
+
+
+def split_name(name: str) -> tuple[str, str, str, str]:
+    """``δtheta1`` → (``δ``, ``theta``, ``1``, ````); ``q_left`` → (````, ``q``, ````, ``left``)."""
+    delta, rest = ("δ", name[1:]) if name.startswith("δ") else ("", name)
+    word, underscore, index = rest.partition("_")
+    if underscore and not index.isdigit():
+        return delta, word, "", index
+    found = re.match(r"^([A-Za-z]+?)(\d*)$", word)
+    if found and not (underscore and found.group(2)):
+        return delta, found.group(1), found.group(2) or index, ""
+    return delta, rest, "", ""
+
+
+class Ascii:
+    """Plain text that can be typed: ``m*q'' + k*q = f``."""
+
+    times, plus, minus, sign, equals = "*", " + ", " - ", "-", " = "
+
+    def symbol(self, name: str, order: int) -> str:
+        return name + "'" * order
+
+    def number(self, text: str) -> str:
+        return text
+
+    def power(self, base: str, exponent: str) -> str:
+        return f"{base}^{exponent}" if re.fullmatch(r"\w+", exponent) else f"{base}^({exponent})"
+
+    def fraction(self, top: str, bottom: str, simple: bool) -> str:
+        return f"{top}/{bottom}" if simple else f"{top}/({bottom})"
+
+    fills = False  # fractions make brackets around a sum superfluous
+
+    def brackets(self, text: str) -> str:
+        return f"({text})"
+
+    def root(self, text: str) -> str:
+        return f"sqrt({text})"
+
+    def function(self, name: str) -> str:
+        return name
+
+    def constant(self, name: str) -> str:
+        return name
+
+    def words(self, text: str) -> str:
+        return text
+
+
+class Unicode(Ascii):
+    """For a terminal: ``m·q̈ + k·q = f``."""
+
+    times = "·"
+
+    def symbol(self, name: str, order: int) -> str:
+        delta, word, digits, index = split_name(name)
+        letter = GREEK.get(word, word)
+        tail = digits + (f"_{index}" if index else "")
+        if order and (len(letter) > 1 or order > 4):
+            return f"{delta}{letter}{tail}" + "'" * order
+        return delta + letter + _ACCENTS.get(order, "") + tail
+
+    def power(self, base: str, exponent: str) -> str:
+        if re.fullmatch(r"-?\d+", exponent):
+            return base + exponent.translate(_SUPERSCRIPT)
+        return super().power(base, exponent)
+
+    def constant(self, name: str) -> str:
+        return {"pi": "π"}.get(name, name)
+
+
+class Latex(Ascii):
+    r"""``m \, \ddot{q} + k \, q = f``."""
+
+    times, fills = r" \, ", True
+
+    def symbol(self, name: str, order: int) -> str:
+        delta, word, digits, index = split_name(name)
+        if word in GREEK:
+            letter = "\\" + word
+        else:
+            letter = word if len(word) == 1 else rf"\mathit{{{_escaped(word)}}}"
+        if order:
+            letter = f"{_LATEX_ACCENTS[order]}{{{letter}}}" if order <= 4 else rf"{letter}^{{({order})}}"
+        below = rf"\mathrm{{{_escaped(index)}}}" if index else digits
+        return (r"\delta " if delta else "") + letter + (f"_{{{below}}}" if below else "")
+
+    def power(self, base: str, exponent: str) -> str:
+        return f"{base}^{{{exponent}}}"
+
+    def fraction(self, top: str, bottom: str, simple: bool) -> str:
+        return rf"\frac{{{top}}}{{{bottom}}}"
+
+    def brackets(self, text: str) -> str:
+        return rf"\left({text}\right)"
+
+    def root(self, text: str) -> str:
+        return rf"\sqrt{{{text}}}"
+
+    def function(self, name: str) -> str:
+        known = "sin cos tan sinh cosh tanh exp log arcsin arccos arctan".split()
+        name = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "ln": "log"}.get(name, name)
+        return "\\" + name if name in known else rf"\operatorname{{{name}}}"
+
+    def constant(self, name: str) -> str:
+        return {"pi": r"\pi"}.get(name, name)
+
+    def words(self, text: str) -> str:
+        return rf"\text{{{_escaped(text)}}}"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("_", r"\_")
+
+
+class MathML(Ascii):
+    """For a page: presentation MathML, which browsers show without any script."""
+
+    times = "<mo>&#x2062;</mo>"
+    plus, minus, sign, equals = "<mo>+</mo>", "<mo>−</mo>", "<mo form='prefix'>−</mo>", "<mo>=</mo>"
+    fills = True
+
+    def symbol(self, name: str, order: int) -> str:
+        delta, word, digits, index = split_name(name)
+        letter = f"<mi>{escape(GREEK.get(word, word))}</mi>"
+        if order:
+            dots = _DOTS.get(order, f"({order})")
+            letter = f"<mover accent='true'>{letter}<mo>{dots}</mo></mover>"
+        if digits or index:
+            below = f"<mn>{digits}</mn>" if digits else f"<mi mathvariant='normal'>{escape(index)}</mi>"
+            letter = f"<msub>{letter}{below}</msub>"
+        return ("<mi>δ</mi>" if delta else "") + letter
+
+    def number(self, text: str) -> str:
+        return f"<mn>{text}</mn>"
+
+    def power(self, base: str, exponent: str) -> str:
+        return f"<msup><mrow>{base}</mrow><mrow>{exponent}</mrow></msup>"
+
+    def fraction(self, top: str, bottom: str, simple: bool) -> str:
+        return f"<mfrac><mrow>{top}</mrow><mrow>{bottom}</mrow></mfrac>"
+
+    def brackets(self, text: str) -> str:
+        return f"<mrow><mo>(</mo>{text}<mo>)</mo></mrow>"
+
+    def root(self, text: str) -> str:
+        return f"<msqrt>{text}</msqrt>"
+
+    def function(self, name: str) -> str:
+        return f"<mi>{name}</mi>"
+
+    def constant(self, name: str) -> str:
+        return f"<mi>{ {'pi': 'π'}.get(name, name) }</mi>"
+
+    def words(self, text: str) -> str:
+        return f"<mtext>{escape(text)}</mtext>"
+
+
+Style = Ascii
+ASCII, UNICODE, LATEX, MATHML = Ascii(), Unicode(), Latex(), MathML()
