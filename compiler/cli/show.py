@@ -14,7 +14,7 @@ STAGES = ("parse", "flatten", "reduce", "lower")
 def configure(parser: Parser) -> None:
     add_model_arguments(parser)
     add = parser.add_argument
-    add("--stage", type=choice(STAGES), metavar="NAME", default="flatten", help=f"{', '.join(STAGES)} (default flatten)")
+    add("--stage", type=choice(STAGES), metavar="NAME", default="flatten", help=f"{', '.join(STAGES)} (flatten)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

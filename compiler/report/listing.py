@@ -94,7 +94,7 @@ def group_lines(flat: FlatDAE, group: Group) -> list[str]:
 
 
 def column_pattern(flat: FlatDAE, variables: np.ndarray) -> str:
-    """One name for the variables of a column: ``m[2:10000].q`` if they are of one array, else the first and an ellipsis."""
+    """One name for the variables of a column: ``m[2:10000].q`` if of one array, else the first and an ellipsis."""
     first = int(variables[0])
     if (variables == first).all():
         return flat.variable_name(first)

@@ -13,7 +13,6 @@ from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
-
 from lmoc.diagnostics import Diagnostic
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
@@ -269,10 +268,10 @@ class FlatDAE:
             return None
         positions = np.arange(block.size).reshape(block.dims)
         key: list[int | slice] = []
-        for (_, given), (_, dims) in zip(parsed, block.path):
+        for (_, given), (_, dims) in zip(parsed, block.path, strict=False):
             if given and len(given) != len(dims):
                 return None
-            for item, n in zip(given or ((1, None),) * len(dims), dims):
+            for item, n in zip(given or ((1, None),) * len(dims), dims, strict=False):
                 low, high = item if isinstance(item, tuple) else (item, item)
                 high = n if high is None else high
                 if not (1 <= low and high <= n):

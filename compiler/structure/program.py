@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+
 from lmoc.expression.dag import Expr
 
 

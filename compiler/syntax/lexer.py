@@ -79,7 +79,8 @@ def scan(source: Source, tables: Tables) -> tuple[Tokens, list[Diagnostic]]:
         said.append(_not_closed(source, open_end))
         text = _close(text, open_end)
     for symbol, offset in irregular:
-        said += _mend(source, tokens, symbol, offset)
+        # A wrong name is used many times, a foreign sign out of habit: once is enough.
+        said += [d for d in _mend(source, tokens, symbol, offset) if all(d.message != e.message for e in said)]
     return tokens, said + _stray_index_ends(source, tokens)
 
 
@@ -185,7 +186,7 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
     word = text[start:end]
     place = Span(source, start, end)
     hint = f"a name in quotes can have it: \"'{word}'\""
-    return [Diagnostic("E0106", f"'{text[offset]}' cannot stand in a name", place, hint=hint)]
+    return [Diagnostic("E0106", f"'{text[offset]}' cannot stand in the name '{word}'", place, hint=hint)]
 
 
 def _put_name(source: Source, tokens: Tokens, start: int, end: int) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from lmoc.diagnostics import Diagnostic, Label
 from lmoc.syntax.tables import END_OF_TEXT
-from lmoc.syntax.trouble import Edit, Slip, Trouble
+from lmoc.syntax.trouble import Edit, Node, Slip, Trouble
 from lmoc.syntax.words import found
 
 BLOCKS = {"for", "if", "when", "while"}
@@ -28,11 +28,29 @@ def _open_classes(trouble: Trouble, token: int) -> Iterator[tuple[str, int]]:
 
 def _open_block(trouble: Trouble, token: int) -> tuple[str, int] | None:
     """Word and token of the innermost ``for``, ``if``, ``when``, ``while`` that is open before a token."""
+    closed = 0
     for node in trouble.stack(token):
-        if node.symbol in BLOCKS:
-            return node.symbol, node.token
         if node.symbol == "class_kind":
             return None
+        if node.symbol in BLOCKS and node.below is not None and node.below.symbol == "end":
+            closed += 1
+        elif node.symbol in BLOCKS and closed:
+            closed -= 1
+        elif node.symbol in BLOCKS:
+            return node.symbol, node.token
+    return None
+
+
+def _open_bracket(trouble: Trouble) -> Node | None:
+    """The innermost bracket that is open before the place."""
+    closed = 0
+    for node in trouble.stack():
+        if node.symbol in _PARTNER.values():
+            closed += 1
+        elif node.symbol in _PARTNER and closed:
+            closed -= 1
+        elif node.symbol in _PARTNER:
+            return node
     return None
 
 
@@ -143,7 +161,7 @@ def stray_end(trouble: Trouble) -> Iterator[Slip]:
 
 
 def brackets(trouble: Trouble) -> Iterator[Slip]:
-    opener = next((node for node in trouble.stack() if node.symbol in _PARTNER), None)
+    opener = _open_bracket(trouble)
     closers = set(_PARTNER.values())
     if opener is None:
         if trouble.found in closers:

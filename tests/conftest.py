@@ -1,0 +1,58 @@
+"""What the tests of the command share."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+SPRING = """\
+model Oscillator "A mass on a spring"
+  parameter Real k(unit = "N/m") = 8 "stiffness";
+  input Real f(unit = "N") = 0 "push";
+  output Real x(unit = "m") = body.q "where the body is";
+  Fixed wall;
+  Spring spring(k = k);
+  Mass body(m = 2, q(start = 0.5, fixed = true));
+  Force push(f = f);
+equation
+  connect(wall.flange, spring.a);
+  connect(spring.b, body.flange);
+  connect(push.flange, body.flange);
+  annotation(experiment(StopTime = 3));
+end Oscillator;
+"""
+
+
+class Answer(NamedTuple):
+    """What a command has given back."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def lmoc(capsys, monkeypatch, tmp_path) -> Callable[..., Answer]:
+    """Runs the command inside this process, in a folder of its own."""
+    from lmoc.cli.main import main
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+
+    def call(*words: object) -> Answer:
+        code = main([str(w) for w in words])
+        captured = capsys.readouterr()
+        return Answer(code, captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def scene(tmp_path) -> Path:
+    """A file with a mass on a spring."""
+    path = tmp_path / "oscillator.lmo"
+    path.write_text(SPRING)
+    return path
