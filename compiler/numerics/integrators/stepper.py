@@ -1,0 +1,178 @@
+"""One step of DOP853: with numpy, or as one casadi function for small systems.
+
+The casadi function holds all sixteen stages, the error and the dense output, so a step costs a few microseconds
+where numpy needs a hundred.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from lmoc.numerics.casadi_system import Buffered
+from lmoc.numerics.integrators import dop853_table as table
+from lmoc.numerics.system import CasadiSystem, System
+
+_UNROLLED = 3000  # instructions of one right-hand side beyond which the stages stay calls
+
+
+class Stepper(ABC):
+    """Makes steps from (t, x).
+
+    Attributes
+    ----------
+    x, f : state and derivative at the beginning of the step
+    """
+
+    x: np.ndarray
+    f: np.ndarray
+
+    @abstractmethod
+    def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray, tested: np.ndarray) -> None:
+        """Stand at a point."""
+
+    @abstractmethod
+    def attempt(self, t: float, h: float) -> tuple[float, float]:
+        """Try a step; the error (1 is what the tolerances allow) and the estimate of |h·λ|."""
+
+    @abstractmethod
+    def dense(self, t: float, h: float) -> np.ndarray:
+        """Terms of the dense output of the step just tried, (7, n)."""
+
+    @abstractmethod
+    def accept(self) -> None:
+        """Go to the end of the step just tried."""
+
+
+class NumpyStepper(Stepper):
+    """Any system."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        n = system.n
+        self.k = np.zeros((16, n))
+        self.x, self.f, self.x_new = np.zeros(n), np.zeros(n), np.zeros(n)
+
+    def start(self, t, x, rtol, atol, tested) -> None:
+        self.x = x.copy()
+        self.rtol, self.atol = rtol, atol
+        self.tested = slice(None) if tested.all() else tested
+        self.count = max(1, int(tested.sum()))
+        self.system.rhs(t, self.x, self.f)
+
+    def attempt(self, t: float, h: float) -> tuple[float, float]:
+        k, rhs, x = self.k, self.system.rhs, self.x
+        k[0] = self.f
+        with np.errstate(all="ignore"):
+            for i in range(1, 12):
+                last = x + h * (table.A[i, :i] @ k[:i])
+                rhs(t + table.C[i] * h, last, k[i])
+            self.x_new = x + h * (table.B @ k[:12])
+            rhs(t + h, self.x_new, k[12])
+            own = self.tested
+            scale = (self.atol + self.rtol * np.maximum(np.abs(x), np.abs(self.x_new)))[own]
+            e5 = float((((table.E5 @ k[:13])[own] / scale) ** 2).sum())
+            e3 = float((((table.E3 @ k[:13])[own] / scale) ** 2).sum())
+            error = h * e5 / np.sqrt((e5 + 0.01 * e3 + 1e-300) * self.count)
+            change = float(((self.x_new - last)[own] ** 2).sum())
+            rise = float(((k[12] - k[11])[own] ** 2).sum())
+            stiffness = h * np.sqrt(rise / change) if change > 0 else 0.0
+        # the error components alone may hide a NaN at the end of the step
+        return (float(error) if np.isfinite(k[12]).all() else float("nan")), float(stiffness)
+
+    def dense(self, t: float, h: float) -> np.ndarray:
+        k, x = self.k, self.x
+        for i in range(13, 16):
+            self.system.rhs(t + table.C[i] * h, x + h * (table.A[i, :i] @ k[:i]), k[i])
+        terms = np.empty((7, len(x)))
+        rise = self.x_new - x
+        terms[0] = rise
+        terms[1] = h * k[0] - rise
+        terms[2] = 2 * rise - h * (k[12] + k[0])
+        terms[3:] = h * (table.D @ k)
+        return terms
+
+    def accept(self) -> None:
+        self.x = self.x_new
+        self.f = self.k[12].copy()
+
+
+class CasadiStepper(Stepper):
+    """A system whose derivatives are a casadi function."""
+
+    def __init__(self, system: CasadiSystem) -> None:
+        self.system = system
+        n, inputs = system.n, len(system.plan.sampled)
+        self.t, self.h = np.zeros(1), np.zeros(1)
+        self.x, self.f = np.zeros(n), np.zeros(n)
+        self.u, self.rtol, self.atol = np.zeros((16, inputs)), np.zeros(1), np.zeros(n)
+        function = step_function(system.function, n, inputs, len(system.p), system.plan.tested)
+        self.call = Buffered(function, (self.t, self.h, self.x, self.f, system.p, self.u, self.rtol, self.atol))
+        self.numbers, self.x_new, self.f_new, self.terms = self.call.results
+        self.times = table.C.tolist()
+
+    def start(self, t, x, rtol, atol, tested) -> None:
+        self.x[:], self.rtol[0], self.atol[:] = x, rtol, atol
+        self.system.rhs(t, self.x, self.f)
+
+    def attempt(self, t: float, h: float) -> tuple[float, float]:
+        self.t[0], self.h[0] = t, h
+        if self.system.samplers:
+            for i, c in enumerate(self.times):
+                self.system.sample(t + c * h, self.u[i])
+        self.call()
+        self.system.evaluations += 15
+        error, stiffness = self.numbers.tolist()
+        return error, stiffness
+
+    def dense(self, t: float, h: float) -> np.ndarray:
+        return self.terms.reshape(7, -1).copy()
+
+    def accept(self) -> None:
+        self.x[:] = self.x_new
+        self.f[:] = self.f_new
+
+
+def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray):
+    """``(t, h, x, f, p, u, rtol, atol) -> ([error, |h·λ|], x_new, f_new, dense terms)`` as a casadi function."""
+    import casadi as ca
+
+    kind = ca.SX if rhs.n_instructions() <= _UNROLLED else ca.MX
+    t, h = kind.sym("t"), kind.sym("h")
+    x, f, p = kind.sym("x", n), kind.sym("f", n), kind.sym("p", parameters)
+    u, rtol, atol = kind.sym("u", inputs, 16), kind.sym("rtol"), kind.sym("atol", n)
+
+    def combine(weights: np.ndarray):
+        return sum(float(a) * k[j] for j, a in enumerate(weights) if a != 0.0)
+
+    k, last = [f], x
+    for i in range(1, 12):
+        last = x + h * combine(table.A[i])
+        k.append(rhs(t + float(table.C[i]) * h, last, p, u[:, i]))
+    x_new = x + h * combine(table.B)
+    k.append(rhs(t + h, x_new, p, u[:, 12]))
+    for i in range(13, 16):
+        k.append(rhs(t + float(table.C[i]) * h, x + h * combine(table.A[i]), p, u[:, i]))
+    weight = ca.DM(tested.astype(float))
+    scale = atol + rtol * ca.fmax(ca.fabs(x), ca.fabs(x_new))
+    e5 = ca.sum1(weight * (combine(table.E5) / scale) ** 2)
+    e3 = ca.sum1(weight * (combine(table.E3) / scale) ** 2)
+    # 0·Σf carries a NaN at the end of the step into the error
+    poison = 0 * ca.sum1(k[12])
+    error = h * e5 / ca.sqrt((e5 + 0.01 * e3 + 1e-300) * max(1, int(tested.sum()))) + poison
+    change, rise = ca.sum1(weight * (x_new - last) ** 2), ca.sum1(weight * (k[12] - k[11]) ** 2)
+    stiffness = h * ca.sqrt(rise / (change + 1e-300))
+    step = x_new - x
+    terms = [step, h * k[0] - step, 2 * step - h * (k[12] + k[0])] + [h * combine(d) for d in table.D]
+    outputs = [ca.vertcat(error, stiffness), x_new, k[12], ca.horzcat(*terms)]
+    return ca.Function("step", [t, h, x, f, p, u, rtol, atol], [ca.densify(o) for o in outputs])
+
+
+def make_stepper(system: System) -> Stepper:
+    """The stepper of a system; a casadi one is kept with it, because it serves many runs."""
+    if not isinstance(system, CasadiSystem):
+        return NumpyStepper(system)
+    if system.stepper is None:
+        system.stepper = CasadiStepper(system)
+    return system.stepper

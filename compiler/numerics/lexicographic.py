@@ -1,0 +1,163 @@
+"""Lexicographic least squares on independent parts of a sparse system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_RANK = 1e-9  # singular values below count as zero; all rows have length 1
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Independent parts of equal size: (parts, fixed rows), (parts, start rows), (parts, states)."""
+
+    hard: np.ndarray
+    soft: np.ndarray
+    states: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """The parts of the system that share no state."""
+
+    batches: tuple[Batch, ...]
+    part_of_row: np.ndarray
+    rows: int
+    states: int
+
+    def step(self, jacobian, residual: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The step d with the least |J d + r| on fixed rows, then on start rows, then the least |x + d|.
+
+        States that no row touches stay as they are.
+        """
+        d = np.zeros(self.states)
+        lookup = _Lookup(jacobian, self.states)
+        for batch in self.batches:
+            hard = lookup.blocks(batch.hard, batch.states)
+            soft = lookup.blocks(batch.soft, batch.states)
+            own = _lexicographic(hard, residual[batch.hard], soft, residual[batch.soft], x[batch.states])
+            d[batch.states] = own
+        return d
+
+    def connected(self, rows: np.ndarray) -> list[np.ndarray]:
+        """Rows sorted into parts."""
+        parts = self.part_of_row[rows]
+        return [rows[parts == p] for p in np.unique(parts)]
+
+    def dependent(self, jacobian, rows: np.ndarray) -> bool:
+        """Whether the rows are linearly dependent, so that their values cannot be chosen freely."""
+        lookup = _Lookup(jacobian, self.states)
+        columns = np.unique(jacobian[1][np.isin(jacobian[0], rows)])
+        if not len(columns):
+            return True
+        block = lookup.blocks(rows[None], columns[None])[0]
+        return np.linalg.matrix_rank(block, tol=1e-8 * np.abs(block).max(initial=1e-300)) < len(rows)
+
+
+class _Lookup:
+    """Dense blocks out of a matrix of (rows, columns, values)."""
+
+    def __init__(self, jacobian, states: int) -> None:
+        rows, columns, self.values = jacobian
+        self.states = states
+        key = rows * states + columns
+        self.order = np.argsort(key)
+        self.key = key[self.order]
+
+    def blocks(self, rows: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """(parts, rows, states)."""
+        wanted = rows[:, :, None] * self.states + states[:, None, :]
+        if not len(self.key):
+            return np.zeros(wanted.shape)
+        at = np.minimum(np.searchsorted(self.key, wanted), len(self.key) - 1)
+        return np.where(self.key[at] == wanted, self.values[self.order[at]], 0.0)
+
+
+def split(jacobian, hard: np.ndarray, states: int) -> Components:
+    """Find the parts, and gather those of equal size.
+
+    Parameters
+    ----------
+    jacobian : (rows, columns, values)
+    hard : (rows,) which rows must hold
+    """
+    rows, columns, _ = jacobian
+    label = _connected(rows, columns, len(hard), states)
+    row_label, state_label = label[: len(hard)], label[len(hard) :]
+    touched = np.zeros(len(label), bool)
+    touched[row_label] = True
+    sets: dict[tuple[int, int, int], list] = {}
+    members = [_members(row_label, np.flatnonzero(hard)), _members(row_label, np.flatnonzero(~hard))]
+    members.append(_members(state_label, np.arange(states)))
+    for part in np.unique(row_label).tolist():
+        own = [m.get(part, np.zeros(0, int)) for m in members]
+        if len(own[2]):
+            sets.setdefault(tuple(map(len, own)), []).append(own)
+    batches = tuple(
+        Batch(*(np.array([own[k] for own in group], int).reshape(len(group), -1) for k in range(3)))
+        for group in sets.values()
+    )
+    return Components(batches, row_label, len(hard), states)
+
+
+def _members(label: np.ndarray, items: np.ndarray) -> dict[int, np.ndarray]:
+    order = items[np.argsort(label[items], kind="stable")]
+    parts, first = np.unique(label[order], return_index=True)
+    return dict(zip(parts.tolist(), np.split(order, first[1:]), strict=True)) if len(order) else {}
+
+
+def _connected(rows: np.ndarray, columns: np.ndarray, m: int, n: int) -> np.ndarray:
+    """Labels of the connected components of the graph of rows (0 … m-1) and states (m … m+n-1).
+
+    Small graphs are labelled by passing the least label along all edges, which needs no scipy.
+    """
+    if m + n > 2000:
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        graph = coo_matrix((np.ones(len(rows)), (rows, columns + m)), shape=(m + n, m + n))
+        return connected_components(graph, directed=False)[1]
+    label = np.arange(m + n)
+    while True:
+        before = label.copy()
+        least = np.minimum(label[rows], label[columns + m])
+        np.minimum.at(label, rows, least)
+        np.minimum.at(label, columns + m, least)
+        if (label == before).all():
+            return label
+
+
+def _lexicographic(hard, r_hard, soft, r_soft, x) -> np.ndarray:
+    """The step for a stack of parts; the free directions are kept as projectors."""
+    n = x.shape[1]
+    free = np.broadcast_to(np.eye(n), (len(x), n, n))
+    d = np.zeros_like(x)
+    for matrix, residual in ((hard, r_hard), (soft, r_soft)):
+        if not matrix.shape[1]:
+            continue
+        inside = _scaled(matrix) @ free
+        inverse = _pseudo_inverse(inside)
+        rest = (residual + (matrix @ d[..., None])[..., 0]) / _sizes(matrix)
+        d = d - (inverse @ rest[..., None])[..., 0]
+        free = free - inverse @ inside
+    rest = (free @ (x + d)[..., None])[..., 0]
+    return d - rest
+
+
+def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
+    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(s > _RANK, 1.0 / s, 0.0)
+    return (vt.swapaxes(1, 2) * inverse[:, None, :]) @ u.swapaxes(1, 2)
+
+
+def _sizes(matrix: np.ndarray) -> np.ndarray:
+    """Length of each row, 1 for a row of zeros: rows count alike whatever their units."""
+    size = np.sqrt((matrix**2).sum(axis=2))
+    return np.where(size > 0, size, 1.0)
+
+
+def _scaled(matrix: np.ndarray) -> np.ndarray:
+    return matrix / _sizes(matrix)[..., None]

@@ -1,0 +1,114 @@
+"""Newton's method for many small systems of equations at once.
+
+The damping follows Deuflhard, Newton Methods for Nonlinear Problems (2004), section 3.3: a step is halved until the
+next simplified Newton correction is shorter, a test that does not depend on how the equations are scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+_TIGHT = 1e-13  # of the size of the unknowns: no correction is smaller in double precision
+_LOOSE = 1e-8  # good enough where the corrections do not shrink any more
+_ITERATIONS = 50
+_HALVINGS = 12
+
+
+def dense_solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """``np.linalg.solve`` for stacks of matrices where singular ones give NaN."""
+    if a.shape[-1] == 1:
+        with np.errstate(all="ignore"):
+            x = b / a
+        x[~np.isfinite(x)] = np.nan
+        return x
+    try:
+        return np.linalg.solve(a, b)
+    except np.linalg.LinAlgError:
+        shape = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+        a, b = np.broadcast_to(a, shape + a.shape[-2:]), np.broadcast_to(b, shape + b.shape[-2:])
+        x = np.empty(b.shape)
+        for index in np.ndindex(shape):
+            try:
+                x[index] = np.linalg.solve(a[index], b[index])
+            except np.linalg.LinAlgError:
+                x[index] = np.nan
+        return x
+
+
+class Newton:
+    """Solves ``residual(u) = 0`` for u of shape (instances, size) and starts from the last solution."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self.last: np.ndarray | None = None
+
+    def forget(self) -> None:
+        self.last = None
+
+    def solve(
+        self,
+        residual: Callable[[np.ndarray], np.ndarray],
+        matrix: Callable[[np.ndarray], np.ndarray],
+        guess: np.ndarray,
+    ) -> np.ndarray:
+        """The solution; NaN in every instance where none was found.
+
+        Parameters
+        ----------
+        residual : (instances, size) -> (instances, size)
+        matrix : Jacobian at the point where `residual` was called last, (instances, size, size)
+        guess : used where there is no earlier solution
+        """
+        start = guess if self.last is None else np.where(np.isfinite(self.last), self.last, guess)
+        u, good = iterate(residual, matrix, start)
+        if not good.all() and self.last is not None:
+            u, good = iterate(residual, matrix, guess)
+        u = np.where(good[:, None], u, np.nan)
+        if good.all():
+            self.last = u
+        return u
+
+
+def iterate(residual, matrix, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Damped Newton steps from `start`; the point reached and which instances have converged."""
+    u = start.copy()
+    r = residual(u)
+    before = np.full(len(u), np.inf)
+    for _ in range(_ITERATIONS):
+        a = matrix(u)
+        step = -dense_solve(a, r[..., None])[..., 0]
+        size = 1.0 + np.abs(u).max(axis=1)
+        length = np.abs(step).max(axis=1)
+        if (length <= _TIGHT * size).all():
+            return u + step, np.ones(len(u), bool)
+        stuck = (length <= _LOOSE * size) & (length >= 0.5 * before)
+        if (stuck | (length <= _TIGHT * size)).all():
+            return u, np.ones(len(u), bool)
+        if not np.isfinite(length).any():
+            break
+        u, r = _damped(residual, a, u, step, length)
+        before = length
+    return u, _converged(residual, matrix, u)
+
+
+def _damped(residual, a, u, step, length):
+    """The longest of the halved steps after which the simplified correction is shorter than the one before."""
+    factor = np.ones(len(u))
+    for _ in range(_HALVINGS):
+        new = u + factor[:, None] * step
+        r = residual(new)
+        after = np.abs(dense_solve(a, r[..., None])[..., 0]).max(axis=1)
+        small = after <= _LOOSE * (1 + np.abs(new).max(axis=1))
+        bad = ~(after <= (1.0 - factor / 4.0) * length) & (length > 0) & ~small
+        if not bad.any():
+            return new, r
+        factor[bad] *= 0.5
+    return new, r
+
+
+def _converged(residual, matrix, u: np.ndarray) -> np.ndarray:
+    r = residual(u)
+    step = dense_solve(matrix(u), r[..., None])[..., 0]
+    return np.abs(step).max(axis=1) <= _LOOSE * (1.0 + np.abs(u).max(axis=1))

@@ -1,0 +1,77 @@
+"""What a run is asked for, and what follows where nothing is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.semantics.flat import Experiment
+
+SOLVERS = ("auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau")
+FORMULATIONS = ("reduced",)
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of one run; None takes the model's `experiment`, else the default in brackets.
+
+    Attributes
+    ----------
+    start, stop : s [0, 10]
+    points : number of output times, evenly spread [501, or from the experiment's interval]
+    times : the output times themselves; replaces start, stop and points
+    rtol : [1e-6]
+    atol : one number for all states [rtol·1e-3·nominal of each]
+    solver : one of SOLVERS
+    formulation : "reduced"
+    energy : integrate work and heat along
+    keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
+    max_steps : steps after which the run is given up
+    max_seconds : wall time after which the run is given up [no limit]
+    """
+
+    start: float | None = None
+    stop: float | None = None
+    points: int | None = None
+    times: Sequence[float] | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    solver: str = "auto"
+    formulation: str = "reduced"
+    energy: bool = True
+    keep: Sequence[str] | None = None
+    max_steps: int = 5_000_000
+    max_seconds: float | None = None
+
+    def grid(self, experiment: Experiment) -> np.ndarray:
+        """The output times.
+
+        Raises
+        ------
+        ValueError
+            Where times do not increase, or the stop lies before the start.
+        """
+        if self.times is not None:
+            times = np.array(self.times, float).reshape(-1)
+            if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+                raise ValueError("the output times must be finite and increase")
+            return times
+        start = _first(self.start, experiment.start, 0.0)
+        stop = _first(self.stop, experiment.stop, start + 10.0 if self.start is not None else 10.0)
+        if not stop > start:
+            raise ValueError(f"the stop time {stop:g} s must lie after the start time {start:g} s")
+        points = self.points
+        if points is None:
+            points = 501 if not experiment.interval else max(2, round((stop - start) / experiment.interval) + 1)
+        if points < 2:
+            raise ValueError(f"a run has at least 2 output points, found {points}")
+        return np.linspace(start, stop, points)
+
+    def tolerance(self, experiment: Experiment) -> float:
+        return float(_first(self.rtol, experiment.tolerance, 1e-6))
+
+
+def _first(*values):
+    return next(v for v in values if v is not None)

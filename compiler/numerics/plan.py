@@ -1,0 +1,253 @@
+"""A reduced system with its signals: what a run integrates, still independent of how it is evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic, Report
+from lmoc.expression.dag import Expr
+from lmoc.numerics.signals import Constant, Formula, Signal, gives
+from lmoc.structure.program import Apply, Program, Solve, needed_steps, read, written
+from lmoc.structure.reduced import Reduced
+
+LEDGER = ("ledger.work", "ledger.heat")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is integrated.
+
+    Attributes
+    ----------
+    count : number of registers: those of the reduced system and a few for parameters that only signals read
+    known : (2, k) as in Reduced, with the parameters of signals
+    sampled : registers filled by asking `samplers` at each time
+    samplers : (flat variable, order) for each of `sampled`
+    constants : {register: flat variable or -1}; inputs that stay as they are, -1 for a derivative (zero)
+    absent : registers of inputs whose derivative nobody can give, NaN
+    input_program : fills the other input registers
+    states : (n,) registers integrated: the states, then the quadratures
+    derivatives : (n,)
+    tested : (n,) whether a component takes part in the error test (the energy ledger does not)
+    program : input_program and what fills `derivatives`
+    """
+
+    reduced: Reduced
+    count: int
+    known: np.ndarray
+    sampled: np.ndarray
+    samplers: tuple[tuple[int, int], ...]
+    constants: tuple[tuple[int, int], ...]
+    absent: np.ndarray
+    input_program: Program
+    states: np.ndarray
+    derivatives: np.ndarray
+    tested: np.ndarray
+    program: Program
+    notes: tuple[Diagnostic, ...] = ()
+
+    @property
+    def state_count(self) -> int:
+        """States without quadratures."""
+        return len(self.reduced.states)
+
+    @cached_property
+    def row_count(self) -> int:
+        """Rows of all steps, as a measure of size."""
+        return program_rows(self.program)
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """Registers that the program reads and that do not change during a run."""
+        changing = np.zeros(self.count, bool)
+        for registers in (self.states, self.sampled, *map(written, self.program)):
+            changing[registers] = True
+        used = np.zeros(self.count, bool)
+        for step in self.program:
+            used[read(step)] = True
+        used[self.derivatives] = True
+        for step in walk(self.program):
+            if isinstance(step, Solve) and step.guess is not None:
+                used[step.guess[step.guess >= 0]] = True
+        return np.flatnonzero(used & ~changing)
+
+    @cached_property
+    def full_program(self) -> Program:
+        """Fills every register that the reduced system knows of."""
+        return self.input_program + self.reduced.rhs + self.reduced.observe
+
+    def base(self, values: np.ndarray, signals: Mapping[int, Signal]) -> np.ndarray:
+        """The register vector with everything that does not change during a run; NaN elsewhere."""
+        from lmoc.numerics.evaluate import Interpreter
+
+        w = np.full(self.count, np.nan)
+        w[self.known[0]] = values[self.known[1]]
+        for register, variable in self.constants:
+            w[register] = signals[variable].value if variable >= 0 else 0.0
+        Interpreter(self.reduced.parameter_program, self.count).run(w, np.nan)
+        return w
+
+    def nominal(self, values: np.ndarray) -> np.ndarray:
+        """Nominal values of the integrated components; 1 where the model gives none."""
+        flat, table = self.reduced.flat, self.reduced.registers
+        given = np.ones(flat.count)
+        for a in flat.nominals:
+            given[a.target] = np.abs(a.values(values))
+        variable = table.variable[self.states]
+        found = np.where((variable >= 0) & (table.order[self.states] == 0), given[variable], 1.0)
+        return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+
+
+def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, report: Report) -> Plan:
+    """Attach signals to a reduced system.
+
+    Raises
+    ------
+    ModelError
+        Through `report.check` of the caller: an input without a signal (E0520), a derivative that a signal cannot
+        give (E0522).
+    """
+    before = len(report.diagnostics)
+    inputs = _Inputs(reduced)
+    for column, required in zip(reduced.inputs.T.tolist(), reduced.required_inputs.tolist(), strict=True):
+        inputs.add(*column, required, signals, report)
+    known, count, input_program = inputs.finish()
+    keep = _wanted_quadratures(reduced, energy)
+    quadratures, rates = reduced.quadratures[keep], reduced.quadrature_derivatives[keep]
+    extra = needed_steps(reduced.observe, rates, reduced.registers.count)
+    ledger = [v for name in LEDGER for v in _variables(reduced, name)]
+    tested = ~np.isin(reduced.registers.variable[quadratures], ledger)
+    return Plan(
+        reduced,
+        count,
+        known,
+        np.array(inputs.sampled, int),
+        tuple(inputs.samplers),
+        tuple(inputs.constants),
+        np.array(inputs.absent, int),
+        input_program,
+        np.concatenate([reduced.states, quadratures]).astype(int),
+        np.concatenate([reduced.derivatives, rates]).astype(int),
+        np.concatenate([np.ones(len(reduced.states), bool), tested]),
+        input_program + reduced.rhs + extra,
+        tuple(report.diagnostics[before:]),
+    )
+
+
+class _Inputs:
+    """Sorts the input registers by how they are filled."""
+
+    def __init__(self, reduced: Reduced) -> None:
+        self.reduced = reduced
+        self.sampled: list[int] = []
+        self.samplers: list[tuple[int, int]] = []
+        self.constants: list[tuple[int, int]] = []
+        self.absent: list[int] = []
+        self.formulas: dict[Expr, list[tuple[int, tuple[int, ...]]]] = {}
+
+    def add(self, register: int, variable: int, order: int, required: bool, signals, report: Report) -> None:
+        signal = signals.get(variable)
+        if signal is None:
+            self.absent.append(register)
+            if required:
+                _report_unbound(self.reduced, variable, report)
+        elif isinstance(signal, Constant):
+            self.constants.append((register, variable if order == 0 else -1))
+        elif not gives(signal, order):
+            self.absent.append(register)
+            _report_rough(self.reduced, variable, order, required, report)
+        elif isinstance(signal, Formula):
+            self.formulas.setdefault(signal.derivative(order), []).append((register, signal.variables))
+            if order and required and signal.kinked:
+                _report_kink(self.reduced, variable, order, report)
+        else:
+            self.sampled.append(register)
+            self.samplers.append((variable, order))
+
+    def finish(self) -> tuple[np.ndarray, int, Program]:
+        """Registers of parameters, number of all registers, the program of the formulas."""
+        known = self.reduced.known
+        register_of = dict(zip(known[1].tolist(), known[0].tolist(), strict=True))
+        count = self.reduced.registers.count
+        steps, added = [], []
+        for shape, rows in self.formulas.items():
+            for _, variables in rows:
+                for v in variables:
+                    if v not in register_of:
+                        register_of[v] = count + len(added)
+                        added.append(v)
+            slots = np.array([[register_of[v] for v in variables] for _, variables in rows], int)
+            slots = slots.reshape(len(rows), -1)
+            steps.append(Apply(shape, slots, np.array([register for register, _ in rows], int)))
+        extra = np.array([count + np.arange(len(added)), np.array(added, int)])
+        return np.concatenate([known, extra], axis=1).astype(int), count + len(added), tuple(steps)
+
+
+def _report_unbound(reduced: Reduced, variable: int, report: Report) -> None:
+    flat = reduced.flat
+    block = flat.block_at(variable)
+    name = flat.variable_name(variable)
+    report.error(
+        "E0520",
+        f"input '{name}' has no signal",
+        block.span,
+        hint=f"bind it in the model (`input Real {name} = sin(time)`), or say --input {name}='sin(time)'",
+    )
+
+
+def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, report: Report) -> None:
+    flat = reduced.flat
+    jet = flat.jet_name(variable, order)
+    name = flat.variable_name(variable)
+    if required:
+        report.error(
+            "E0522",
+            f"the signal of input '{name}' does not give its derivative {jet}",
+            flat.block_at(variable).span,
+            expected=f"a signal with {order} derivatives: it prescribes a motion, and the forces follow from them",
+            hint="a formula in time has all derivatives, a table two, a callable those of its method derivative(n)",
+        )
+    else:
+        span = flat.block_at(variable).span
+        report.note("N0523", f"{jet} is unknown, so what depends on it is reported as NaN", span)
+
+
+def _report_kink(reduced: Reduced, variable: int, order: int, report: Report) -> None:
+    flat = reduced.flat
+    report.warning(
+        "W0524",
+        f"the formula of input '{flat.variable_name(variable)}' has kinks or jumps, and "
+        f"{flat.jet_name(variable, order)} is used: the impulse at a kink is left out",
+        flat.block_at(variable).span,
+    )
+
+
+def _wanted_quadratures(reduced: Reduced, energy: bool) -> np.ndarray:
+    if energy:
+        return np.ones(len(reduced.quadratures), bool)
+    ledger = [v for name in LEDGER for v in _variables(reduced, name)]
+    return ~np.isin(reduced.registers.variable[reduced.quadratures], ledger)
+
+
+def _variables(reduced: Reduced, name: str) -> list[int]:
+    found = reduced.flat.find(name)
+    return [] if found is None else found.tolist()
+
+
+def walk(program: Program):
+    """Every step, those inside blocks too."""
+    for step in program:
+        yield step
+        if isinstance(step, Solve):
+            yield from walk(step.inner)
+
+
+def program_rows(program: Program) -> int:
+    total = 0
+    for step in walk(program):
+        total += step.unknowns.size if isinstance(step, Solve) else len(step.out)
+    return total

@@ -1,0 +1,246 @@
+"""Run a reduced system: start it, integrate it, and hand out the trajectory."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic, Report, SimulationError
+from lmoc.numerics import integrators
+from lmoc.numerics.checks import run_checks
+from lmoc.numerics.diagnosis import first_not_finite
+from lmoc.numerics.initialization import initial_state
+from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem
+from lmoc.numerics.observe import Observer, Recorder, Trajectory
+from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
+from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals
+from lmoc.numerics.system import System, make_system
+from lmoc.structure.reduced import Reduced
+
+Progress = Callable[[float, float], None]  # (time reached, stop time)
+
+
+class Simulator:
+    """A reduced system made ready to run many times.
+
+    What does not depend on parameter values, on numbers given as inputs, or on the start is made once: the plan, the
+    casadi functions, the integrators' workspaces.
+    """
+
+    def __init__(self, reduced: Reduced) -> None:
+        self.reduced = reduced
+        self._systems: dict[object, tuple[Plan, System]] = {}
+
+    def system(self, signals: Mapping[int, Signal], energy: bool, report: Report) -> tuple[Plan, System]:
+        """The plan and the system for signals of these kinds."""
+        key = energy, tuple(sorted((v, _kind_key(s)) for v, s in signals.items()))
+        if key not in self._systems:
+            plan = build_plan(self.reduced, signals, energy, report)
+            report.check()
+            self._systems[key] = plan, make_system(plan)
+        return self._systems[key]
+
+    def run(
+        self,
+        values: np.ndarray | None = None,
+        options: RunOptions | None = None,
+        inputs: Mapping[str, object] | None = None,
+        initial: Mapping[str, float] | None = None,
+        progress: Progress | None = None,
+    ) -> Trajectory:
+        """Simulate once.
+
+        Parameters
+        ----------
+        values : (flat.count,) parameter values (`FlatDAE.parameter_values`); those of the reduction without it.
+            Whether they keep its guards is the caller's business.
+        options : RunOptions
+        inputs : {name: number, formula, callable, table or CSV file} in place of the inputs' own bindings
+        initial : {name: value}, fixed at the start
+        progress : called with (time reached, stop time) a few times a second
+
+        Raises
+        ------
+        ModelError
+            Inputs, parameters or start are wrong.
+        SimulationError
+            The run failed on its way; `time` and `partial` (a Trajectory) say how far it came.
+        """
+        began = clock.perf_counter()
+        options = options or RunOptions()
+        values = self.reduced.values if values is None else values
+        report = Report()
+        times = check_options(options, self.reduced, report)
+        signals = bind_signals(self.reduced.flat, inputs, report)
+        report.check()
+        plan, system = self.system(signals, options.energy, report)
+        base = plan.base(values, signals)
+        _check_parameters(plan, base, report)
+        report.check()
+        run = _Run(plan, system, Observer(plan, values, base, signals), options, times, report, progress)
+        return run.go(initial or {}, began)
+
+
+def simulate(
+    reduced: Reduced,
+    values: np.ndarray | None = None,
+    options: RunOptions | None = None,
+    inputs: Mapping[str, object] | None = None,
+    initial: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate a reduced system once (see `Simulator.run`); for many runs keep a `Simulator`."""
+    return Simulator(reduced).run(values, options, inputs, initial, progress)
+
+
+class _Run:
+    """One run on its way."""
+
+    def __init__(self, plan, system, observer: Observer, options: RunOptions, times, report: Report, progress) -> None:
+        self.plan: Plan = plan
+        self.system: System = system
+        self.observer = observer
+        self.options = options
+        self.times = times
+        self.report = report
+        self.progress = None if progress is None else lambda t: progress(t, float(times[-1]))
+        keep = None if options.keep is None else (*options.keep, *_ledger_names(observer))
+        self.recorder = Recorder(observer, times, keep)
+
+    def go(self, initial: Mapping[str, float], began: float) -> Trajectory:
+        plan, report = self.plan, self.report
+        self.system.prepare(self.observer.base, self.observer.signals)
+        start = float(self.times[0])
+        x = initial_state(
+            plan, self.observer.base, self.observer.signals, self.observer.values, start, initial, report
+        )
+        report.check()
+        self._check_start(x)
+        self.recorder(0, x[None])
+        started = clock.perf_counter()
+        outcome, stats = self._integrate(x)
+        stats |= {
+            "seconds": clock.perf_counter() - began,
+            "start_seconds": started - began,
+            "states": plan.state_count,
+            "rtol": self.options.tolerance(plan.reduced.flat.experiment),
+        }
+        run = self._trajectory(outcome, stats)
+        if outcome.failure:
+            raise SimulationError(self._explain(outcome), outcome.time, run)
+        return run_checks(run)
+
+    def _check_start(self, x: np.ndarray) -> None:
+        """All derivatives must be finite at the start, else the run says what is not."""
+        derivative = np.empty(len(x))
+        self.system.rhs(float(self.times[0]), x, derivative)
+        if not (np.isfinite(derivative).all() and np.isfinite(x).all()):
+            found = first_not_finite(self.observer, float(self.times[0]), x)
+            hint = "look at the start values, and at divisions by zero"
+            self.report.error("E0535", f"{found} at the start", hint=hint)
+            self.report.check()
+
+    def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
+        if not len(x):
+            table = np.zeros((len(self.times) - 1, 0))
+            self.recorder(1, table)
+            return Outcome(float(self.times[-1]), x, len(self.times)), {"solver": "none", "reason": "no states"}
+        options, experiment = self.options, self.plan.reduced.flat.experiment
+        rtol = options.tolerance(experiment)
+        atol = rtol * 1e-3 * self.plan.nominal(self.observer.values)
+        if options.atol is not None:
+            atol = np.full(len(x), float(options.atol))
+        deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
+        problem = Problem(
+            self.system,
+            x,
+            self.times,
+            rtol,
+            atol,
+            self.plan.tested,
+            self.recorder,
+            options.max_steps,
+            deadline,
+            self.progress,
+        )
+        return integrators.run(problem, options.solver)
+
+    def _trajectory(self, outcome: Outcome, stats: dict[str, object]) -> Trajectory:
+        reached = self.recorder.reached
+        notes: tuple[Diagnostic, ...] = (*self.plan.notes, *self.report.diagnostics)
+        return Trajectory(
+            self.observer,
+            self.times[:reached],
+            self.recorder.table[:reached],
+            self.recorder.variables,
+            stats | outcome.counts | {"evaluation": self.system.kind},
+            notes=tuple(dict.fromkeys(notes)),
+        )
+
+    def _explain(self, outcome: Outcome) -> str:
+        reason = outcome.failure
+        found = first_not_finite(self.observer, outcome.time, outcome.x)
+        if not found and reason == NOT_FINITE:
+            found = "beyond this point something has no finite value"
+        detail = f": {found}" if found else ""
+        return f"the run stopped at t = {outcome.time:.6g} s of {self.times[-1]:g} s: {reason}{detail}"
+
+
+def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.ndarray:
+    """The output times; errors for what cannot be done."""
+    if options.solver not in SOLVERS:
+        report.error("E0540", f"there is no solver '{options.solver}'", expected=", ".join(SOLVERS))
+    if options.formulation not in FORMULATIONS:
+        report.error("E0626", f"formulation '{options.formulation}' is not available", expected=", ".join(FORMULATIONS))
+    rtol = options.tolerance(reduced.flat.experiment)
+    if not 1e-14 <= rtol < 1 or (options.atol is not None and not options.atol > 0):
+        found = f"rtol = {rtol:g}, atol = {options.atol}"
+        report.error("E0541", "these tolerances cannot be used", expected="1e-14 ≤ rtol < 1, atol > 0", found=found)
+    try:
+        return options.grid(reduced.flat.experiment)
+    except ValueError as error:
+        report.error("E0541", str(error))
+        return np.zeros(1)
+
+
+def _kind_key(signal: Signal) -> tuple:
+    if isinstance(signal, Formula):
+        return "formula", id(signal.shape), signal.variables
+    if isinstance(signal, Constant):
+        return ("constant",)
+    # functions differ in the derivatives they have
+    return type(signal).__name__, getattr(signal, "at_order", lambda order: None)(1) is None
+
+
+def _check_parameters(plan: Plan, base: np.ndarray, report: Report) -> None:
+    """Every parameter that the equations read has a value."""
+    flat, known = plan.reduced.flat, plan.known
+    used = np.isin(known[0], plan.parameters)
+    missing = known[1][np.isnan(base[known[0]]) & used]
+    if not len(missing):
+        missing = _needed_for_derived(plan, base)
+    for variable in missing[:10].tolist():
+        block = flat.block_at(variable)
+        name = flat.variable_name(variable)
+        hint = f"--set {name}=…, or bind it in the model"
+        report.error("E0530", f"parameter '{name}' has no value", block.span, hint=hint)
+
+
+def _needed_for_derived(plan: Plan, base: np.ndarray) -> np.ndarray:
+    """Parameters without value that only derived parameters read."""
+    from lmoc.structure.program import needed_steps, read
+
+    bad = plan.parameters[np.isnan(base[plan.parameters])]
+    used = [read(s) for s in needed_steps(plan.reduced.parameter_program, bad, plan.count)]
+    if not used:
+        return np.zeros(0, int)
+    own = np.isin(plan.known[0], np.concatenate(used)) & np.isnan(base[plan.known[0]])
+    return plan.known[1][own]
+
+
+def _ledger_names(observer: Observer) -> tuple[str, ...]:
+    names = ("ledger.stored", "ledger.work", "ledger.heat")
+    return names if all(observer.flat.find(n) is not None for n in names) else ()

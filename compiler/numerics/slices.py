@@ -1,0 +1,94 @@
+"""The part of a program that some registers need, on registers numbered anew: small however large the whole is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.numerics.evaluate import Interpreter
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals import Formula, Signal, Table
+from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
+
+_CHUNK = 20_000_000  # numbers held at once while a trajectory is evaluated
+
+
+class Slice:
+    """Values of registers of a plan as a function of time and states.
+
+    Parameters
+    ----------
+    registers : which ones; of those that nothing fills the value is NaN
+    """
+
+    def __init__(self, plan: Plan, registers: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        program = needed_steps(plan.full_program, registers, plan.count)
+        touched = np.zeros(plan.count, bool)
+        touched[registers] = True
+        for step in program:
+            touched[read(step)] = touched[written(step)] = True
+            _touch_guesses(step, touched)
+        old = np.flatnonzero(touched)
+        new = np.full(plan.count, -1)
+        new[old] = np.arange(len(old))
+        self.base = base[old]
+        self.interpreter = Interpreter(tuple(renumber(step, new) for step in program), len(old))
+        self.out = new[registers]
+        self.state_columns = np.flatnonzero(touched[plan.states])
+        self.state_registers = new[plan.states[self.state_columns]]
+        used = np.flatnonzero(touched[plan.sampled])
+        self.sampled = new[plan.sampled[used]]
+        self.samplers = [(signals[plan.samplers[k][0]], plan.samplers[k][1]) for k in used]
+
+    def __call__(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """(times, registers), given the states as (times, n)."""
+        result = np.empty((len(times), len(self.out)))
+        chunk = max(1, _CHUNK // max(1, len(self.base)))
+        for a in range(0, len(times), chunk):
+            t = times[a : a + chunk]
+            w = np.repeat(self.base[:, None], len(t), axis=1)
+            w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
+            for register, (signal, order) in zip(self.sampled, self.samplers, strict=True):
+                w[register] = sample(signal, order, t)
+            self.interpreter.run(w, t)
+            result[a : a + chunk] = w[self.out].T
+        return result
+
+
+def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:
+    """A sampled signal at many times."""
+    if isinstance(signal, Table):
+        return signal.curve(times, order)
+    return np.array([float(signal.value(t, order)) for t in times.tolist()])
+
+
+def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Any signal at many times; `values` are those of the parameters of the flat model."""
+    if isinstance(signal, Formula):
+        from lmoc.expression.evaluate import evaluate
+
+        result = evaluate(signal.shape, lambda k, _: values[signal.variables[k]], times)
+        return np.broadcast_to(np.asarray(result, float), times.shape)
+    value = getattr(signal, "value", None)
+    return np.full(times.shape, value) if isinstance(value, float) else sample(signal, 0, times)
+
+
+def _touch_guesses(step: Step, touched: np.ndarray) -> None:
+    if isinstance(step, Solve):
+        if step.guess is not None:
+            touched[step.guess[step.guess >= 0]] = True
+        for inner in step.inner:
+            _touch_guesses(inner, touched)
+
+
+def renumber(step: Step, new: np.ndarray) -> Step:
+    """A step on other registers."""
+    if isinstance(step, Apply):
+        return Apply(step.shape, new[step.slots], new[step.out])
+    if isinstance(step, Total):
+        return replace(step, index=new[step.index], out=new[step.out])
+    inner: Program = tuple(renumber(s, new) for s in step.inner)
+    guess = None if step.guess is None else np.where(step.guess >= 0, new[step.guess], -1)
+    return replace(step, inner=inner, unknowns=new[step.unknowns], residuals=new[step.residuals], guess=guess)

@@ -1,0 +1,181 @@
+"""The numeric system: x' = f(t, x) with its Jacobian, whatever evaluates it.
+
+A run has one `System`; parameters are data of it, set by `prepare`. Small explicit programs are casadi functions,
+large ones and those with nonlinear blocks are run by numpy over groups of rows.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from lmoc.numerics.casadi_system import Buffered, Lowered, can_lower
+from lmoc.numerics.evaluate import Interpreter
+from lmoc.numerics.jacobian import Jacobian
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals import Signal
+
+CASADI_ROWS = 4000  # programs with more rows are evaluated by numpy
+
+
+class System(ABC):
+    """x' = f(t, x).
+
+    Attributes
+    ----------
+    n : number of integrated components
+    kind : how it is evaluated, for the statistics of a run
+    evaluations, jacobians : calls so far
+    mode : the set of active laws that the equations belong to (empty: no laws)
+    """
+
+    kind = ""
+    mode: tuple[int, ...] = ()
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.n = len(plan.states)
+        self.evaluations = 0
+        self.jacobians = 0
+        self.samplers: list[Callable[[float], float]] = []
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        """Take the parameter values of a run (`Plan.base`) and the functions behind sampled inputs."""
+        self.evaluations = self.jacobians = 0
+        self.samplers = [_sampler(signals[v], order) for v, order in self.plan.samplers]
+
+    def sample(self, t: float, out: np.ndarray) -> None:
+        """Values of the sampled inputs at one time."""
+        for k, call in enumerate(self.samplers):
+            out[k] = call(t)
+
+    @abstractmethod
+    def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        """Write f(t, x) into `out`."""
+
+    @abstractmethod
+    def pattern(self) -> tuple[np.ndarray, np.ndarray]:
+        """CSC pattern (indptr, indices) of ∂f/∂x."""
+
+    @abstractmethod
+    def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        """Write the entries of ∂f/∂x in the order of `pattern` into `out`."""
+
+    def jacobian(self, t: float, x: np.ndarray) -> np.ndarray:
+        """∂f/∂x as a dense matrix."""
+        indptr, indices = self.pattern()
+        values = np.empty(len(indices))
+        self.jacobian_values(t, x, values)
+        matrix = np.zeros((self.n, self.n))
+        matrix[indices, np.repeat(np.arange(self.n), np.diff(indptr))] = values
+        return matrix
+
+
+def _sampler(signal: Signal, order: int) -> Callable[[float], float]:
+    return lambda t: float(signal.value(t, order))
+
+
+class CasadiSystem(System):
+    """All derivatives are one casadi function."""
+
+    kind = "casadi"
+
+    def __init__(self, plan: Plan) -> None:
+        super().__init__(plan)
+        self.lowered = Lowered(plan.program, plan.count, plan.states, plan.parameters, plan.sampled, plan.derivatives)
+        self.function = self.lowered.function()
+        self.t, self.x = np.zeros(1), np.zeros(self.n)
+        self.p, self.u = np.zeros(len(plan.parameters)), np.zeros(len(plan.sampled))
+        self._rhs = Buffered(self.function, (self.t, self.x, self.p, self.u))
+        self._jacobian: Buffered | None = None
+        self.stepper: object | None = None  # an integrator's own function of this system, kept for the next run
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        super().prepare(base, signals)
+        self.p[:] = base[self.plan.parameters]
+
+    def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        self.evaluations += 1
+        self.t[0] = t
+        self.x[:] = x
+        if self.samplers:
+            self.sample(t, self.u)
+        self._rhs()
+        out[:] = self._rhs.results[0]
+
+    def _buffered_jacobian(self) -> Buffered:
+        if self._jacobian is None:
+            self._jacobian = Buffered(self.lowered.jacobian(), self._rhs.arguments)
+        return self._jacobian
+
+    def pattern(self) -> tuple[np.ndarray, np.ndarray]:
+        sparsity = self._buffered_jacobian().function.sparsity_out(0)
+        return np.array(sparsity.colind(), np.int32), np.array(sparsity.row(), np.int32)
+
+    def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        self.jacobians += 1
+        call = self._buffered_jacobian()
+        self.t[0] = t
+        self.x[:] = x
+        if self.samplers:
+            self.sample(t, self.u)
+        call()
+        out[:] = call.results[0]
+
+
+class VectorSystem(System):
+    """The program is run step by step by numpy."""
+
+    kind = "numpy"
+
+    def __init__(self, plan: Plan) -> None:
+        super().__init__(plan)
+        self.interpreter = Interpreter(plan.program, plan.count)
+        self.w = np.full(plan.count, np.nan)
+        self._derivative: Jacobian | None = None
+        self._order: np.ndarray | None = None
+        self._pattern: tuple[np.ndarray, np.ndarray] | None = None
+        self._u = np.zeros(len(plan.sampled))
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        super().prepare(base, signals)
+        self.w[:] = base
+        self.interpreter.reset()
+
+    def _run(self, t: float, x: np.ndarray) -> None:
+        self.w[self.plan.states] = x
+        if self.samplers:
+            self.sample(t, self._u)
+            self.w[self.plan.sampled] = self._u
+        self.interpreter.run(self.w, t)
+
+    def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        self.evaluations += 1
+        self._run(t, x)
+        out[:] = self.w[self.plan.derivatives]
+
+    def pattern(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._pattern is None:
+            plan = self.plan
+            self._derivative = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
+            rows, columns = self._derivative.rows, self._derivative.columns
+            self._order = np.lexsort((rows, columns))
+            lengths = np.bincount(columns, minlength=self.n)
+            indptr = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+            self._pattern = indptr, rows[self._order].astype(np.int32)
+        return self._pattern
+
+    def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        self.pattern()
+        self.jacobians += 1
+        self._run(t, x)
+        out[:] = self._derivative.values(self.w, t)[self._order]
+
+
+def make_system(plan: Plan) -> System:
+    """The way of evaluating that suits the size and the blocks of a plan."""
+    if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
+        return CasadiSystem(plan)
+    return VectorSystem(plan)
