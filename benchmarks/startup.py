@@ -42,7 +42,7 @@ def compare(runs: int) -> None:
     print(f"python alone                     {1e3 * median['bare']:7.0f} ms")
     print(f"import numpy, casadi             {1e3 * median['base']:7.0f} ms")
     print(f"lmoc run {SCENE.name:<24}{1e3 * median['run']:7.0f} ms   (fastest {1e3 * min(times['run']):.0f} ms)")
-    print(f"ratio                            {median['run'] / median['base']:7.2f}      of {runs} alternating runs each")
+    print(f"ratio                            {median['run'] / median['base']:7.2f}      ({runs} alternating runs each)")
 
 
 def imports(most: int = 12) -> None:

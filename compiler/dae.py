@@ -18,6 +18,7 @@ from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
 
 if TYPE_CHECKING:
+    from lmoc.numerics.simulate import Simulator
     from lmoc.report.run import Run
 
 Value = float | bool | Sequence[float] | np.ndarray
@@ -121,6 +122,7 @@ class DAE:
         self.timings: dict[str, float] = clock.seconds
         self._scene = scene
         self._reductions = [self.reduced]  # one for each pattern of guards met so far
+        self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
         self._reshaped: dict[tuple, DAE] = {}  # one for each set of structural values met so far
 
     # ------------------------------------------------------------------------- names
@@ -178,7 +180,7 @@ class DAE:
         *,
         energy: bool = True,
         listener: Callable[[str], None] | None = None,
-        progress: Callable[[float], None] | None = None,
+        progress: Callable[[float, float], None] | None = None,
     ) -> Run:
         """Simulate the scene.
 
@@ -195,7 +197,7 @@ class DAE:
         inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
         energy : integrate work and heat along, for `run.energy`
         listener : called with the name of each stage as it begins
-        progress : called now and then with the simulated time reached
+        progress : called now and then with the time reached and the stop time
 
         Raises
         ------
@@ -212,8 +214,11 @@ class DAE:
         return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
 
     def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
-        from lmoc.numerics.simulate import simulate
-        from lmoc.report.run import Run
+        with clock.stage("lower"):
+            from lmoc.numerics.simulate import Simulator
+            from lmoc.report.run import Run
+
+            simulator = self._simulators.setdefault(id(reduced), Simulator(reduced))
 
         def result(trajectory, complete: bool) -> Run:
             said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *trajectory.notes))
@@ -221,12 +226,25 @@ class DAE:
 
         try:
             with clock.stage("simulate"):
-                trajectory = simulate(reduced, values, options, initial=initial, inputs=inputs, progress=progress)
+                trajectory = simulator.run(values, options, inputs, initial, progress)
         except SimulationError as failure:
             if failure.partial is not None:
                 failure.partial = result(failure.partial, False)
             raise
         return result(trajectory, True)
+
+    def check(self, listener: Callable[[str], None] | None = None) -> tuple[Diagnostic, ...]:
+        """Look for a consistent start with the default values, where `simulate` would begin; returns all notes.
+
+        Raises
+        ------
+        ModelError
+            There is none, or something has no value.
+        """
+        from lmoc.numerics.options import RunOptions
+
+        only_start = RunOptions(times=[self.flat.experiment.start or 0.0])
+        return self._run(self.reduced, self.values, only_start, None, None, (), Clock(listener), None).notes
 
     def prepared(
         self, parameters: Mapping[str, Value], clock: Clock | None = None

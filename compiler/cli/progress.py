@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import threading
-import time
 
 WAIT = 1.0  # seconds without a word
 
@@ -15,7 +14,7 @@ class Progress:
     def __init__(self, enabled: bool = True):
         self._enabled = enabled and sys.stderr.isatty()
         self._stage = ""
-        self._range = (0.0, 1.0)
+        self._start = 0.0
         self._done: float | None = None
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
@@ -35,14 +34,11 @@ class Progress:
         """A stage begins."""
         self._stage, self._done = name, None
 
-    def span(self, start: float, stop: float) -> None:
-        """The simulated time that lies ahead."""
-        self._range = (start, stop)
-
-    def reached(self, simulated: float) -> None:
-        """The simulation has come to this time."""
-        start, stop = self._range
-        self._done = (simulated - start) / (stop - start)
+    def reached(self, simulated: float, stop: float) -> None:
+        """The simulation has come to this time on its way to the stop."""
+        if self._done is None:
+            self._start = simulated
+        self._done = (simulated - self._start) / (stop - self._start) if stop > self._start else 1.0
 
     def _draw(self) -> None:
         if self._end.wait(WAIT):
@@ -56,4 +52,3 @@ class Progress:
             while not self._end.wait(0.1):
                 known = self._done is not None
                 bar.update(task, description=self._stage, total=1.0 if known else None, completed=self._done or 0.0)
-                time.sleep(0)

@@ -111,7 +111,7 @@ def _title(run: Run) -> str:
 
 
 def _has_ledger(run: Run) -> bool:
-    return "ledger.stored" in run and bool(np.isfinite(run.energy.balance)) and len(run.time) > 1
+    return run.energy is not None and bool(np.isfinite(run.energy.balance)) and len(run.time) > 1
 
 
 def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:

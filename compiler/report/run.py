@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,33 +15,10 @@ from lmoc.semantics.flat import Block, FlatDAE, Kind
 from lmoc.structure.reduced import Reduced
 
 if TYPE_CHECKING:
-    from lmoc.numerics.trajectory import Trajectory
+    from lmoc.numerics.energy import Energy
+    from lmoc.numerics.observe import Trajectory
 
 MANY = 2000  # variables: tables of larger scenes hold outputs and states unless names are given
-
-
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """The ledger of a run, in joules at the output times.
-
-    Attributes
-    ----------
-    stored : (times,) energy in all parts
-    supplied, lost : (times,) work of the sources and heat since the start
-    balance : the largest |supplied - lost - Δstored| over the largest of supplied, lost and the range of stored;
-        NaN where the run did not integrate work and heat
-    """
-
-    stored: np.ndarray
-    supplied: np.ndarray
-    lost: np.ndarray
-
-    @cached_property
-    def balance(self) -> float:
-        change = self.stored - self.stored[0]
-        scale = max(np.abs(self.supplied).max(), np.abs(self.lost).max(), np.ptp(self.stored))
-        error = np.abs(self.supplied - self.lost - change).max()
-        return float(error / scale) if scale > 0 else float(error)
 
 
 class Run:
@@ -73,7 +49,7 @@ class Run:
         self.time: np.ndarray = trajectory.time
         self.notes = tuple(notes)
         self.timings = dict(timings or {})
-        self.events: tuple = ()
+        self.events: tuple = tuple(trajectory.events)
         self.complete = complete
 
     # ---------------------------------------------------------------------- variables
@@ -104,15 +80,8 @@ class Run:
         return isinstance(name, str) and (name == "time" or self.flat.find(name) is not None)
 
     def values(self, variables: np.ndarray) -> np.ndarray:
-        """Values (times, n) of variables given by their indices in the flat model."""
-        variables = np.asarray(variables, int)
-        result = np.full((len(self.time), len(variables)), np.nan)
-        known = self.flat.kind[variables] < Kind.INPUT
-        result[:, known] = self.trajectory.parameters[variables[known]]
-        registers = self.reduced.register_of[variables]
-        standing = ~known & (registers >= 0)
-        result[:, standing] = self.trajectory.registers(registers[standing]).T
-        return result
+        """Values (times, n) of variables by their indices in the flat model; NaN for what the model leaves open."""
+        return self.trajectory.of(np.asarray(variables, int))
 
     def _derivative(self, name: str) -> np.ndarray:
         inner, order = name, 0
@@ -124,8 +93,12 @@ class Run:
         table = self.reduced.registers
         register = np.flatnonzero((table.variable == found[0]) & (table.order == order))
         if not len(register):
-            raise UnknownNameError(name, "only derivatives of states are at hand")
-        return self.trajectory.registers(register[:1])[0]
+            raise UnknownNameError(name, "of derivatives only those of states are at hand")
+        from lmoc.numerics.slices import Slice
+
+        observer = self.trajectory.observer
+        part = Slice(observer.plan, register[:1], observer.base, observer.signals)
+        return part(self.time, self.trajectory.table)[:, 0]
 
     @property
     def states(self) -> list[str]:
@@ -148,9 +121,13 @@ class Run:
     def stats(self) -> dict[str, Any]:
         return self.trajectory.stats
 
-    @cached_property
-    def energy(self) -> Energy:
-        return Energy(*(self[f"ledger.{name}"] for name in ("stored", "work", "heat")))
+    @property
+    def energy(self) -> Energy | None:
+        """Stored, supplied and lost energy over time and the error of their `balance`.
+
+        None where the run was told not to integrate work and heat.
+        """
+        return self.trajectory.energy
 
     def unit(self, name: str) -> str:
         """Unit of a variable or a state's derivative as written; empty where none is known."""

@@ -41,7 +41,7 @@ def as_data(run: Run) -> dict[str, Any]:
         "stop": run.time[-1],
         "stats": dict(run.stats),
         "timings": run.timings,
-        "energy": {
+        "energy": energy and {
             "balance": energy.balance,
             "stored": [energy.stored[0], energy.stored[-1]],
             "supplied": energy.supplied[-1],
@@ -111,8 +111,10 @@ def _cost(run: Run) -> str:
 def energy_text(run: Run) -> str:
     """Stored, supplied and lost energy at the end, and the error of their balance."""
     e = run.energy
+    if e is None:
+        return "not asked for"
     if math.isnan(e.balance):
-        return "the ledger is not complete: a part states neither energy, loss nor power"
+        return "the ledger does not close: something in it has no unique value"
     change = e.stored[-1] - e.stored[0]
     return (
         f"supplied {e.supplied[-1]:.4g} J = lost {e.lost[-1]:.4g} J + stored {change:.4g} J; "
