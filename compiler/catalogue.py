@@ -233,6 +233,11 @@ CATALOGUE: dict[str, Entry] = {
         "no such input, output or variable",
         "Linear models and transfer functions go from a top-level input to a variable of the flat model.",
     ),
+    "E0663": Entry(
+        "no single equilibrium",
+        "A nonlinear scene is linear about a point. By default that is its only equilibrium; where there are several "
+        "or none, say which point: `--at TIME` or `--at name=value`.",
+    ),
     "E0662": Entry(
         "a parameter without a value",
         "Numbers (poles, eigenvalues, a numeric linear model) need a value for every parameter that occurs.",

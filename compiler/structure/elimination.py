@@ -83,7 +83,7 @@ class Elimination:
         """The lower, the better a root: asked for, preferred, differentiated, not of a connector; avoided ones last."""
         flat = self.flat
         rank = {StateSelect.always: 1, StateSelect.prefer: 1, StateSelect.default: 2}
-        score = flat.per_variable(lambda b: 4 * rank.get(b.state_select, 3) + b.connector, np.int64)
+        score = flat.per_variable(lambda b: PREFERRED // 2 * rank.get(b.state_select, 3) + b.connector, np.int64)
         score += 2 * ~self.differentiated[:-1]
         score[asked] = np.arange(-len(asked), 0)
         return np.append(score, 0)
@@ -91,8 +91,12 @@ class Elimination:
     # ------------------------------------------------------------------- passes
 
     def run(self) -> None:
-        """Eliminate until nothing changes."""
-        while self._alias_pass() | self._derivative_pass():
+        """Eliminate until nothing changes.
+
+        Derivatives come first: with ``v = der(q), a = der(v), m*a = -k*q`` this leaves the coordinate q, whereas the
+        alias of a and q would lead to ``q = -m/k*der(v)``.
+        """
+        while self._derivative_pass() | self._alias_pass():
             pass
 
     def _alias_pass(self) -> bool:
@@ -164,14 +168,18 @@ class Elimination:
     def _derivative_pass(self) -> bool:
         """Replace v by c·der(x) along all rows that say so; whether there were any.
 
-        A variable is replaced once; further rows for it, and rows that would close a circle, stay equations.
+        A variable is replaced once; further rows for it, and rows that would close a circle, stay equations, and so
+        do those of a variable preferred as a state over x.
         """
         pieces = [(g, f) for g in self.groups if (f := form_of(g.shape, g.kinds)).role == Role.DERIVATIVE]
         if not pieces:
             return False
         child = np.concatenate([g.column(f.leaves[0]) for g, f in pieces])
         parent = np.concatenate([g.column(f.leaves[1]) for g, f in pieces])
-        taken = first_without_circles(child, parent)
+        wanted = self._score < PREFERRED
+        free = np.flatnonzero(~wanted[child] | wanted[parent])
+        taken = np.zeros(len(child), bool)
+        taken[free] = first_without_circles(child[free], parent[free], self._score)
         if not taken.any():
             return False
         left, at = [], 0
@@ -242,6 +250,7 @@ class Elimination:
         self.groups = self._without_closed([*self.groups, *new])
 
 
+PREFERRED = 8  # scores of variables preferred as states are below
 _OWN = Affine.identity(0)  # the row of a variable that is its own root
 
 
@@ -250,8 +259,11 @@ def with_codes(rows: Affine, zero: int) -> Affine:
     return rows
 
 
-def first_without_circles(child: np.ndarray, parent: np.ndarray) -> np.ndarray:
-    """Of the links child → parent, the first of each child, less one in each circle; a mask."""
+def first_without_circles(child: np.ndarray, parent: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Of the links child → parent, the first of each child, less one in each circle; a mask.
+
+    A circle is opened at the variable with the lowest (score, number), which then stays.
+    """
     unique, first = np.unique(child, return_index=True)
     taken = np.zeros(len(child), bool)
     taken[first] = True
@@ -274,6 +286,7 @@ def first_without_circles(child: np.ndarray, parent: np.ndarray) -> np.ndarray:
             path.append(node)
             node = int(after[node])
         if state[node] == 1:
-            taken[first[path[-1]]] = False
+            circle = path[path.index(node) :]
+            taken[first[min(circle, key=lambda k: (score[unique[k]], k))]] = False
         state[path] = 2
     return taken

@@ -138,13 +138,13 @@ def free_reactions(
     chosen : the roots whose values may be set at will, so that the rest follows
     undetermined : all roots whose values then depend on that choice
     """
-    row, variable, value, linear = _incidence(groups, known, len(port))
-    usable = linear & ~coordinate
+    row, variable, value = _incidence(groups, known)
     rows = int(row.max()) + 1 if len(row) else 0
     # what is only computed from the rest does not determine it: P = F·v, Σ P
-    observed = _rows_that_observe(row, variable, rows, port)
-    keep = ~observed[row]
+    keep = ~_rows_that_observe(row, variable, rows, port)[row]
     row, variable, value = row[keep], variable[keep], value[keep]
+    usable = ~coordinate
+    usable[variable[np.isnan(value)]] = False
     inside = usable[variable]
     row, variable, value = row[inside], variable[inside], value[inside]
     columns, column = np.unique(variable, return_inverse=True)
@@ -170,25 +170,19 @@ def _coefficients(shape: Expr, kinds: Kinds) -> tuple[tuple[Expr, Expr | None], 
     return tuple(result)
 
 
-def _incidence(groups: list[Rows], known: np.ndarray, count: int):
-    """Entries (row, root, coefficient) of all equations, and the roots that stand in them linearly only."""
+def _incidence(groups: list[Rows], known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Entries (row, root, coefficient) of all equations; NaN for a jet that stands there otherwise than linearly."""
     row, variable, value, first = [], [], [], 0
-    usable = np.ones(count, bool)
     for g in groups:
         numbers = np.arange(first, first + len(g.source))
         first += len(g.source)
         for leaf, coefficient in _coefficients(g.shape, g.kinds):
             row.append(numbers)
             variable.append(g.column(leaf))
-            if coefficient is None:
-                usable[g.column(leaf)] = False
-                value.append(np.ones(len(numbers)))
-            else:
-                value.append(_value(coefficient, g, known))
+            value.append(np.full(len(numbers), np.nan) if coefficient is None else _value(coefficient, g, known))
     if not row:
-        empty = np.zeros(0, np.int64)
-        return empty, empty, np.zeros(0), usable
-    return np.concatenate(row), np.concatenate(variable), np.concatenate(value), usable
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    return np.concatenate(row), np.concatenate(variable), np.concatenate(value)
 
 
 def _rows_that_observe(row: np.ndarray, variable: np.ndarray, rows: int, port: np.ndarray) -> np.ndarray:
