@@ -6,6 +6,8 @@ from collections import deque
 
 import numpy as np
 
+from lmoc.structure.distinct import distinct, first_of_each
+
 # up to here the graph is walked in Python: it costs less than importing scipy
 SMALL = 3000
 
@@ -66,7 +68,7 @@ def _orient_large(first: np.ndarray, second: np.ndarray, known: np.ndarray, scor
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-    nodes = np.unique(np.concatenate([first, second]))
+    nodes = distinct(np.concatenate([first, second]))
     number = np.full(len(known), -1, np.int64)
     number[nodes] = np.arange(len(nodes))
     a, b, n = number[first], number[second], len(nodes)
@@ -79,7 +81,7 @@ def _orient_large(first: np.ndarray, second: np.ndarray, known: np.ndarray, scor
     for near, far in ((a, b), (b, a)):
         settled[component[near[fixed[far]]]] = True
     best = np.lexsort((nodes, score[nodes]))
-    chosen = best[np.unique(component[best], return_index=True)[1]]
+    chosen = best[first_of_each(component[best])[1]]
     roots = np.concatenate([np.flatnonzero(fixed), chosen[~settled[component[chosen]]]])
 
     tail = np.concatenate([a, b, np.full(len(roots), n)])
@@ -91,7 +93,7 @@ def _orient_large(first: np.ndarray, second: np.ndarray, known: np.ndarray, scor
     # of parallel edges one only is in the tree
     child = np.where(forward, a, b)
     used = np.flatnonzero(direction)
-    kept = used[np.unique(child[used], return_index=True)[1]]
+    kept = used[first_of_each(child[used])[1]]
     result = np.zeros_like(direction)
     result[kept] = direction[kept]
     return result

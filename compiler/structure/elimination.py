@@ -16,6 +16,7 @@ from lmoc.structure.affine import Affine, codes, composed, resolve
 from lmoc.structure.affine_forest import UNUSED, orient
 from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of
 from lmoc.structure.derived import NONE, DerivedParameters
+from lmoc.structure.distinct import first_of_each
 from lmoc.structure.equations import Equations, Loops
 from lmoc.structure.substitution import Rows, equal_columns_merged, merged, substituted
 from lmoc.structure.sum_rows import SumRows, as_groups, view
@@ -264,7 +265,7 @@ def first_without_circles(child: np.ndarray, parent: np.ndarray, score: np.ndarr
 
     A circle is opened at the variable with the lowest (score, number), which then stays.
     """
-    unique, first = np.unique(child, return_index=True)
+    unique, first = first_of_each(child)
     taken = np.zeros(len(child), bool)
     taken[first] = True
     position = np.searchsorted(unique, parent[first])

@@ -10,12 +10,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from lmoc.diagnostics import Diagnostic, Report, nearest
+from lmoc.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.expression.dag import ZERO, slot, sub
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.affine import Affine
 from lmoc.structure.coefficients import KNOWN, UNKNOWN, is_constant
 from lmoc.structure.derived import DerivedParameters
+from lmoc.structure.distinct import distinct
 from lmoc.structure.elimination import Elimination
 from lmoc.structure.equations import Loops
 from lmoc.structure.normalized import JetGroup, LongSums, Normalized
@@ -197,13 +198,13 @@ def _core(work: Elimination, core: Constraints, guards: list[Guard], report: Rep
         message = f"{parts} contradict each other: no position satisfies all of them"
         _at_loop(work.loops, around, report, "E0411", message)
     if dropped:
-        work.groups = [g.take(np.flatnonzero(~np.isin(g.source, dropped))) for g in work.groups]
+        gone = np.zeros(work.flat.equation_count, bool)
+        gone[dropped] = True
+        work.groups = [g.take(np.flatnonzero(~gone[g.source])) for g in work.groups]
     return dropped
 
 
 def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message: str, **more) -> None:
-    from lmoc.diagnostics import Label
-
     spans = loops.equations.spans(around)
     labels = tuple(Label(s, "also here") for s in spans[1:])
     report.error(code, message, spans[0] if spans else None, labels=labels, **more)
@@ -252,7 +253,7 @@ def _finish_sums(work: Elimination) -> LongSums:
     odd_rows = np.ones(len(work.sums.source), bool)
     odd_rows[seen.plain_rest] = False
     odd = work.sums.take(odd_rows)
-    _revive(work, np.unique(odd.index))
+    _revive(work, distinct(odd.index))
     plain = view(work.sums, work.table, work.kind, work.zero).plain
     short = plain.lengths <= LONGEST_SHAPE
     work.groups += as_groups(plain.take(short))
@@ -268,12 +269,12 @@ def _revive(work: Elimination, variables: np.ndarray) -> None:
     gone = (rows.root == work.zero) & (rows.offset < 0)
     variables = variables[~(plain | gone)]
     rows = table.take(variables)
-    for code in np.unique(rows.code).tolist():
+    for code in distinct(rows.code).tolist():
         mine = np.flatnonzero(rows.code == code)
         v = variables[mine]
         shape = sub(slot(0), jet(code, 0, (1, 2, 3)))
         slots_ = np.stack([v, rows.root[mine], rows.factor[mine], rows.offset[mine]], axis=1)
-        for kind in np.unique(work.kind[rows.root[mine]]).tolist():
+        for kind in distinct(work.kind[rows.root[mine]]).tolist():
             part = np.flatnonzero(work.kind[rows.root[mine]] == kind)
             source = work.loops.source[v[part]]
             new = Rows(shape, (UNKNOWN, kind, KNOWN, KNOWN), slots_[part], source).with_shape(shape)

@@ -20,6 +20,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.structure.coefficients import UNKNOWN, Kinds, is_constant, leaves_of, linear_form, value_and_size
 from lmoc.structure.dependence import Vector, as_vectors, dependencies, peel
 from lmoc.structure.derived import DerivedParameters
+from lmoc.structure.distinct import distinct, numbered
 from lmoc.structure.substitution import Rows
 
 CONSISTENT = 1e-10
@@ -84,10 +85,10 @@ def constraints(groups: list[Rows], flow_like: np.ndarray, known: np.ndarray) ->
         return None
     row, column, _ = _entries(tuple(chosen), known)
     source = np.concatenate([g.source for g in chosen])
-    core = peel(row, np.unique(column, return_inverse=True)[1], len(source), len(column))
+    core = peel(row, numbered(column)[1], len(source), len(column))
     if not core.any():
         return None
-    return Constraints(tuple(chosen), np.unique(row[core]), source)
+    return Constraints(tuple(chosen), distinct(row[core]), source)
 
 
 def _entries(groups: tuple[Rows, ...], known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -147,7 +148,7 @@ def free_reactions(
     usable[variable[np.isnan(value)]] = False
     inside = usable[variable]
     row, variable, value = row[inside], variable[inside], value[inside]
-    columns, column = np.unique(variable, return_inverse=True)
+    columns, column = numbered(variable)
     core = peel(column, row, len(columns), rows)  # a reaction that a row has to itself is unique
     if not core.any():
         return [], np.zeros(0, np.int64)
