@@ -16,6 +16,7 @@ from lmoc.report.names import Names, hint_for
 from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
+from lmoc.symbolic.interface import SymbolicMethods
 
 if TYPE_CHECKING:
     from lmoc.numerics.simulate import Simulator
@@ -102,7 +103,7 @@ class Parameters(Mapping):
         return "{" + ", ".join(f"{name!r}: {value:g}" for name, value in self.items()) + "}"
 
 
-class DAE:
+class DAE(SymbolicMethods):
     """A compiled scene. Made by `lmoc.compile`; parameters can be changed from run to run without compiling again.
 
     Attributes

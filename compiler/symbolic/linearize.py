@@ -174,14 +174,19 @@ class LinearModel:
             *self.matrices(), states=list(self.states), inputs=list(self.inputs), outputs=list(self.outputs)
         )
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """A, B, C, D, Bd, Dd and the names as arrays, for files."""
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        blocks = {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
+        blocks |= {"Bd": self.B * 0 if self.Bd is None else self.Bd, "Dd": self.D * 0 if self.Dd is None else self.Dd}
+        return blocks | {key: np.array(value, str) for key, value in names.items()}
+
     def save(self, path: str) -> None:
         """Write a MATLAB file with A, B, C, D, Bd, Dd and the names."""
         from scipy.io import savemat
 
-        content = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, "states": np.array(self.states, object)}
-        content |= {"inputs": np.array(self.inputs, object), "outputs": np.array(self.outputs, object)}
-        content |= {"Bd": self.B * 0 if self.Bd is None else self.Bd, "Dd": self.D * 0 if self.Dd is None else self.Dd}
-        savemat(path, content)
+        arrays = self.arrays()
+        savemat(path, {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()})
 
 
 def stability(eigenvalues: np.ndarray, A: np.ndarray) -> str:

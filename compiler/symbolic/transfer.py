@@ -6,7 +6,7 @@ free of fractions, so that everything happens in a ring of polynomials: nothing 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -52,6 +52,33 @@ class TransferFunction:
     @property
     def expression(self) -> sympy.Expr:
         return self.numerator / self.denominator
+
+    def _sympy_(self) -> sympy.Expr:
+        return self.expression
+
+    def __getattr__(self, name: str):
+        """Whatever a SymPy expression can do."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.expression, name)
+
+    def __add__(self, other) -> sympy.Expr:
+        return self.expression + other
+
+    def __sub__(self, other) -> sympy.Expr:
+        return self.expression - other
+
+    def __mul__(self, other) -> sympy.Expr:
+        return self.expression * other
+
+    def __truediv__(self, other) -> sympy.Expr:
+        return self.expression / other
+
+    def __neg__(self) -> sympy.Expr:
+        return -self.expression
+
+    def __str__(self) -> str:
+        return str(self.expression)
 
     @cached_property
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
@@ -111,6 +138,9 @@ class InputOutputEquation:
     output: str
     left: sympy.Expr
     right: sympy.Expr
+
+    def __iter__(self) -> Iterator[sympy.Expr]:
+        return iter((self.left, self.right))
 
     def __str__(self) -> str:
         from lmoc.symbolic.notation import Notation

@@ -1,0 +1,64 @@
+"""`lmoc equations`: the equations of motion as a person writes them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING
+
+from lmoc.cli.arguments import Parser
+from lmoc.cli.symbols import add_symbol_arguments, compiled, names
+
+if TYPE_CHECKING:
+    from lmoc.symbolic.equations import EquationsOfMotion
+
+
+def configure(parser: Parser) -> None:
+    add_symbol_arguments(parser)
+    add = parser.add_argument
+    add("--with-forces", action="store_true", help="with the internal forces of rods, strings and gears")
+    add("--about-equilibrium", action="store_true", help="in deviations from the equilibrium: constant loads disappear")
+    add("--latex", action="store_true", help="print LaTeX")
+    add("--html", action="store_true", help="print a page with MathML")
+    add("--json", action="store_true", help="print JSON")
+    add("--ascii", action="store_true", help="primes instead of dots, nothing but ASCII")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    dae = compiled(arguments)
+    found = dae.equations(forces=arguments.with_forces)
+    if arguments.about_equilibrium:
+        found = about_equilibrium(dae, found)
+    if arguments.json:
+        print(json.dumps(found.to_dict(), indent=2, ensure_ascii=False))
+    elif arguments.latex:
+        print(found.latex())
+    elif arguments.html:
+        from lmoc.report.page import page
+
+        print(page(f"Equations of motion: {dae.name}", found.html()))
+    else:
+        print(f"{dae.name}: {_counted(len(found.equations))} in {names(found.coordinates)}")
+        print()
+        print(found.text(ascii=arguments.ascii))
+    return 0
+
+
+def about_equilibrium(dae, found: EquationsOfMotion) -> EquationsOfMotion:
+    """The equations in deviations from the only equilibrium without inputs.
+
+    Raises
+    ------
+    ModelError
+        E0663 where there is not one.
+    """
+    from lmoc.diagnostics import Diagnostic, ModelError
+
+    rests = dae.equilibria(inputs={u: 0 for u in dae.inputs})
+    if len(rests) != 1:
+        raise ModelError([Diagnostic("E0663", f"there are {len(rests)} equilibria, not one to count deviations from")])
+    return found.about(rests[0])
+
+
+def _counted(n: int) -> str:
+    return f"{n} equation{'s' if n != 1 else ''} of motion"

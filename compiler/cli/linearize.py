@@ -1,0 +1,159 @@
+"""`lmoc linearize`: the linear state-space model, its modes, and files for other tools."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.cli.arguments import Parser, UsageError, assignment, number
+from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_number, matrix, table
+from lmoc.cli.symbols import number as shown
+from lmoc.diagnostics import Diagnostic
+
+if TYPE_CHECKING:
+    from lmoc.symbolic.linearize import LinearModel
+
+
+def configure(parser: Parser) -> None:
+    add_symbol_arguments(parser)
+    add = parser.add_argument
+    add("--at", metavar="TIME|NAME=VALUE", action="append", default=[],
+        help="a time of the default run, or the value of a state or input; by default the equilibrium")  # fmt: skip
+    add("--input", type=assignment(number), metavar="U=VALUE", action="append", default=[],
+        help="constant value of an input at the equilibrium; may be repeated")  # fmt: skip
+    add("--output", metavar="NAME", action="append", default=[], help="a variable as output; may be repeated")
+    add("--symbolic", action="store_true", help="matrices in symbols")
+    add("--realization", action="store_true", help="change the states so that no input's derivative acts on them")
+    add("-o", "--file", metavar="FILE", type=Path, help="write the matrices: .mat or .npz")
+    add("--json", action="store_true", help="print JSON")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    _check_target(arguments.file)
+    dae = compiled(arguments)
+    model = dae.linearize(_place(arguments.at), arguments.symbolic, dict(arguments.input), arguments.output or None)
+    model = model.realization() if arguments.realization else model
+    if arguments.file is not None:
+        _write(model, arguments.file)
+    if arguments.json:
+        print(json.dumps(as_data(model), indent=2, ensure_ascii=False))
+    else:
+        print(f"{dae.name}: linear model {_about(model)}\n")
+        print(_symbols(model) if model.symbolic else _numbers(model))
+    return 0
+
+
+def _place(given: list[str]) -> float | dict[str, float] | None:
+    """A time, or a point by names."""
+    if not given:
+        return None
+    if len(given) == 1 and "=" not in given[0]:
+        try:
+            return number(given[0])
+        except argparse.ArgumentTypeError:
+            message = f"--at: '{given[0]}' is neither a time nor name=value"
+            raise UsageError([Diagnostic("E0621", message)]) from None
+    try:
+        return dict(assignment(number)(text) for text in given)
+    except argparse.ArgumentTypeError as error:
+        raise UsageError([Diagnostic("E0621", f"--at: {error}")]) from None
+
+
+def _check_target(path: Path | None) -> None:
+    if path is not None and path.suffix.lower() not in (".mat", ".npz"):
+        raise UsageError([Diagnostic("E0624", f"'{path}': matrices are written as .mat or .npz")])
+
+
+def _write(model: LinearModel, path: Path) -> None:
+    if model.symbolic:
+        raise UsageError([Diagnostic("E0620", "a file holds numbers: leave --symbolic out, or use --json")])
+    if path.suffix.lower() == ".mat":
+        model.save(str(path))
+    else:
+        np.savez(path, **{k: v for k, v in model.arrays().items()})
+
+
+def _about(model: LinearModel) -> str:
+    values = [f"{n} = {v if model.symbolic else shown(float(v))}" for n, v in model.point.items() if v != 0]
+    if len(values) > 8:
+        values = [*values[:8], "…"]
+    place = ", ".join(values) if values else "zero"
+    moving = " (no equilibrium: the model tells deviations from the motion through it)"
+    return f"about {place}" + ("" if model.at_rest else moving)
+
+
+def _numbers(model: LinearModel) -> str:
+    parts = [matrix("A", model.A, model.states, model.states)]
+    if model.inputs:
+        parts.append(matrix("B", model.B, model.states, model.inputs))
+    if model.Bd is not None:
+        parts.append(matrix("B1", model.Bd, model.states, [f"der({u})" for u in model.inputs]))
+    parts.append(matrix("C", model.C, model.outputs, model.states))
+    if model.inputs and np.any(model.D != 0):
+        parts.append(matrix("D", model.D, model.outputs, model.inputs))
+    if model.Dd is not None:
+        parts.append(matrix("D1", model.Dd, model.outputs, [f"der({u})" for u in model.inputs]))
+    return "\n\n".join([*parts, _modes(model)])
+
+
+def _modes(model: LinearModel) -> str:
+    """Eigenvalues, frequencies, damping, and the shape of each mode in the coordinates."""
+    rows = []
+    places = [q for q, _ in model.coordinates] or list(range(len(model.states)))
+    head = ["eigenvalue", "rad/s", "Hz", "damping", *(model.states[q] for q in places)]
+    for i, value in enumerate(model.eigenvalues):
+        if value.imag < 0:
+            continue
+        damping = model.dampings[i]
+        mode = model.modes[places, i] if model.modes.size else []
+        rows.append(
+            [
+                complex_number(value) + (" ±" if value.imag > 0 else ""),
+                shown(abs(value)),
+                shown(abs(value) / (2 * np.pi)),
+                "–" if np.isnan(damping) else shown(damping),
+                *(complex_number(np.round(m, 6)) for m in mode),
+            ]
+        )
+    return f"{table(rows, head)}\n\n{model.stability}"
+
+
+def _symbols(model: LinearModel) -> str:
+    from lmoc.symbolic.notation import Notation
+
+    named = [("A", model.A), ("B", model.B), ("B1", model.Bd), ("C", model.C), ("D", model.D), ("D1", model.Dd)]
+    named = [(title, m) for title, m in named if m is not None and m.rows and m.cols]
+    entries = [e for _, m in named for e in m]
+    notation = Notation.of(*entries, names=(*model.states, *model.inputs, *model.outputs))
+    parts = []
+    for title, m in named:
+        rows = model.states if title[0] in "AB" else model.outputs
+        columns = model.states if title[0] in "AC" else model.inputs
+        body = [[notation.name(r), *(notation.text(m[i, j]) for j in range(m.cols))] for i, r in enumerate(rows)]
+        derivative = "der({})" if title[1:] else "{}"
+        parts.append(table(body, [title, *(notation.name(derivative.format(c)) for c in columns)]))
+    with_names = [f"  {short}  {full}" for short, full in notation.abbreviations.items()]
+    return "\n\n".join(parts + (["\n".join(["with", *with_names])] if with_names else []))
+
+
+def as_data(model: LinearModel) -> dict:
+    """A linear model as plain data; matrices in symbols as text."""
+
+    def plain(m):
+        if m is None:
+            return None
+        return [[str(e) for e in row] for row in m.tolist()] if model.symbolic else m.tolist()
+
+    data = {"states": list(model.states), "inputs": list(model.inputs), "outputs": list(model.outputs)}
+    data |= {k: plain(getattr(model, k)) for k in ("A", "B", "C", "D", "Bd", "Dd")}
+    data["point"] = {name: str(v) if model.symbolic else float(v) for name, v in model.point.items()}
+    if not model.symbolic:
+        data["eigenvalues"] = [[v.real, v.imag] for v in model.eigenvalues.tolist()]
+        data["frequencies"] = model.frequencies.tolist()
+        data["dampings"] = [None if np.isnan(d) else d for d in model.dampings.tolist()]
+        data["stability"] = model.stability
+    return data

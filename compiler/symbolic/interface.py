@@ -1,0 +1,166 @@
+"""What `DAE` offers of symbols: one method for each thing that a textbook shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from lmoc.diagnostics import Diagnostic, ModelError, nearest
+
+if TYPE_CHECKING:
+    import sympy
+
+    from lmoc.symbolic.equations import EquationsOfMotion
+    from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.equivalent import Equivalent
+    from lmoc.symbolic.linearize import LinearModel
+    from lmoc.symbolic.system import SymbolicSystem
+    from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
+
+Point = Mapping[str, Any]
+
+
+class SymbolicMethods:
+    """Derivations from a compiled scene; a base of `DAE`.
+
+    All of them take `parameters`, ``{name: value}`` for this one derivation: a value of zero changes the equations.
+    Symbols are plain ``sympy.Symbol("dotted.name")``; an input's derivative is ``Symbol("der(u)")``.
+    """
+
+    def symbolic(self, variables: Sequence[str] = (), parameters: Point | None = None) -> SymbolicSystem:
+        """The solved system in SymPy, with the expressions of further variables.
+
+        Raises
+        ------
+        ModelError
+            E0660 where the scene is too large or has no closed form.
+        """
+        from lmoc.symbolic.system import symbolic_system
+
+        _, reduced, values, _ = self.prepared(parameters or {})
+        return symbolic_system(reduced, values, tuple(variables))
+
+    def symbolic_ode(self, parameters: Point | None = None) -> dict[str, sympy.Expr]:
+        """{state name: SymPy expression of its derivative}, keys as in `states`."""
+        return self.symbolic(parameters=parameters).ode
+
+    def equations(self, forces: bool = False, parameters: Point | None = None) -> EquationsOfMotion:
+        """Equations of motion as a person writes them; with the internal forces of ideal parts where asked for."""
+        from lmoc.symbolic.equations import equations_of_motion
+
+        _, reduced, values, _ = self.prepared(parameters or {})
+        return equations_of_motion(reduced, values, forces)
+
+    def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> list[Equilibrium]:
+        """States of rest for constant inputs (those not given stay symbols, in a numeric search they are zero)."""
+        from lmoc.symbolic.equilibria import equilibria
+
+        return equilibria(self.symbolic(parameters=parameters), inputs)
+
+    def linearize(
+        self,
+        at: float | Point | None = None,
+        symbolic: bool = False,
+        inputs: Point | None = None,
+        outputs: Sequence[str] | None = None,
+        parameters: Point | None = None,
+    ) -> LinearModel:
+        """Linear model A, B, C, D.
+
+        Parameters
+        ----------
+        at : where: a time of the default run, a point {name: value} of states (an `Equilibrium` is one) and inputs;
+            by default the equilibrium
+        symbolic : matrices in symbols
+        inputs : constant values of the inputs at the equilibrium, {name: value}
+        outputs : names of variables; by default the scene's outputs, else its states
+
+        Raises
+        ------
+        ModelError
+            E0660, E0661 as above, E0662 a parameter without a value, E0663 several equilibria or none to choose.
+        """
+        from lmoc.symbolic.linearize import linearize
+
+        system = self.symbolic(tuple(outputs or ()), parameters)
+        if outputs is not None:
+            system = replace(system, outputs={name: system.variables[name] for name in outputs})
+        if isinstance(at, (int, float)):
+            at = self._point_at(float(at), system, parameters)
+        point = _point(system, at, inputs or {}, symbolic)
+        return linearize(system, point, symbolic)
+
+    def _point_at(self, time: float, system: SymbolicSystem, parameters: Point | None) -> dict[str, float]:
+        times = sorted({0.0, time})
+        run = self.simulate(times=times, parameters=parameters)
+        return {s.name: float(run[s.name][times.index(time)]) for s in (*system.states, *system.inputs)}
+
+    def transfer_function(self, u: str, y: str, parameters: Point | None = None) -> TransferFunction:
+        """Transfer function from an input to any variable, a rational expression in ``Symbol("s")``.
+
+        The result can be used as the SymPy expression; it also has `poles`, `zeros`, `gain`, `cancelled`.
+        A nonlinear scene is taken about its equilibrium.
+        """
+        from lmoc.symbolic.transfer import transfer_function
+
+        system, model = self._for_transfer(y, parameters)
+        return transfer_function(model, u, y, system.values)
+
+    def input_output_equation(self, u: str, y: str, parameters: Point | None = None) -> InputOutputEquation:
+        """``left(p)·y = right(p)·u`` with p = d/dt; the pair (left, right), which prints as an equation."""
+        from lmoc.symbolic.transfer import input_output_equation
+
+        return input_output_equation(self._for_transfer(y, parameters)[1], u, y)
+
+    def _for_transfer(self, y: str, parameters: Point | None) -> tuple[SymbolicSystem, LinearModel]:
+        from lmoc.symbolic.linearize import linearize
+
+        system = self.symbolic((y,), parameters)
+        system = replace(system, outputs={y: system.variables[y]})
+        return system, linearize(system, _point(system, None, {}, True), symbolic=True)
+
+    def equivalent(self, port: str, other: str | None = None, parameters: Point | None = None) -> Equivalent:
+        """Equivalent stiffness, damping and inertia seen at a port, against another one or the ground."""
+        from lmoc.symbolic.equivalent import equivalent
+
+        scene, _, values, _ = self.prepared(parameters or {})
+        return equivalent(scene.flat, values, port, other)
+
+
+def _point(system: SymbolicSystem, at: Point | None, inputs: Point, symbolic: bool) -> dict:
+    """States and inputs about which to be linear."""
+    import sympy as sp
+
+    known = {s.name: s for s in (*system.states, *system.inputs)}
+    given = {**(at or {}), **inputs}
+    for name in given:
+        if name not in known:
+            raise ModelError(
+                [Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=nearest(name, known))]
+            )
+    if at is None and not _is_linear(system):
+        return _only_equilibrium(system, inputs, symbolic)
+    return {known[name]: sp.sympify(value) for name, value in given.items()}
+
+
+def _is_linear(system: SymbolicSystem) -> bool:
+    moving = {*system.states, *(j for u in system.inputs for j in system.jets(u))}
+    expressions = (*system.derivatives, *system.outputs.values())
+    return all(not e.diff(x).free_symbols & moving for e in expressions for x in e.free_symbols & moving)
+
+
+def _only_equilibrium(system: SymbolicSystem, inputs: Point, symbolic: bool) -> dict:
+    import sympy as sp
+
+    from lmoc.symbolic.equilibria import equilibria
+
+    at_zero = {u.name: 0 for u in system.inputs} | dict(inputs)
+    found = equilibria(system, at_zero)
+    if len(found) != 1 or not found[0].isolated:
+        shown = "; ".join(", ".join(f"{n} = {v}" for n, v in e.items()) for e in found) or "none"
+        hint = "say where: a time, or a point {state: value}"
+        raise ModelError(
+            [Diagnostic("E0663", "there is not one equilibrium to be linear about", found=shown, hint=hint)]
+        )
+    return {**found[0].values, **{sp.Symbol(n): sp.sympify(v) for n, v in at_zero.items()}}
