@@ -120,9 +120,12 @@ class Assignments:
     shape: Expr  # over constants, parameters, and (defaults of inputs) time
     slots: np.ndarray  # (n, columns) variable indices
     span: Span | None = None
+    numbers: np.ndarray | None = None  # (n,) the right-hand sides where they are plain numbers; the shape is then NaN
 
     def values(self, known: np.ndarray, time: float = np.nan) -> np.ndarray:
         """The right-hand sides as an array (n,), given the values of all variables."""
+        if self.numbers is not None:
+            return self.numbers
         result = evaluate(self.shape, lambda k, _: known[self.slots[:, k]], time)
         return np.broadcast_to(np.asarray(result, float), self.target.shape)
 

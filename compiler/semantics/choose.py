@@ -1,0 +1,111 @@
+"""Which model of the files is meant, and the scopes that its names are looked up in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lmoc.diagnostics import Report, nearest
+from lmoc.semantics.scope import Builtin, Member, Scope
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+
+def open_scopes(files: Sequence[tree.File], library: Sequence[tree.File], report: Report) -> Scope:
+    """The scope of the user's classes; that of the library's is around it, so that the user's names shadow them."""
+    around = Scope(None, None, report, True)
+    _fill(around, library)
+    root = Scope(None, around, report, False)
+    _fill(root, files)
+    return root
+
+
+def _fill(root: Scope, files: Sequence[tree.File]) -> None:
+    pending = []
+    for file in files:
+        if file.within:
+            pending.append(file)
+        else:
+            for definition in file.classes:
+                root.add_class(definition)
+    for file in sorted(pending, key=lambda f: len(f.within)):
+        scope: Scope | None = root
+        for name in file.within:
+            scope = scope.local.get(name) if scope else None
+        if scope is None:
+            root.report.error("E0202", f"there is no package '{'.'.join(file.within)}' to be within", file.span)
+            continue
+        for definition in file.classes:
+            scope.add_class(definition)
+
+
+def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> Scope:
+    """The model of that name; without one, the only model that no other class of the files uses or extends."""
+    models = [scope for scope in _all_classes(root) if _can_run(scope)]
+    if name is not None:
+        return _named(root, models, name)
+    used = _used(root)
+    free = [scope for scope in models if id(scope) not in used]
+    if len(free) == 1:
+        return free[0]
+    span = files[0].span if files else None
+    if not models:
+        raise Wrong("E0602", "there is no model to run in the file", span and _first_line(files),
+                    hint="a scene is 'model Name … end Name;'")  # fmt: skip
+    if not free:
+        names = ", ".join(scope.full_name for scope in models)
+        raise Wrong("E0603", "every model here is used by another one", None, found=names,
+                    hint="say which with --model NAME")  # fmt: skip
+    names = ", ".join(scope.full_name for scope in free)
+    raise Wrong("E0603", "several models could be meant", None, found=names, hint="say which with --model NAME")
+
+
+def _first_line(files: Sequence[tree.File]):
+    from lmoc.source import Span
+
+    return Span(files[0].span.source, 0, 0)
+
+
+def _all_classes(scope: Scope) -> Iterator[Scope]:
+    for inner in scope.local.values():
+        yield inner
+        yield from _all_classes(inner)
+
+
+def _can_run(scope: Scope) -> bool:
+    return scope.kind in ("model", "block", "class") and not scope.definition.partial
+
+
+def _named(root: Scope, models: list[Scope], name: str) -> Scope:
+    found: Scope | Builtin | Member | None = None
+    scope: Scope | None = root
+    while scope is not None and found is None:  # the user's classes, then the library's
+        found = scope
+        for part in name.split("."):
+            found = found.local.get(part) or found.table.get(part) if isinstance(found, Scope) else None
+        scope = scope.parent
+    if not isinstance(found, Scope):
+        names = [s.full_name for s in models]
+        hint = nearest(name, names) or (f"the file has {', '.join(names)}" if names else "")
+        raise Wrong("E0601", f"there is no model '{name}'", None, hint=hint)
+    if found.definition.partial:
+        raise Wrong("E0209", f"'{name}' is partial: a model must extend it", found.definition.name_span)
+    if not _can_run(found):
+        raise Wrong("E0601", f"'{name}' is a {found.kind}, not a model", found.definition.name_span)
+    return found
+
+
+def _used(root: Scope) -> set[int]:
+    """The classes that others use as the type of a part, extend, or rename."""
+    used: set[int] = set()
+    for scope in _all_classes(root):
+        definition = scope.definition
+        refs = [(e.type, scope) for e in definition.elements if isinstance(e, tree.Component)]
+        refs += [(e.base, scope) for e in definition.elements if isinstance(e, tree.Extends)]
+        if definition.short is not None:
+            refs.append((definition.short.base, scope.parent))
+        for ref, where in refs:
+            try:
+                used.add(id(where.find_class(ref, inherited=False)))
+            except Wrong:
+                continue  # reported where the class is used
+    return used

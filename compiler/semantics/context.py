@@ -1,0 +1,117 @@
+"""Where an expression stands: whose class, which rows, which iteration variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.semantics.instance import Instance
+from lmoc.semantics.rows import Index, Leaves, Space, whole_space
+from lmoc.semantics.scope import Scope
+from lmoc.semantics.value import Arrays, Value
+from lmoc.semantics.wrong import Wrong
+from lmoc.source import Span
+
+if TYPE_CHECKING:
+    from lmoc.semantics.elaboration import Elaboration
+    from lmoc.syntax import tree
+
+# how each kind of syntax node is translated; the modules of the translation fill it
+TRANSLATORS: dict[type, Callable[[Context, object], Value]] = {}
+
+
+def translates(*kinds: type):
+    """Register the function that gives the value of these syntax nodes."""
+
+    def register(function):
+        for kind in kinds:
+            TRANSLATORS[kind] = function
+        return function
+
+    return register
+
+
+class Context:
+    """The surroundings of an expression.
+
+    Attributes
+    ----------
+    model : the elaboration that this is part of
+    node : the instance whose names can be used; None inside packages and functions
+    scope : the class whose text this is
+    space : the rows
+    leaves : the columns of the group in the making
+    names : iteration variables and, in a function, its variables
+    quiet : how many noEvent() or smooth() stand around: kinks are intended
+    """
+
+    __slots__ = ("model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "end", "depth")
+
+    def __init__(
+        self,
+        model: Elaboration,
+        node: Instance | None,
+        scope: Scope,
+        space: Space | None = None,
+        leaves: Leaves | None = None,
+        names: dict[str, Value] | None = None,
+        quiet: int = 0,
+    ):
+        self.model = model
+        self.node = node
+        self.scope = scope
+        self.space = whole_space(node.total if node else ()) if space is None else space
+        self.leaves = Leaves() if leaves is None else leaves
+        self.names = {} if names is None else names
+        self.arrays = Arrays(self.leaves, self.space.rank)
+        self.quiet = quiet
+        self.depth = 0  # of function calls
+        self.end: int | None = None  # what `end` means in the subscript being read
+
+    def value(self, expression: tree.Expression) -> Value:
+        """The meaning of an expression here."""
+        return TRANSLATORS[type(expression)](self, expression)
+
+    def within(self, space: Space, names: dict[str, Value]) -> Context:
+        """The same place with another space and further names."""
+        inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
+        inner.depth = self.depth
+        return inner
+
+    def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
+        """The body of a function: it sees its own names only."""
+        return Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
+
+    # ------------------------------------------------------------ known when compiling
+
+    def known(self, value: Value, span: Span, what: str = "this") -> np.ndarray | float:
+        """The numbers of a value that must be known when compiling, over the axes of the space and then its own."""
+
+        def column(k: int, order: int) -> Index | float | np.ndarray:
+            leaf = self.leaves[k]
+            if leaf.variable is None:
+                return leaf.index
+            if not leaf.variable.known or order:
+                name = leaf.variable.label
+                raise Wrong("E0211", f"{what} must be known when compiling, but depends on '{name}'", span)
+            return self.model.numbers(leaf.variable)[leaf.index]
+
+        result = self.arrays.numbers(value, column)
+        if np.any(np.isnan(result)):
+            raise Wrong("E0211", f"{what} must be known when compiling, but depends on time or has no value", span)
+        return result
+
+    def alike(self, value: Value, span: Span, what: str = "this") -> np.ndarray:
+        """As `known`, where it must be the same in all rows: over the value's own axes only."""
+        numbers = np.asarray(self.known(value, span, what), float)
+        if numbers.ndim <= len(value.dims) and self.space.rank == 0:
+            return np.broadcast_to(numbers, value.dims)
+        numbers = numbers.reshape(numbers.shape + (1,) * (self.space.rank + len(value.dims) - numbers.ndim))
+        flat = numbers.reshape((-1, *numbers.shape[self.space.rank :]))
+        if len(flat) and np.any(flat != flat[0]):
+            raise Wrong("E0220", f"{what} differs between the elements of an array", span)
+        if not len(flat):
+            raise Wrong()
+        return np.broadcast_to(flat[0], value.dims)

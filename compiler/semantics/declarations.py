@@ -1,0 +1,125 @@
+"""What declarations give: bindings, and the attributes start, fixed, nominal, unit, stateSelect (specification, 4.4 and 4.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.semantics.context import Context
+from lmoc.semantics.draft import AssignmentDraft, Column, Drafts, GroupDraft, compact, spread
+from lmoc.semantics.elaboration import Elaboration
+from lmoc.semantics.flat import Kind, StateSelect
+from lmoc.semantics.instance import Variable
+from lmoc.semantics.modification import Binding
+from lmoc.semantics.rows import positions
+from lmoc.semantics.wrong import Wrong
+from lmoc.source import Span
+
+NUMBERS = {"Real", "Integer"}
+
+
+def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
+    """Add what the declaration of a variable and its modifications say."""
+    if variable.value is not None:
+        _guarded(model, lambda: _value(model, drafts, variable, variable.value))
+    for name, binding in variable.attributes.items():
+        _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
+
+
+def _guarded(model: Elaboration, work) -> None:
+    try:
+        work()
+    except Wrong as wrong:
+        wrong.put_into(model.report)
+
+
+def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Binding) -> None:
+    rows = list(_rows(model, variable, binding))
+    library = binding.scope is not None and binding.scope.library
+    if variable.kind != Kind.UNKNOWN:
+        drafts.bindings += [AssignmentDraft(variable, *row, binding_span(binding), library) for row in rows]
+        return
+    node = variable.parent.owner
+    for target, shape, columns in rows:
+        moved = dag.transform(
+            shape, lambda leaf: dag.slot(leaf.value[0] + 1, leaf.value[1]) if leaf.op == "slot" else leaf
+        )
+        size = target.size if isinstance(target, np.ndarray) else 1
+        own: Column = (variable, target)
+        drafts.groups.append(
+            GroupDraft(
+                dag.slot(0), moved, (own, *columns), size, binding_span(binding) or variable.span, node, "binding", library
+            )
+        )
+
+
+def binding_span(binding: Binding) -> Span | None:
+    return getattr(binding.expression, "span", binding.span)
+
+
+def _rows(
+    model: Elaboration, variable: Variable, binding: Binding, lenient: bool = False, type_: str | None = None
+) -> Iterator[tuple[np.ndarray | int, dag.Expr, tuple[Column, ...]]]:
+    """Targets, shapes and columns of a value given to a variable (or to an attribute of it)."""
+    if binding.scope is None:
+        yield _numbers_row(variable, binding)
+        return
+    context, value = model.binding_value(binding)
+    expected = type_ or variable.type.name
+    if value.type != expected and not {value.type, expected} <= NUMBERS:
+        raise Wrong("E0301", f"the value of '{variable.label}' must be a {expected}", binding_span(binding),
+                    expected=expected, found=value.type)  # fmt: skip
+    if not value.dims and not variable.total and value.uniform:
+        leaves, (shape,) = compact(context.leaves.items, value.expr)
+        yield 0, shape, tuple((leaf.variable, leaf.index) for leaf in leaves)
+        return
+    yield from spread(context, value, binding, variable, lenient)
+
+
+def _numbers_row(variable: Variable, binding: Binding) -> tuple[np.ndarray, dag.Expr, tuple[Column, ...]]:
+    numbers = np.asarray(binding.expression, float)
+    target = positions(variable.total).reshape(-1)
+    if numbers.ndim == 0:
+        return target, dag.const(float(numbers)), ()
+    flat = np.broadcast_to(numbers, variable.total).reshape(-1)
+    return target, dag.slot(0), ((None, flat),)
+
+
+def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
+    span = binding_span(binding)
+    if name in ("start", "nominal", "fixed"):
+        if variable.kind <= Kind.PARAMETER:
+            return  # a parameter's start value is a hint for forms to fill in
+        type_ = "Boolean" if name == "fixed" else "Real"
+        rows = _rows(model, variable, binding, True, type_)
+        into = {"start": drafts.starts, "nominal": drafts.nominals, "fixed": drafts.fixed}[name]
+        into += [AssignmentDraft(variable, *row, span, binding.scope.library) for row in rows]
+    elif name == "unit":
+        variable.unit = _text(model, variable, name, binding)
+    elif name == "stateSelect":
+        variable.state_select = _state_select(model, variable, binding)
+
+
+def _text(model: Elaboration, variable: Variable, name: str, binding: Binding) -> str:
+    value = Context(model, binding.node, binding.scope).value(binding.expression)
+    while value.items:
+        value = value.items[0]
+    if value.type != "String":
+        raise Wrong("E0301", f"'{name}' of '{variable.label}' must be a text in quotes", binding_span(binding),
+                    expected="String", found=value.type)  # fmt: skip
+    return value.text
+
+
+def _state_select(model: Elaboration, variable: Variable, binding: Binding) -> StateSelect:
+    context = Context(model, binding.node, binding.scope)
+    value = context.value(binding.expression)
+    span = binding_span(binding)
+    if value.type != "StateSelect":
+        raise Wrong("E0301", "stateSelect must be a literal of StateSelect", span, expected="StateSelect.prefer",
+                    found=value.type)  # fmt: skip
+    numbers = np.unique(context.known(value, span, "stateSelect"))
+    if len(numbers) > 1:
+        raise Wrong("E0220", "stateSelect differs between the elements of an array", span)
+    return StateSelect(int(numbers[0]) - 1)

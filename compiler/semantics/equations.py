@@ -1,0 +1,230 @@
+"""Equation sections: equalities, loops, branches, checks and connects (Modelica specification, chapter 8)."""
+
+from __future__ import annotations
+
+from math import prod
+
+import numpy as np
+
+from lmoc.semantics.context import Context
+from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
+from lmoc.semantics.functions import call_all
+from lmoc.semantics.instance import Instance, Node, Variable
+from lmoc.semantics.reference import element_index, find_start, locate, unknown_name
+from lmoc.semantics.translate import LARGE, dims_text, iteration, sizes_differ
+from lmoc.semantics.value import Value, number
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+
+class EquationSection:
+    """Translates the equations of one instance into drafts."""
+
+    def __init__(self, drafts: Drafts, node: Instance, initial: bool = False):
+        self.drafts = drafts
+        self.node = node
+        self.groups = drafts.initial if initial else drafts.groups
+        self.initial = initial
+
+    def add(self, context: Context, equation: tree.Equation) -> None:
+        """Translate one equation; what is wrong with it is reported, and it is left out."""
+        try:
+            _KINDS[type(equation)](self, context, equation)
+        except Wrong as wrong:
+            wrong.put_into(context.model.report)
+
+    def _fresh(self, context: Context) -> Context:
+        """The same place with columns of its own, the iteration variables among them."""
+        fresh = Context(context.model, context.node, context.scope, context.space)
+        for name, value in context.names.items():
+            if value.expr.op == "slot":
+                leaf = context.leaves[value.expr.value[0]]
+                value = Value(fresh.leaves.slot(leaf.variable, leaf.index), (), value.type)
+            fresh.names[name] = value
+        return fresh
+
+    # ------------------------------------------------------------------- equalities
+
+    def equality(self, outer: Context, e: tree.Equality) -> None:
+        context = self._fresh(outer)
+        if isinstance(e.left, tree.Tuple):
+            self._several(context, e)
+            return
+        left, right = context.value(e.left), context.value(e.right)
+        self._equate(context, left, right, e)
+
+    def _equate(self, context: Context, left: Value, right: Value, e: tree.Equality) -> None:
+        if left.dims != right.dims:
+            raise sizes_differ("the two sides", left.dims, right.dims, e.span)
+        numbers = {"Real", "Integer"}
+        if left.type != right.type and not {left.type, right.type} <= numbers:
+            raise Wrong("E0301", f"a {left.type} cannot equal a {right.type}", e.span,
+                        expected=left.type, found=right.type)  # fmt: skip
+        self.groups.extend(equality(context, left, right, e.span, self.node))
+
+    def _several(self, context: Context, e: tree.Equality) -> None:
+        if not isinstance(e.right, tree.Call):
+            raise Wrong("E0301", "several variables are given by a function call only", e.span)
+        results = call_all(context, e.right)
+        if len(e.left.items) > len(results):
+            raise Wrong("E0217", f"'{e.right.function}' has {len(results)} results", e.span)
+        for item, value in zip(e.left.items, results):
+            if item is not None:
+                self._equate(context, context.value(item), value, e)
+
+    # ------------------------------------------------------------- loops and branches
+
+    def loop(self, context: Context, e: tree.For) -> None:
+        self._loop(context, e, 0)
+
+    def _loop(self, context: Context, e: tree.For, k: int) -> None:
+        if k == len(e.indices):
+            for equation in e.body:
+                self.add(context, equation)
+            return
+        index = e.indices[k]
+        numbers, type_ = iteration(context, index)
+        if len(numbers) <= LARGE:
+            for x in numbers:
+                inner = context.within(context.space, {index.name: number(x, type_)})
+                self._loop(inner, e, k + 1)
+            return
+        axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
+        value = Value(context.leaves.slot(None, axis), (), type_)
+        self._loop(context.within(context.space.with_axis(len(numbers)), {index.name: value}), e, k + 1)
+
+    def branch(self, outer: Context, e: tree.IfEquation) -> None:
+        """Conditions are known when compiling; where they differ between rows, the rows go their own ways."""
+        left: np.ndarray | None = None  # rows for which no condition has held so far; None: all
+        for condition_tree, body in e.branches:
+            context = self._fresh(outer)
+            condition = context.value(condition_tree)
+            if condition.type != "Boolean" or condition.dims:
+                found = condition.type if not condition.dims else f"an array {dims_text(condition.dims)}"
+                raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=found)
+            holds = np.asarray(context.known(condition, condition_tree.span, "the condition of an if-equation"))
+            if holds.ndim == 0 and left is None:
+                if holds:
+                    self._all(outer, body)
+                    return
+                continue
+            if holds.ndim < outer.space.rank:
+                holds = holds.reshape(holds.shape + (1,) * (outer.space.rank - holds.ndim))
+            holds = np.broadcast_to(holds, outer.space.shape).reshape(-1).astype(bool)
+            left = np.ones(holds.shape, bool) if left is None else left
+            self._rows(outer, np.flatnonzero(left & holds), body)
+            left = left & ~holds
+        if left is None:
+            self._all(outer, e.otherwise)
+        else:
+            self._rows(outer, np.flatnonzero(left), e.otherwise)
+
+    def _all(self, context: Context, body: tuple[tree.Equation, ...]) -> None:
+        for equation in body:
+            self.add(context, equation)
+
+    def _rows(self, context: Context, rows: np.ndarray, body: tuple[tree.Equation, ...]) -> None:
+        if not len(rows) or not body:
+            return
+        if len(rows) == prod(context.space.shape):
+            self._all(context, body)
+            return
+        inner = Context(context.model, context.node, context.scope, context.space.selected(rows))
+        for name, value in context.names.items():
+            if value.expr.op == "slot":
+                leaf = context.leaves[value.expr.value[0]]
+                picked = context.space.pick(leaf.index, rows)
+                value = Value(inner.leaves.slot(leaf.variable, picked), (), value.type)
+            inner.names[name] = value
+        self._all(inner, body)
+
+    # ------------------------------------------------------------------------- connect
+
+    def connect(self, outer: Context, e: tree.Connect) -> None:
+        if self.initial:
+            raise Wrong("E0305", "connect is not possible in an initial equation", e.span)
+        context = self._fresh(outer)
+        ends = [self._end(context, ref) for ref in (e.left, e.right)]
+        if None in ends:
+            return  # one end is a conditional part that is absent: so is the connection (4.4.5)
+        (left, left_index, left_dims), (right, right_index, right_dims) = ends
+        if left_dims != right_dims:
+            raise sizes_differ("the ends of a connect", left_dims, right_dims, e.span)
+        shape = context.space.shape + left_dims
+        pair = [_spread_rows(i, shape) for i in (left_index, right_index)]
+        self.drafts.connects.append(ConnectDraft(left, pair[0], right, pair[1], self.node, e.span))
+
+    def _end(self, context: Context, ref: tree.Ref) -> tuple[Instance | Variable, object, tuple[int, ...]] | None:
+        start = find_start(context, ref)
+        if start is None:
+            raise unknown_name(context, ref)
+        if not isinstance(start, Node):
+            raise Wrong("E0305", f"'{ref}' is not a connector of this model", ref.span)
+        try:
+            located = locate(context, ref, start)
+        except Wrong as wrong:
+            if wrong.diagnostic is not None and wrong.diagnostic.code == "E0218":
+                return None
+            raise
+        node = located.node
+        signal = isinstance(node, Variable) and (node.connector or node.causality in ("input", "output"))
+        if not signal and not (isinstance(node, Instance) and node.connector):
+            what = "a variable" if isinstance(node, Variable) else f"a {node.kind} ({node.cls.name})"
+            raise Wrong("E0305", f"'{ref}' is {what}, not a connector", ref.span, expected="a connector",
+                        hint=_connectors_hint(node))  # fmt: skip
+        return node, element_index(context, located), located.dims
+
+    # --------------------------------------------------------------------------- checks
+
+    def check(self, outer: Context, e: tree.CallEquation) -> None:
+        name = str(e.call.function)
+        if name != "assert":
+            raise Wrong("E0230", f"'{name}' belongs to events, which are not available yet", e.span)
+        context = self._fresh(outer)
+        context.quiet = 1  # a check is not integrated over
+        given = dict(zip(("condition", "message", "level"), e.call.arguments)) | dict(e.call.named)
+        if "condition" not in given or "message" not in given:
+            raise Wrong("E0217", "'assert' needs a condition and a message", e.span)
+        condition = context.value(given["condition"])
+        if condition.type != "Boolean" or condition.dims:
+            raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
+        message = context.value(given["message"])
+        if message.type != "String":
+            raise Wrong("E0301", "the message of 'assert' must be a String", given["message"].span)
+        error = True
+        if "level" in given:
+            level = context.value(given["level"])
+            error = bool(context.alike(level, given["level"].span, "the level") == 1)
+        leaves, (shape,) = compact(context.leaves.items, condition.expr)
+        columns = tuple(flat_column(leaf, context.space.shape) for leaf in leaves)
+        rows = prod(context.space.shape)
+        self.drafts.checks.append(CheckDraft(shape, message.text, error, columns, rows, e.span))
+
+    def when(self, context: Context, e: tree.When) -> None:
+        raise Wrong("E0230", "'when' belongs to events, which are not available yet", e.span,
+                    hint="laws with switching parts come with a later version")  # fmt: skip
+
+
+_KINDS = {
+    tree.Equality: EquationSection.equality,
+    tree.For: EquationSection.loop,
+    tree.IfEquation: EquationSection.branch,
+    tree.Connect: EquationSection.connect,
+    tree.CallEquation: EquationSection.check,
+    tree.When: EquationSection.when,
+}
+
+
+def _spread_rows(index, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.asarray(index)
+    if array.ndim < len(shape):
+        array = array.reshape(array.shape + (1,) * (len(shape) - array.ndim))
+    return np.broadcast_to(array, shape).reshape(-1)
+
+
+def _connectors_hint(node: Node) -> str:
+    if not isinstance(node, Instance):
+        return ""
+    names = [n for n, c in node.children.items() if isinstance(c, Instance) and c.connector]
+    return f"its connectors are {', '.join(names)}" if names else ""
+

@@ -1,0 +1,345 @@
+"""Classes in their places, and the lookup of names (Modelica specification, chapters 5 and 7).
+
+A `Scope` is a class definition together with the scope it stands in. Its `table` holds what an instance of the
+class has: its own elements and those it inherits, each with the class whose text declares it, because that is
+where the names in it are looked up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from lmoc.diagnostics import Label, Report, nearest
+from lmoc.semantics.wrong import Wrong
+from lmoc.source import Span
+from lmoc.syntax import tree
+
+ENUMERATIONS = {
+    "StateSelect": ("never", "avoid", "default", "prefer", "always"),
+    "AssertionLevel": ("error", "warning"),
+}
+
+
+@dataclass(frozen=True)
+class Builtin:
+    """A predefined type: Real, Integer, Boolean, String, or an enumeration."""
+
+    name: str
+    literals: tuple[str, ...] = ()
+
+
+BUILTINS: dict[str, Builtin] = {name: Builtin(name) for name in ("Real", "Integer", "Boolean", "String")}
+BUILTINS |= {name: Builtin(name, literals) for name, literals in ENUMERATIONS.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A component that an instance of a class has.
+
+    Attributes
+    ----------
+    scope : the class whose text declares it
+    outer : modifications that `extends` clauses put on it, the outermost first, each with the class it stands in
+    """
+
+    component: tree.Component
+    scope: Scope
+    outer: tuple[tuple[tree.ElementModification | tree.Redeclaration, Scope], ...]
+    protected: bool
+
+
+class Scope:
+    """A class definition in its place; the root scopes have no definition of their own."""
+
+    def __init__(self, definition: tree.Class | None, parent: Scope | None, report: Report, library: bool):
+        self.definition = definition
+        self.parent = parent
+        self.report = report
+        self.library = library
+        self.local: dict[str, Scope] = {}
+        self._table: dict[str, Member | Scope] | None = None
+        self._bases: list[tuple[tree.Extends, Resolved]] | None = None
+        self._open = False
+        for element in definition.elements if definition else ():
+            if isinstance(element, tree.Class):
+                self.add_class(element)
+
+    # -------------------------------------------------------------- facts
+
+    @property
+    def name(self) -> str:
+        return self.definition.name if self.definition else ""
+
+    @property
+    def full_name(self) -> str:
+        prefix = self.parent.full_name if self.parent else ""
+        return f"{prefix}.{self.name}" if prefix else self.name
+
+    @property
+    def kind(self) -> str:
+        return self.definition.kind if self.definition else "package"
+
+    @property
+    def root(self) -> Scope:
+        scope = self
+        while scope.definition is not None:
+            scope = scope.parent
+        return scope
+
+    def __repr__(self) -> str:
+        return f"Scope({self.full_name})"
+
+    def add_class(self, definition: tree.Class) -> Scope:
+        """Put a class into this scope; a second one of the same name is reported and left out."""
+        old = self.local.get(definition.name)
+        if old is not None:
+            self.report.error(
+                "E0204",
+                f"'{definition.name}' is defined twice",
+                definition.name_span,
+                labels=(Label(old.definition.name_span, "first defined here"),),
+            )
+            return old
+        self.local[definition.name] = scope = Scope(definition, self, self.report, self.library)
+        return scope
+
+    # -------------------------------------------------------- inheritance
+
+    @property
+    def bases(self) -> list[tuple[tree.Extends, Resolved]]:
+        """The `extends` clauses with the classes they mean."""
+        if self._bases is None:
+            self._bases = []
+            clauses = [e for e in self.definition.elements if isinstance(e, tree.Extends)] if self.definition else ()
+            for clause in clauses:
+                try:
+                    self._bases.append((clause, resolve(self.find_class(clause.base, inherited=False))))
+                except Wrong as wrong:
+                    wrong.put_into(self.report)
+        return self._bases
+
+    @property
+    def table(self) -> dict[str, Member | Scope]:
+        """Own and inherited elements by name, in the order of declaration."""
+        if self._table is None:
+            if self._open:
+                raise Wrong("E0208", f"'{self.full_name}' extends itself", self.definition.name_span)
+            self._open = True
+            try:
+                self._table = self._collect()
+            finally:
+                self._open = False
+        return self._table
+
+    def _collect(self) -> dict[str, Member | Scope]:
+        table: dict[str, Member | Scope] = {}
+        if self.definition is None:
+            return dict(self.local)
+        bases = iter(self.bases)
+        known = {id(clause) for clause, _ in self.bases}
+        for element in self.definition.elements:
+            if isinstance(element, tree.Component):
+                self._declare(table, Member(element, self, (), element.protected))
+            elif isinstance(element, tree.Class):
+                if self.local[element.name].definition is element:
+                    table[element.name] = self.local[element.name]
+            elif isinstance(element, tree.Extends) and id(element) in known:
+                self._inherit(table, *next(bases))
+        return table
+
+    def _inherit(self, table: dict, clause: tree.Extends, resolved: Resolved) -> None:
+        base = resolved.base
+        if isinstance(base, Builtin):
+            return
+        try:
+            inherited = base.table
+        except Wrong as wrong:
+            wrong.put_into(self.report)
+            return
+        layers = [(by_name(clause.modification), self)]
+        layers += [(by_name(short.modification), scope) for short, scope in resolved.steps]
+        for name, arguments in layers[0][0].items():
+            if name not in inherited:
+                self.report.error(
+                    "E0205",
+                    f"'{base.name}' has no element '{name}' to modify",
+                    arguments[0].span,
+                    hint=nearest(name, inherited),
+                )
+        for name, found in inherited.items():
+            if isinstance(found, Member):
+                outer = tuple((a, scope) for arguments, scope in layers for a in arguments.get(name, ()))
+                protected = found.protected or clause.protected
+                self._declare(table, Member(found.component, found.scope, outer + found.outer, protected))
+            else:
+                table.setdefault(name, found)
+
+    def _declare(self, table: dict, member: Member) -> None:
+        name = member.component.name
+        old = table.get(name)
+        if old is None:
+            table[name] = member
+            return
+        same = isinstance(old, Member) and old.component.span.text == member.component.span.text
+        if same and (old.scope is not member.scope):
+            return  # inherited twice, or repeated: allowed where identical (7.1)
+        first = old.component.name_span if isinstance(old, Member) else old.definition.name_span
+        self.report.error(
+            "E0204",
+            f"'{name}' is declared twice in '{self.name}'",
+            member.component.name_span,
+            labels=(Label(first, "first declared here"),),
+        )
+
+    def lineage(self) -> Iterator[Scope]:
+        """This class and those it extends, bases first, each once."""
+        seen: set[int] = set()
+
+        def visit(scope: Scope) -> Iterator[Scope]:
+            if id(scope) in seen:
+                return
+            seen.add(id(scope))
+            for _, resolved in scope.bases:
+                if isinstance(resolved.base, Scope):
+                    yield from visit(resolved.base)
+            yield scope
+
+        return visit(self)
+
+    # ------------------------------------------------------------- lookup
+
+    def find(self, name: str, inherited: bool = True) -> Member | Scope | Builtin | None:
+        """A simple name, seen from inside this class: own and inherited elements, imports, enclosing classes (5.3.1)."""
+        scope: Scope | None = self
+        while scope is not None:
+            table = scope.table if inherited and scope.definition else scope.local
+            found = table.get(name) or scope._imported(name)
+            if found is not None:
+                return found
+            inherited = True
+            encapsulated = scope.definition is not None and scope.definition.encapsulated
+            scope = scope.root if encapsulated else scope.parent
+        return BUILTINS.get(name)
+
+    def _imported(self, name: str) -> Member | Scope | None:
+        if self.definition is None:
+            return None
+        wildcards = []
+        for element in self.definition.elements:
+            if not isinstance(element, tree.Import):
+                continue
+            if element.wildcard:
+                wildcards.append(element)
+            elif name in element.names:
+                return self._path((*element.path, name), element.span)
+            elif not element.names and name == (element.alias or element.path[-1]):
+                return self._path(element.path, element.span)
+        for element in wildcards:
+            package = self._path(element.path, element.span)
+            found = package.table.get(name) if isinstance(package, Scope) else None
+            if found is not None:
+                return found
+        return None
+
+    def _path(self, path: Sequence[str], span: Span) -> Member | Scope:
+        """A fully qualified name, from the top (13.2.1)."""
+        found: Member | Scope | Builtin | None = self.root.find(path[0])
+        for name in path[1:]:
+            found = found.table.get(name) if isinstance(found, Scope) else None
+        if found is None:
+            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=self.suggest(path[0]))
+        return found
+
+    def find_class(self, ref: tree.Ref, inherited: bool = True) -> Scope | Builtin:
+        """The class that a type name, a base or a function name means."""
+        names = [part.name for part in ref.parts]
+        start = self.root if ref.absolute else self
+        found = start.find(names[0], inherited)
+        for name in names[1:]:
+            if not isinstance(found, Scope):
+                break
+            outer, found = found, found.table.get(name)
+            if found is None:
+                hint = nearest(name, outer.table)
+                raise Wrong("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
+        if found is None:
+            text = ".".join(names)
+            raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=self.suggest(names[0]))
+        if isinstance(found, Member):
+            raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span)
+        return found
+
+    def visible(self) -> Iterator[str]:
+        """All names that can be seen from here, for typo hints."""
+        scope: Scope | None = self
+        while scope is not None:
+            yield from scope.table if scope.definition else scope.local
+            for element in scope.definition.elements if scope.definition else ():
+                if isinstance(element, tree.Import):
+                    yield from element.names or (element.alias or element.path[-1],)
+                    if element.wildcard:
+                        package = scope._path(element.path, element.span)
+                        yield from package.table if isinstance(package, Scope) else ()
+            scope = scope.parent
+        yield from BUILTINS
+
+    def suggest(self, name: str) -> str:
+        return nearest(name, self.visible())
+
+
+def by_name(modification: tree.Modification | None) -> dict[str, list]:
+    """The arguments of a modification by the first name of what they modify."""
+    result: dict[str, list] = {}
+    for argument in modification.arguments if modification else ():
+        name = argument.name[0] if isinstance(argument, tree.ElementModification) else argument.element.name
+        result.setdefault(name, []).append(argument)
+    return result
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A type name followed through short class definitions.
+
+    Attributes
+    ----------
+    base : the class with elements, or the predefined type, at the end
+    steps : the short definitions passed, the outermost first, each with the scope its names are looked up in
+    """
+
+    base: Scope | Builtin
+    steps: tuple[tuple[tree.ShortClass, Scope], ...]
+    name: str
+    kind: str
+
+
+def resolve(found: Scope | Builtin) -> Resolved:
+    """Follow ``type A = B(...)``, ``connector RealInput = input Real`` and ``type T extends Real`` to the end."""
+    steps: list[tuple[tree.ShortClass, Scope]] = []
+    name = found.name
+    kind = found.kind if isinstance(found, Scope) else "type"
+    seen: set[int] = set()
+    while isinstance(found, Scope):
+        definition = found.definition
+        if id(found) in seen:
+            raise Wrong("E0208", f"'{found.full_name}' is defined by itself", definition.name_span)
+        seen.add(id(found))
+        if definition is not None and definition.literals is not None:
+            return Resolved(Builtin(found.full_name, definition.literals), tuple(steps), name, kind)
+        if definition is not None and definition.short is not None:
+            steps.append((definition.short, found.parent))
+            found = found.parent.find_class(definition.short.base)
+            continue
+        extended = _extended_builtin(found)
+        if extended is None:
+            break
+        clause, builtin = extended
+        steps.append((tree.ShortClass(clause.base, (), clause.modification, "", clause.span), found))
+        found = builtin
+    return Resolved(found, tuple(steps), name, kind)
+
+
+def _extended_builtin(scope: Scope) -> tuple[tree.Extends, Builtin] | None:
+    if scope.definition is None or scope.kind not in ("type", "connector"):
+        return None
+    return next(((c, b.base) for c, b in scope.bases if isinstance(b.base, Builtin)), None)

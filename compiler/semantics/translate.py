@@ -1,0 +1,356 @@
+"""Expressions as shapes: operators, if-expressions, arrays (Modelica specification, chapters 3 and 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.expression.dag import Expr
+from lmoc.semantics.context import Context, translates
+from lmoc.semantics.value import Value, common_type, number, stack, text
+from lmoc.semantics.wrong import Wrong
+from lmoc.source import Span
+from lmoc.syntax import tree
+
+ARITHMETIC: dict[str, Callable[[Expr, Expr], Expr]] = {
+    "+": dag.add, "-": dag.sub, "*": dag.mul, "/": dag.div, "^": dag.power,
+    ".+": dag.add, ".-": dag.sub, ".*": dag.mul, "./": dag.div, ".^": dag.power,
+}  # fmt: skip
+RELATION = {"<": "lt", "<=": "le", ">": "gt", ">=": "ge", "==": "eq", "<>": "ne"}
+LARGE = 16  # an array of so many numbers becomes a column of them rather than a shape each
+
+
+# ------------------------------------------------------------------------- literals
+
+
+@translates(tree.Number)
+def _number(context: Context, e: tree.Number) -> Value:
+    return number(e.value, "Integer" if e.integer else "Real")
+
+
+@translates(tree.String)
+def _text(context: Context, e: tree.String) -> Value:
+    return text(e.value)
+
+
+@translates(tree.Boolean)
+def _boolean(context: Context, e: tree.Boolean) -> Value:
+    return number(e.value, "Boolean")
+
+
+@translates(tree.End)
+def _end(context: Context, e: tree.End) -> Value:
+    if context.end is None:
+        raise Wrong("E0301", "'end' has a meaning only in a subscript", e.span)
+    return number(context.end, "Integer")
+
+
+@translates(tree.Colon, tree.Tuple)
+def _misplaced(context: Context, e: tree.Colon | tree.Tuple) -> Value:
+    raise Wrong("E0301", "this cannot be used as a value", e.span)
+
+
+# ------------------------------------------------------------------------ operators
+
+
+@translates(tree.Unary)
+def _unary(context: Context, e: tree.Unary) -> Value:
+    operand = context.value(e.operand)
+    if e.op == "not":
+        _need(operand, "Boolean", e.operand.span)
+        return context.arrays.map(lambda x: dag.function("not", x), operand, type="Boolean")
+    need_number(operand, e.operand.span)
+    if e.op == "+":
+        return operand
+    return context.arrays.map(dag.neg, operand, type=operand.type)
+
+
+@translates(tree.Binary)
+def _binary(context: Context, e: tree.Binary) -> Value:
+    # a sum of many terms is a deep tree to the left: go down it without recursion
+    chain = [e]
+    while isinstance(chain[-1].left, tree.Binary):
+        chain.append(chain[-1].left)
+    value = context.value(chain[-1].left)
+    for node in reversed(chain):
+        value = combine(context, node, value, context.value(node.right))
+    return value
+
+
+def combine(context: Context, e: tree.Binary, left: Value, right: Value) -> Value:
+    """One binary operator applied to values."""
+    op = e.op
+    if op in ("and", "or"):
+        _need(left, "Boolean", e.left.span)
+        _need(right, "Boolean", e.right.span)
+        return context.arrays.map(lambda x, y: dag.function(op, x, y), left, right, type="Boolean")
+    if op in RELATION:
+        return _relation(context, e, left, right)
+    if op == "+" and left.type == right.type == "String":
+        return text(left.text + right.text)
+    need_number(left, e.left.span)
+    need_number(right, e.right.span)
+    if left.dims or right.dims:
+        return _array_arithmetic(context, e, left, right)
+    return Value(ARITHMETIC[op](left.expr, right.expr), (), _result_type(op, left, right))
+
+
+def _result_type(op: str, left: Value, right: Value) -> str:
+    return "Integer" if left.type == right.type == "Integer" and op not in ("/", "./", "^", ".^") else "Real"
+
+
+def _array_arithmetic(context: Context, e: tree.Binary, left: Value, right: Value) -> Value:
+    op = e.op
+    if op == "*" and left.dims and right.dims:
+        return matrix_product(context, left, right, e.span)
+    if op == "^" and (left.dims or right.dims):
+        return _matrix_power(context, e, left, right)
+    scalar_allowed = op.startswith(".") or op == "*" or (op == "/" and not right.dims)
+    same = left.dims == right.dims
+    if not same and not (scalar_allowed and (not left.dims or not right.dims)):
+        raise sizes_differ(f"the operands of '{op}'", left.dims, right.dims, e.span)
+    return context.arrays.map(ARITHMETIC[op], left, right, type=_result_type(op, left, right))
+
+
+def matrix_product(context: Context, left: Value, right: Value, span: Span) -> Value:
+    """Scalar product, matrix times vector, vector times matrix, matrix times matrix (10.6.5)."""
+    arrays = context.arrays
+    if len(left.dims) > 2 or len(right.dims) > 2 or left.dims[-1] != right.dims[0]:
+        raise sizes_differ("the factors of a matrix product", left.dims, right.dims, span)
+    type_ = common_type((left, right))
+
+    def dot(row: Value, column: Value) -> Value:
+        product = arrays.map(dag.mul, row, column)
+        return Value(arrays.fold(dag.add, product, dag.ZERO), (), type_)
+
+    rows = arrays.elements(left) if len(left.dims) == 2 else [left]
+    columns = arrays.elements(arrays.transpose(right)) if len(right.dims) == 2 else [right]
+    table = [[dot(row, column) for column in columns] for row in rows]
+    if len(left.dims) == 2:
+        return stack([stack(r) if len(right.dims) == 2 else r[0] for r in table])
+    return stack(table[0]) if len(right.dims) == 2 else table[0][0]
+
+
+def _matrix_power(context: Context, e: tree.Binary, base: Value, exponent: Value) -> Value:
+    if exponent.dims or len(base.dims) != 2 or base.dims[0] != base.dims[1]:
+        raise sizes_differ("a power", base.dims, exponent.dims, e.span)
+    n = float(context.alike(exponent, e.right.span, "the exponent of a matrix"))
+    if n != int(n) or n < 0:
+        raise Wrong("E0301", "the exponent of a matrix must be an integer of at least 0", e.right.span)
+    size = base.dims[0]
+    result = stack([stack([number(i == j) for j in range(size)]) for i in range(size)])
+    for _ in range(int(n)):
+        result = matrix_product(context, result, base, e.span)
+    return result
+
+
+def _relation(context: Context, e: tree.Binary, left: Value, right: Value) -> Value:
+    if left.dims or right.dims:
+        raise Wrong("E0301", f"'{e.op}' compares single values, not arrays", e.span)
+    if left.type == right.type == "String":
+        same = left.text == right.text
+        return number(same if e.op == "==" else not same, "Boolean")
+    if "String" in (left.type, right.type):
+        raise Wrong("E0301", f"'{e.op}' cannot compare {left.type} and {right.type}", e.span)
+    numbers = {"Real", "Integer"}
+    if left.type != right.type and not {left.type, right.type} <= numbers:
+        raise Wrong("E0301", f"'{e.op}' cannot compare {left.type} and {right.type}", e.span)
+    return Value(dag.function(RELATION[e.op], left.expr, right.expr), (), "Boolean")
+
+
+# ----------------------------------------------------------------------- requirements
+
+
+def need_number(value: Value, span: Span) -> None:
+    if value.type not in ("Real", "Integer"):
+        raise Wrong("E0301", "a number is needed here", span, expected="Real or Integer", found=value.type)
+
+
+def _need(value: Value, type_: str, span: Span) -> None:
+    if value.type != type_:
+        raise Wrong("E0301", f"a {type_} is needed here", span, expected=type_, found=value.type)
+
+
+def dims_text(dims: tuple[int, ...]) -> str:
+    return f"[{', '.join(map(str, dims))}]" if dims else "a scalar"
+
+
+def sizes_differ(what: str, left: tuple[int, ...], right: tuple[int, ...], span: Span) -> Wrong:
+    return Wrong(
+        "E0302", f"{what} do not fit: {dims_text(left)} and {dims_text(right)}", span,
+        expected=dims_text(left), found=dims_text(right),
+    )  # fmt: skip
+
+
+def changes(context: Context, *values: Value) -> bool:
+    """Whether a value changes in time: it depends on a variable, an input or time."""
+    for value in values:
+        for scalar in value.items if value.items is not None else ():
+            if changes(context, scalar):
+                return True
+        if value.expr is not None and (
+            dag.depends_on_time(value.expr)
+            or any(
+                (v := context.leaves[leaf.value[0]].variable) is not None and not v.known
+                for leaf in dag.slots(value.expr)
+            )
+        ):
+            return True
+    return False
+
+
+def warn_kink(context: Context, what: str, span: Span, *values: Value) -> None:
+    """Say that this has a kink, if it depends on what changes, and nobody has said that it is intended."""
+    if context.quiet == 0 and changes(context, *values):
+        context.model.say_once(
+            "W0311",
+            f"{what} has a kink: the solver goes over it without stopping there",
+            span,
+            hint="write noEvent(…) or smooth(0, …) around it if that is intended",
+        )
+
+
+# -------------------------------------------------------------------- if-expressions
+
+
+@translates(tree.If)
+def _if(context: Context, e: tree.If) -> Value:
+    branches: list[tuple[Value, Value]] = []
+    otherwise: Value | None = None
+    for condition_tree, value_tree in e.branches:
+        condition = context.value(condition_tree)
+        _need(condition, "Boolean", condition_tree.span)
+        if condition.dims:
+            raise Wrong("E0301", "a condition must be true or false, not an array", condition_tree.span)
+        if condition.expr.is_const:
+            if not condition.expr.value:
+                continue
+            otherwise = context.value(value_tree)
+            break
+        warn_kink(context, "this if-expression", e.span, condition)
+        branches.append((condition, context.value(value_tree)))
+    if otherwise is None:
+        otherwise = context.value(e.otherwise)
+    result = otherwise
+    for condition, value in reversed(branches):
+        result = choose(context, condition, value, result, e.span)
+    return result
+
+
+def choose(context: Context, condition: Value, then: Value, otherwise: Value, span: Span) -> Value:
+    """``if condition then … else …``, element by element."""
+    if then.dims != otherwise.dims:
+        if changes(context, condition):
+            raise sizes_differ("the branches of an if-expression", then.dims, otherwise.dims, span)
+        return then if context.alike(condition, span, "the condition") else otherwise
+    types = {then.type, otherwise.type}
+    if len(types) > 1 and not types <= {"Real", "Integer"}:
+        raise Wrong("E0301", "the branches of an if-expression differ in type", span,
+                    expected=then.type, found=otherwise.type)  # fmt: skip
+    if then.type == "String":
+        return then if context.alike(condition, span, "the condition") else otherwise
+    type_ = common_type((then, otherwise))
+    return context.arrays.map(lambda a, b: dag.if_(condition.expr, a, b), then, otherwise, type=type_)
+
+
+# --------------------------------------------------------------------------- arrays
+
+
+@translates(tree.Array)
+def _array(context: Context, e: tree.Array) -> Value:
+    if not e.items:
+        raise Wrong("E0302", "an array constructor needs at least one element", e.span)
+    items = [context.value(item) for item in e.items]
+    return join(context, items, [item.span for item in e.items])
+
+
+def join(context: Context, items: list[Value], spans: list[Span]) -> Value:
+    """Values of one size along a new first axis."""
+    for item, span in zip(items, spans):
+        if item.dims != items[0].dims:
+            raise sizes_differ("the elements of an array", items[0].dims, item.dims, span)
+        if item.type != items[0].type and {item.type, items[0].type} - {"Real", "Integer"}:
+            raise Wrong("E0301", "the elements of an array differ in type", span,
+                        expected=items[0].type, found=item.type)  # fmt: skip
+    if len(items) > LARGE and all(v.expr is not None and v.expr.is_const and not v.dims for v in items):
+        return column_of_numbers(context, np.array([v.expr.value for v in items]), common_type(items))
+    return stack(items)
+
+
+def column_of_numbers(context: Context, numbers: np.ndarray, type_: str) -> Value:
+    """A vector of known numbers, alike in all rows, as one uniform value."""
+    array = numbers.reshape((1,) * context.space.rank + numbers.shape)
+    return Value(context.leaves.slot(None, array), numbers.shape, type_)
+
+
+@translates(tree.Matrix)
+def _matrix(context: Context, e: tree.Matrix) -> Value:
+    rows = []
+    for row in e.rows:
+        items = [context.value(item) for item in row]
+        if any(item.dims for item in items):
+            raise Wrong("E0230", "matrices are built from single values so far", e.span, hint="use {{…}, {…}}")
+        rows.append(join(context, items, [item.span for item in row]))
+    return join(context, rows, [row[0].span for row in e.rows])
+
+
+@translates(tree.Range)
+def _range(context: Context, e: tree.Range) -> Value:
+    numbers, type_ = range_numbers(context, e)
+    if len(numbers) > LARGE:
+        return column_of_numbers(context, numbers, type_)
+    return stack([number(x, type_) for x in numbers], type=type_)
+
+
+def range_numbers(context: Context, e: tree.Range) -> tuple[np.ndarray, str]:
+    """The numbers of ``a:b`` or ``a:step:b`` (10.4.3), and their type."""
+    ends = [e.start, e.stop] if e.step is None else [e.start, e.stop, e.step]
+    values = [context.value(x) for x in ends]
+    for value, x in zip(values, ends):
+        if value.dims or value.type == "String":
+            raise Wrong("E0301", "the ends of a range must be numbers", x.span)
+    a, b, *steps = (float(context.alike(v, x.span, "a range")) for v, x in zip(values, ends))
+    step = steps[0] if steps else 1.0
+    if step == 0:
+        raise Wrong("E0301", "the step of a range must not be zero", e.step.span)
+    count = int(np.floor((b - a) / step + 1e-10)) + 1
+    return a + step * np.arange(max(count, 0)), common_type(values)
+
+
+def iteration(context: Context, index: tree.ForIndex) -> tuple[np.ndarray, str]:
+    """The numbers that an iteration variable goes through."""
+    if index.range is None:
+        raise Wrong("E0230", f"the range of '{index.name}' must be written", index.span)
+    if isinstance(index.range, tree.Range):
+        return range_numbers(context, index.range)
+    value = context.value(index.range)
+    if len(value.dims) != 1:
+        raise Wrong("E0301", f"'{index.name}' must go through a vector", index.range.span)
+    return context.alike(value, index.range.span, "a range"), value.type
+
+
+@translates(tree.Comprehension)
+def comprehension(context: Context, e: tree.Comprehension) -> Value:
+    """``{element for i in r, j in s}``: the last index is the outermost array (10.4.1.1)."""
+    return _comprehend(context, e, len(e.indices) - 1)
+
+
+def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
+    if k < 0:
+        return context.value(e.element)
+    index = e.indices[k]
+    numbers, type_ = iteration(context, index)
+    if len(numbers) <= LARGE:
+        inner = [
+            _comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers
+        ]
+        return stack(inner) if inner else Value(None, (0,), "Real", ())
+    rank = context.space.rank
+    leaf = context.leaves.slot(None, numbers.reshape((1,) * rank + numbers.shape))
+    space = context.space.with_axis(len(numbers))
+    value = _comprehend(context.within(space, {index.name: Value(leaf, (), type_)}), e, k - 1)
+    if not value.uniform:
+        raise Wrong("E0230", "the elements of a long array must have one form", e.span)
+    return Value(value.expr, (len(numbers), *value.dims), value.type)

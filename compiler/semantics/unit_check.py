@@ -1,0 +1,197 @@
+"""Unit checks of the user's own equations and bindings.
+
+A literal and a variable without unit have an unknown unit. What is unknown makes a product unknown, fits any sum, and is
+never an error. A group is checked once: its columns have one unit each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from lmoc.diagnostics import Report
+from lmoc.expression.dag import LOGICAL, RELATIONS, Expr, postorder
+from lmoc.expression.text import to_text
+from lmoc.semantics.draft import Column, Drafts
+from lmoc.semantics.instance import Variable
+from lmoc.semantics.units import ONE_UNIT, SECOND, Unit, UnitError, parse_unit
+from lmoc.source import Span
+
+_ANGLE_FUNCTIONS = frozenset("sin cos tan asin acos atan sinh cosh tanh exp log log10".split())
+_KEEPING = frozenset("neg abs floor ceil integer".split())
+_SUMS = frozenset("add sub min max mod rem atan2".split()) | RELATIONS
+
+
+class _Mismatch(Exception):
+    """Two operands whose units do not fit (`right` None: the left one should have no unit)."""
+
+    def __init__(self, left: Expr, left_unit: Unit, right: Expr | None, right_unit: Unit):
+        self.left, self.left_unit, self.right, self.right_unit = left, left_unit, right, right_unit
+
+
+def check_units(drafts: Drafts, report: Report) -> None:
+    """Report every equation, binding and start value of the user's whose units do not fit."""
+    seen: set[tuple] = set()
+    for group in (*drafts.groups, *drafts.initial):
+        if not group.library:
+            _check(report, seen, group.left, group.right, group.columns, None, group.span)
+    for bindings in (drafts.bindings, drafts.starts):
+        for b in bindings:
+            if not b.library:
+                _check(report, seen, None, b.shape, b.columns, b.variable, b.span)
+
+
+def unit_of(variable: Variable | None) -> Unit | None:
+    """The declared unit; None where there is none, or where it is not understood (which has been reported)."""
+    if variable is None:
+        return None
+    try:
+        return parse_unit(variable.unit)
+    except UnitError:
+        return None
+
+
+def report_unknown_units(variables: Sequence[Variable], report: Report) -> None:
+    """Unit strings that mean nothing, once for each place."""
+    said: set[tuple] = set()
+    for variable in variables:
+        if not variable.unit:
+            continue
+        try:
+            parse_unit(variable.unit)
+        except UnitError as error:
+            binding = variable.attributes.get("unit")
+            span = getattr(binding.expression, "span", None) if binding else variable.span
+            key = (id(span.source), span.start) if span else (variable.label,)
+            if key not in said:
+                said.add(key)
+                report.error("E0304", str(error), span, hint=error.hint)
+
+
+def _check(
+    report: Report,
+    seen: set[tuple],
+    left: Expr | None,
+    right: Expr,
+    columns: Sequence[Column],
+    target: Variable | None,
+    span: Span | None,
+) -> None:
+    units = tuple(unit_of(variable) for variable, _ in columns)
+    own = unit_of(target)
+    key = (left, right, units, own, span and span.start)
+    if key in seen:
+        return
+    seen.add(key)
+    try:
+        found = infer(right, units)
+        expected = own if left is None else infer(left, units)
+    except _Mismatch as mismatch:
+        _report_mismatch(report, mismatch, columns, span)
+        return
+    if found is None or expected is None or found.same_as(expected):
+        return
+    side = target.label if left is None else to_text(left, _namer(columns))
+    value = to_text(right, _namer(columns))
+    report.error(
+        "E0303",
+        "the units of the two sides differ" if left is not None else f"the value of '{target.label}' has another unit",
+        span,
+        expected=f"{side} is in {_shown(expected, target)}",
+        found=f"{value} is in {found}",
+    )
+
+
+def _shown(unit: Unit, variable: Variable | None) -> str:
+    return variable.unit if variable is not None else str(unit)
+
+
+def _report_mismatch(report: Report, m: _Mismatch, columns: Sequence[Column], span: Span | None) -> None:
+    name = _namer(columns)
+    if m.right is None:
+        message = "this needs a number without unit"
+        expected, found = "unit 1", f"{to_text(m.left, name)} is in {m.left_unit}"
+    else:
+        message = "quantities of different units are added or compared"
+        expected = f"{to_text(m.left, name)} is in {m.left_unit}"
+        found = f"{to_text(m.right, name)} is in {m.right_unit}"
+    report.error("E0303", message, span, expected=expected, found=found)
+
+
+def _namer(columns: Sequence[Column]):
+    def name(column: int, order: int) -> str:
+        variable, index = columns[column]
+        text = variable.label if variable is not None else "…"
+        for _ in range(order):
+            text = f"der({text})"
+        return text
+
+    return name
+
+
+def infer(root: Expr, units: Sequence[Unit | None]) -> Unit | None:
+    """The unit of a shape whose columns have these units.
+
+    Raises
+    ------
+    _Mismatch
+    """
+    found: dict[int, Unit | None] = {}
+    for node in postorder(root):
+        found[id(node)] = _infer_node(node, [found[id(a)] for a in node.args], units)
+    return found[id(root)]
+
+
+def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None]) -> Unit | None:
+    op = node.op
+    if op == "slot":
+        unit = units[node.value[0]]
+        return None if unit is None else unit / SECOND ** Fraction(node.value[1]) if node.value[1] else unit
+    if op == "time":
+        return SECOND
+    if op == "const":
+        return None
+    if op in _SUMS:
+        return _infer_sum(node, args)
+    if op in ("mul", "div"):
+        if args[0] is None or args[1] is None:
+            return None
+        return args[0] * args[1] if op == "mul" else args[0] / args[1]
+    if op == "pow":
+        return _infer_power(node, args)
+    if op == "sqrt":
+        return args[0] and args[0] ** Fraction(1, 2)
+    if op in _KEEPING:
+        return args[0]
+    if op in _ANGLE_FUNCTIONS:
+        if args[0] is not None and not args[0].same_as(ONE_UNIT):
+            raise _Mismatch(node.args[0], args[0], None, ONE_UNIT)
+        return ONE_UNIT if args[0] is not None else None
+    if op == "if":
+        return _common(node.args[1], args[1], node.args[2], args[2])
+    if op in LOGICAL or op == "sign":
+        return ONE_UNIT
+    return None
+
+
+def _common(a: Expr, unit_a: Unit | None, b: Expr, unit_b: Unit | None) -> Unit | None:
+    if unit_a is not None and unit_b is not None and not unit_a.same_as(unit_b):
+        raise _Mismatch(a, unit_a, b, unit_b)
+    return unit_a if unit_a is not None else unit_b
+
+
+def _infer_sum(node: Expr, args: list[Unit | None]) -> Unit | None:
+    unit = _common(node.args[0], args[0], node.args[1], args[1])
+    return ONE_UNIT if node.op in RELATIONS or node.op == "atan2" else unit
+
+
+def _infer_power(node: Expr, args: list[Unit | None]) -> Unit | None:
+    base, exponent = args
+    if exponent is not None and not exponent.same_as(ONE_UNIT):
+        raise _Mismatch(node.args[1], exponent, None, ONE_UNIT)
+    if base is None or base.same_as(ONE_UNIT):
+        return base
+    if node.args[1].is_const:
+        return base ** Fraction(node.args[1].value).limit_denominator(64)
+    return None
+
