@@ -147,9 +147,7 @@ def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None
     if op == "slot":
         unit = units[node.value[0]]
         return None if unit is None else unit / SECOND ** Fraction(node.value[1]) if node.value[1] else unit
-    if op == "time":
-        return SECOND
-    if op == "const":
+    if op in ("const", "time"):  # sin(time) is a signal that people write: time counts as a plain number
         return None
     if op in _SUMS:
         return _infer_sum(node, args)
