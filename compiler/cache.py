@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from hashlib import blake2b
-
-_DIGEST = 16
+from zlib import crc32
 
 
 def folder() -> str:
@@ -27,38 +25,42 @@ def folder() -> str:
     return os.path.join(base, "lmoc")
 
 
-def digest(*parts: bytes) -> bytes:
-    """A key for what a result is made from: the parts, and the Python that made it."""
-    state = blake2b(sys.implementation.cache_tag.encode(), digest_size=_DIGEST)
-    for part in parts:
-        state.update(len(part).to_bytes(8, "little") + part)
-    return state.digest()
-
-
 def read(name: str, key: bytes) -> bytes | None:
-    """What was kept under `name` if it was made from `key` and is undamaged, else None."""
+    """What was kept under `name` if it was made from `key` by this version of Python and is undamaged, else None."""
     try:
         with open(os.path.join(folder(), name), "rb") as file:
             found = file.read()
     except OSError:
         return None
-    kept_key, check, payload = found[:_DIGEST], found[_DIGEST : 2 * _DIGEST], found[2 * _DIGEST :]
-    if kept_key != key or check != digest(payload):
+    head = _head(key)
+    check, kept = found[:4], found[4:]
+    if not kept.startswith(head) or check != _check(kept):
         return None
-    return payload
+    return kept[len(head) :]
 
 
 def write(name: str, key: bytes, payload: bytes) -> None:
     """Keep `payload` under `name`; silently does nothing where that is not possible."""
     place = os.path.join(folder(), name)
     partial = f"{place}.{os.getpid()}"
+    kept = _head(key) + payload
     try:
         os.makedirs(folder(), exist_ok=True)
         with open(partial, "wb") as file:
-            file.write(key + digest(payload) + payload)
+            file.write(_check(kept) + kept)
         os.replace(partial, place)  # readers see the old file or the new one, never half of it
     except OSError:
         try:
             os.remove(partial)
         except OSError:
             pass
+
+
+def _head(key: bytes) -> bytes:
+    """The key as it stands in the file. All of it: comparing is faster than importing a hash function."""
+    made_by = sys.implementation.cache_tag.encode()
+    return len(key).to_bytes(8, "little") + made_by + key
+
+
+def _check(kept: bytes) -> bytes:
+    return crc32(kept).to_bytes(4, "little")

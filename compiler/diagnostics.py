@@ -6,7 +6,6 @@ mistakes; `Report.check` raises one `ModelError` for all of them at the end of t
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -96,6 +95,8 @@ class SimulationError(Exception):
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """A hint sentence with the candidate most like `name`; empty where none is near."""
+    import difflib
+
     close = difflib.get_close_matches(name, list(candidates), n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else ""
 

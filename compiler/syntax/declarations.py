@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from lmoc.diagnostics import Label
 from lmoc.source import Span
 from lmoc.syntax import tree
 from lmoc.syntax.equations import EquationActions
-from lmoc.syntax.expressions import Comment, Name, Subscripts
+from lmoc.syntax.expressions import Comment, Subscripts, Word
 
 # Prefixes in the order in which they stand.
 _ORDER = (
@@ -29,40 +30,13 @@ _UNSUPPORTED = {
 }
 
 
-class Prefix(NamedTuple):
-    text: str
-    start: int
-    end: int
+class Condition(tuple):
+    """The condition of a component, alone in a tuple."""
 
 
-class Condition(NamedTuple):
-    value: tree.Expression
-
-
-class Constraint(NamedTuple):
-    base: tree.Ref
-    modification: tree.Modification | None
-    comment: Comment
-
-
-class Declaration(NamedTuple):
-    name: Name
-    dimensions: tuple[tree.Expression, ...]
-    modification: tree.Modification | None
-    condition: tree.Expression | None
-    comment: Comment
-
-
-class Section(NamedTuple):
-    """Items after ``equation``, ``protected`` and so on, by the name of the grammar's rule."""
-
-    kind: str
-    items: list
-
-
-class Literal(NamedTuple):
-    name: str
-    description: str
+Constraint = namedtuple("Constraint", "base modification comment")
+Declaration = namedtuple("Declaration", "name dimensions modification condition comment")
+Section = namedtuple("Section", "kind items")  # what stands below a word, by the name of the grammar's rule
 
 
 def _first(values: list, kind: type) -> Any:
@@ -94,13 +68,13 @@ class Actions(EquationActions):
 
     # ----------------------------------------------------------- prefixes
 
-    def prefix(self, v: list, start: int, end: int) -> Prefix:
-        return Prefix(v[0], start, end)
+    def prefix(self, v: list, start: int, end: int) -> Word:
+        return Word(v[0], start, end)
 
     argument_prefix = prefix
 
-    def prefixes(self, v: list, start: int, end: int) -> dict[str, Prefix]:
-        found: dict[str, Prefix] = {}
+    def prefixes(self, v: list, start: int, end: int) -> dict[str, Word]:
+        found: dict[str, Word] = {}
         for prefix in v:
             self._check_prefix(prefix, found)
             found[prefix.text] = prefix
@@ -108,7 +82,7 @@ class Actions(EquationActions):
 
     argument_prefixes = prefixes
 
-    def _check_prefix(self, prefix: Prefix, before: dict[str, Prefix]) -> None:
+    def _check_prefix(self, prefix: Word, before: dict[str, Word]) -> None:
         text, place = prefix.text, self.span(prefix.start, prefix.end)
         if text in _UNSUPPORTED:
             self.report.error("E0116", _UNSUPPORTED[text], place)
@@ -125,15 +99,15 @@ class Actions(EquationActions):
         if later:
             self.report.error("E0113", f"'{text}' stands before '{later[0]}'", place, hint=f"write '{text} {later[0]}'")
 
-    def _refuse(self, prefixes: dict[str, Prefix], wrong: set[str], what: str) -> None:
+    def _refuse(self, prefixes: dict[str, Word], wrong: set[str], what: str) -> None:
         for text, prefix in prefixes.items():
             if text in wrong:
                 self.report.error("E0113", f"{what} cannot be '{text}'", self.span(prefix.start, prefix.end))
 
     # ------------------------------------------------------------- classes
 
-    def class_kind(self, v: list, start: int, end: int) -> Name:
-        return Name(v[0], start, end)
+    def class_kind(self, v: list, start: int, end: int) -> Word:
+        return Word(v[0], start, end)
 
     def class_definition(self, v: list, start: int, end: int) -> tree.Class:
         prefixes, kind, body = v[:3]
@@ -203,7 +177,7 @@ class Actions(EquationActions):
             **{kind: tuple(items) for kind, items in parts.items()},
         }
 
-    def _wrong_end(self, name: Name, closing: Name) -> None:
+    def _wrong_end(self, name: Word, closing: Word) -> None:
         self.report.error(
             "E0108",
             f"'{name.text}' ends with the name '{closing.text}'",
@@ -214,7 +188,7 @@ class Actions(EquationActions):
         )
 
     def extending_class(self, v: list, start: int, end: int) -> dict:
-        names = [value for value in v if isinstance(value, Name)]
+        names = [value for value in v if isinstance(value, Word)]
         self.report.error(
             "E0116",
             "a class that extends its inherited namesake is not part of lmo",
@@ -238,15 +212,15 @@ class Actions(EquationActions):
     def base_prefix(self, v: list, start: int, end: int) -> str:
         return v[0] if v else ""
 
-    def literal(self, v: list, start: int, end: int) -> Literal:
-        return Literal(v[0].text, v[1].description)
+    def literal(self, v: list, start: int, end: int) -> tuple[str, str]:
+        return v[0].text, v[1].description
 
     def enumeration(self, v: list, start: int, end: int) -> dict:
         name, *literals, comment = v
         return {
             "name": name,
-            "literals": tuple([literal.name for literal in literals]),
-            "literal_descriptions": tuple([literal.description for literal in literals]),
+            "literals": tuple([text for text, _ in literals]),
+            "literal_descriptions": tuple([description for _, description in literals]),
             **comment._asdict(),
         }
 
@@ -316,7 +290,7 @@ class Actions(EquationActions):
         return tree.Extends(v[0], _first(v[1:], tree.Modification), False, self.span(start, end), *v[-1])
 
     def condition(self, v: list, start: int, end: int) -> Condition:
-        return Condition(v[0])
+        return Condition(v)
 
     def constraint(self, v: list, start: int, end: int) -> Constraint:
         return Constraint(v[0], _first(v, tree.Modification), v[-1])
@@ -327,7 +301,7 @@ class Actions(EquationActions):
             v[0],
             tuple(_first(v, Subscripts) or ()),
             _first(v, tree.Modification),
-            condition.value if condition else None,
+            condition[0] if condition else None,
             v[-1],
         )
 
@@ -345,7 +319,7 @@ class Actions(EquationActions):
 
     def _component(
         self,
-        prefixes: dict[str, Prefix],
+        prefixes: dict[str, Word],
         type_name: tree.Ref,
         dimensions: tuple,
         declaration: Declaration,
@@ -415,7 +389,7 @@ class Actions(EquationActions):
         definition = self._class(prefixes, kind.text, body, _first(v[3:], Constraint), start, end)
         return tree.Redeclaration(definition, "each" in prefixes, "final" in prefixes, self.span(start, end))
 
-    def _need_redeclare(self, prefixes: dict[str, Prefix], start: int, end: int) -> None:
+    def _need_redeclare(self, prefixes: dict[str, Word], start: int, end: int) -> None:
         if not {"redeclare", "replaceable"} & prefixes.keys():
             self.report.error(
                 "E0113",

@@ -8,46 +8,24 @@ comment, a list of subscripts) is a small value of its own type, so that optiona
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 from lmoc.diagnostics import Report
 from lmoc.source import Source, Span
 from lmoc.syntax import tree
 
-
-class Name(NamedTuple):
-    text: str
-    start: int
-    end: int
-
-
-class Named(NamedTuple):
-    """A named argument of a call."""
-
-    name: Name
-    value: tree.Expression
-
-
-class Arguments(NamedTuple):
-    """What stands between the parentheses of a call."""
-
-    positional: tuple[tree.Expression, ...]
-    named: tuple[tuple[str, tree.Expression], ...]
-
-
-class Operator(NamedTuple):
-    text: str
-    start: int
-    end: int
+# Made by hundreds of reductions, so plain named tuples: `typing.NamedTuple` takes 1 ms each to set up.
+Word = namedtuple("Word", "text start end")  # a name, an operator or a prefix, and its place
+Comment = namedtuple("Comment", "description annotation")
 
 
 class Subscripts(list):
     """The items between ``[`` and ``]``."""
 
 
-class Comment(NamedTuple):
-    description: str
-    annotation: tree.Modification | None
+class Named(tuple):
+    """A named argument of a call: a `Word` and an expression."""
 
 
 _ESCAPES = {
@@ -68,10 +46,10 @@ class ExpressionActions:
 
     # ------------------------------------------------------------- names
 
-    def name(self, v: list, start: int, end: int) -> Name:
-        return Name(v[0], start, end)
+    def name(self, v: list, start: int, end: int) -> Word:
+        return Word(v[0], start, end)
 
-    def path(self, v: list, start: int, end: int) -> list[Name]:
+    def path(self, v: list, start: int, end: int) -> list[Word]:
         return v
 
     def type_name(self, v: list, start: int, end: int, absolute: bool = False) -> tree.Ref:
@@ -155,8 +133,8 @@ class ExpressionActions:
 
     # ----------------------------------------------------------- operators
 
-    def _operator(self, v: list, start: int, end: int) -> Operator:
-        return Operator(v[0], start, end)
+    def _operator(self, v: list, start: int, end: int) -> Word:
+        return Word(v[0], start, end)
 
     additive = multiplicative = power = relational = and_ = or_ = not_ = _operator
 
@@ -167,7 +145,7 @@ class ExpressionActions:
     def unary(self, v: list, start: int, end: int) -> tree.Unary:
         op, operand = v
         if op.text in (".+", ".-"):
-            op = Operator(op.text[1], op.start, op.end)  # before a single operand the dot makes no difference
+            op = Word(op.text[1], op.start, op.end)  # before a single operand the dot makes no difference
         return tree.Unary(op.text, operand, Span(self.source, start, end))
 
     def wrong_signed_factor(self, v: list, start: int, end: int) -> tree.Binary:
@@ -252,19 +230,19 @@ class ExpressionActions:
         return tree.Ref((tree.RefPart(v[0], (), place),), False, place)
 
     def named_argument(self, v: list, start: int, end: int) -> Named:
-        return Named(v[0], v[1])
+        return Named(v)
 
-    def call_arguments(self, v: list, start: int, end: int) -> Arguments:
+    def call_arguments(self, v: list, start: int, end: int) -> tuple[tuple, tuple]:
         positional: list[Any] = []
         named: dict[str, tree.Expression] = {}
         for argument in v:
             if isinstance(argument, Named):
-                name = argument.name
+                name, value = argument
                 if name.text in named:
                     self.report.error(
                         "E0118", f"the argument '{name.text}' is given twice", self.span(name.start, name.end)
                     )
-                named[name.text] = argument.value
+                named[name.text] = value
             elif named:
                 self.report.error(
                     "E0118",
@@ -274,12 +252,12 @@ class ExpressionActions:
                 )
             else:
                 positional.append(argument)
-        return Arguments(tuple(positional), tuple(named.items()))
+        return tuple(positional), tuple(named.items())
 
-    def reduction(self, v: list, start: int, end: int) -> Arguments:
+    def reduction(self, v: list, start: int, end: int) -> tuple[tuple, tuple]:
         first, last = v[0].span, v[-1].span
-        return Arguments((tree.Comprehension(v[0], tuple(v[1:]), first.to(last)),), ())
+        return (tree.Comprehension(v[0], tuple(v[1:]), first.to(last)),), ()
 
     def call(self, v: list, start: int, end: int) -> tree.Call:
-        function, arguments = v
-        return tree.Call(function, arguments.positional, arguments.named, Span(self.source, start, end))
+        function, (positional, named) = v
+        return tree.Call(function, positional, named, Span(self.source, start, end))

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
+from collections import namedtuple
 from functools import cache
-from typing import NamedTuple
 
 from lmoc.diagnostics import Diagnostic
 from lmoc.source import Source, Span
 from lmoc.syntax.tables import END_OF_TEXT, Tables
 
 
-class Tokens(NamedTuple):
+class Tokens(namedtuple("Tokens", "symbols texts starts ends")):
     """The tokens of a text, as parallel lists; the last one is the end of the text."""
 
-    symbols: list[str]
-    texts: list[str]
-    starts: list[int]
-    ends: list[int]
+    __slots__ = ()
 
     def splice(self, at: int, removed: int, inserted: tuple[str, ...], name: str = "") -> None:
         """Replace tokens from `at` on by others, an identifier among them being called `name`.
@@ -45,8 +42,8 @@ _MEANT = {
     "&": "write 'and'",
     "|": "write 'or'",
 }
-_WORD = re.compile(r"\w+")
-_OPEN_NAME = re.compile(r"'[^\s;,()=]*")
+_WORD = r"\w+"
+_OPEN_NAME = r"'[^\s;,()=]*"
 
 
 @cache
@@ -173,14 +170,14 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
         place = Span(source, offset, offset + len(sign))
         return [Diagnostic("E0106", f"'{sign}' is not a sign of lmo", place, hint=f"write '{_FOREIGN[sign]}'")]
     if text[offset] == "'":
-        end = _OPEN_NAME.match(text, offset).end()
+        end = offset + len(re.match(_OPEN_NAME, text[offset:])[0])
         _put_name(source, tokens, offset, end)
         return [Diagnostic("E0104", "this quoted name is not closed", Span(source, offset, end), expected='a "\'"')]
     if not text[offset].isalpha():
         sign = text[offset]
         place = Span(source, offset, offset + 1)
         return [Diagnostic("E0106", f"'{sign}' means nothing here", place, hint=_MEANT.get(sign, ""))]
-    start, end = _put_name(source, tokens, offset, _WORD.match(text, offset).end())
+    start, end = _put_name(source, tokens, offset, offset + len(re.match(_WORD, text[offset:])[0]))
     if start < offset and not text[offset - 1].isascii():
         return []  # said at its first wrong letter
     word = text[start:end]

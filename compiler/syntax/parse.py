@@ -5,7 +5,7 @@ from __future__ import annotations
 from lmoc.diagnostics import Report
 from lmoc.source import Source, Span
 from lmoc.syntax import tree
-from lmoc.syntax.automaton import Automaton
+from lmoc.syntax.automaton import run
 from lmoc.syntax.declarations import Actions
 from lmoc.syntax.lexer import scan
 from lmoc.syntax.tables import load
@@ -28,19 +28,16 @@ def parse(source: Source, report: Report) -> tree.File:
     tables = load()
     tokens, said = scan(source, tables)
     found = Report()
-    automaton = Automaton(tables, tokens, Actions(source, found))
-    understood = automaton.run()
-    if not understood:
+    file = run(tables, tokens, Actions(source, found))
+    if file is None:
         # Only now is it worth to load what explains and repairs.
         from lmoc.syntax.recovery import repair
 
         found = Report()
         changes, acceptable = repair(source, tables, tokens, tuple(said))
         said += changes
-        automaton = Automaton(tables, tokens, Actions(source, found))
-        understood = acceptable and automaton.run()
+        if acceptable:
+            file = run(tables, tokens, Actions(source, found))
     said += found.diagnostics
     report.diagnostics += sorted(said, key=lambda d: d.span.start)
-    if understood:
-        return automaton.values[-1]
-    return tree.File((), (), Span(source, 0, len(source.text)))
+    return file or tree.File((), (), Span(source, 0, len(source.text)))

@@ -9,30 +9,26 @@ from __future__ import annotations
 
 import marshal
 import os
-from dataclasses import dataclass
+from collections import namedtuple
 from functools import cache as once
 
 from lmoc import cache
 
-_FORMAT = b"3"  # raise when the layout of the tables changes
+_FORMAT = b"4"  # raise when the layout of the tables changes
 
 END_OF_TEXT = "$END"
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """One production: what its reduction does with the values of its symbols."""
-
-    origin: str
-    size: int
-    action: str  # name of the method that makes the value; "" where none is needed
-    kept: tuple[int, ...]  # positions of the symbols whose values count
-    spliced: tuple[int, ...]  # those among them whose value is a list to be spliced
-    passes: bool  # its only child stands for it
-    grows: bool  # a left-recursive list: the first value is extended in place
+# One production: what its reduction does with the values of its symbols.
+#   origin: str; size: int
+#   action: name of the method that makes the value; "" where none is needed
+#   kept: positions of the symbols whose values count
+#   spliced: those among them whose value is a list to be spliced
+#   passes: its only child stands for it
+#   grows: a left-recursive list; the first value is extended in place
+Rule = namedtuple("Rule", "origin size action kept spliced passes grows")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Tables:
     """An LALR(1) automaton and the tokens it reads.
 
@@ -53,14 +49,25 @@ class Tables:
         Symbols of tokens that are skipped.
     """
 
-    steps: tuple[dict[str, int], ...]
-    gotos: tuple[dict[str, int], ...]
-    rules: tuple[Rule, ...]
-    start: int
-    accept: int
-    literals: frozenset[str]
-    patterns: tuple[tuple[str, str], ...]
-    ignored: frozenset[str]
+    def __init__(
+        self,
+        steps: tuple[dict[str, int], ...],
+        gotos: tuple[dict[str, int], ...],
+        rules: tuple[tuple, ...],
+        start: int,
+        accept: int,
+        literals: frozenset[str],
+        patterns: tuple[tuple[str, str], ...],
+        ignored: frozenset[str],
+    ):
+        self.steps = steps
+        self.gotos = gotos
+        self.rules = tuple(map(Rule._make, rules))
+        self.start = start
+        self.accept = accept
+        self.literals = literals
+        self.patterns = patterns
+        self.ignored = ignored
 
 
 @once
@@ -69,15 +76,14 @@ def load() -> Tables:
     path = os.path.join(_grammar_folder(), "lmo.lark")
     with open(path, encoding="utf-8") as file:
         grammar = file.read()
-    key = cache.digest(_FORMAT, grammar.encode())
+    key = _FORMAT + grammar.encode()
     kept = cache.read("grammar", key)
     if kept is None:
         data = build(grammar)
         cache.write("grammar", key, marshal.dumps(data))
     else:
         data = marshal.loads(kept)
-    steps, gotos, rules, *rest = data
-    return Tables(steps, gotos, tuple(Rule(*r) for r in rules), *rest)
+    return Tables(*data)
 
 
 def _grammar_folder() -> str:
@@ -87,7 +93,7 @@ def _grammar_folder() -> str:
 
 
 def build(grammar: str) -> tuple:
-    """The fields of `Tables` as plain data, made by lark from the text of a grammar.
+    """The arguments of `Tables` as plain data, made by lark from the text of a grammar.
 
     Raises
     ------

@@ -7,40 +7,84 @@ Nothing is looked up or evaluated here.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from lmoc.source import Span
+
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform
+
+    @dataclass_transform(frozen_default=True)
+    def node(cls: type) -> type: ...
+
+else:
+
+    def node(cls: type) -> type:
+        """A dataclass with slots; nodes are never changed once made.
+
+        ``frozen=True`` and the generated methods would say so too, but they take four times as long to
+        set up: 14 ms of every start for the classes below.
+        """
+        return dataclass(eq=False, repr=False, slots=True)(cls)
+
+
+class Node:
+    """Equality, hash and printing by the fields, as dataclasses have them."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(getattr(self, name) == getattr(other, name) for name in self.__slots__)
+
+    def __hash__(self) -> int:
+        return hash((type(self), *(getattr(self, name) for name in self.__slots__)))
+
+    def __repr__(self) -> str:
+        fields = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.__slots__)
+        return f"{type(self).__name__}({fields})"
+
 
 # ---------------------------------------------------------------- expressions
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
+@node
+class Number(Node):
+    """``2``, ``1e-3``; `integer` where written as one."""
+
     value: float
     integer: bool
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class String:
+@node
+class String(Node):
+    """``"text"``, escapes replaced."""
+
     value: str
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Boolean:
+@node
+class Boolean(Node):
+    """``true``, ``false``."""
+
     value: bool
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class RefPart:
+@node
+class RefPart(Node):
+    """One name of a reference, with its subscripts."""
+
     name: str
     subscripts: tuple[Expression, ...]
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Ref:
+@node
+class Ref(Node):
     """``a.b[2].c``; `absolute` where it starts with a dot."""
 
     parts: tuple[RefPart, ...]
@@ -51,45 +95,55 @@ class Ref:
         return self.span.text.strip()
 
 
-@dataclass(frozen=True, slots=True)
-class Unary:
+@node
+class Unary(Node):
+    """An operator before its operand."""
+
     op: str  # "-", "+", "not"
     operand: Expression
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Binary:
+@node
+class Binary(Node):
+    """An operator between two operands."""
+
     op: str  # + - * / ^ .+ .- .* ./ .^ < <= > >= == <> and or
     left: Expression
     right: Expression
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class If:
+@node
+class If(Node):
+    """``if c then a elseif d then b else e``."""
+
     branches: tuple[tuple[Expression, Expression], ...]  # (condition, value), if and elseif
     otherwise: Expression
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+@node
+class Call(Node):
+    """``f(a, b, k = c)``."""
+
     function: Ref  # der, sin, initial, pre, ... are ordinary references
     arguments: tuple[Expression, ...]
     named: tuple[tuple[str, Expression], ...]
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class ForIndex:
+@node
+class ForIndex(Node):
+    """``i in r``; without range ``i`` alone."""
+
     name: str
     range: Expression | None
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Comprehension:
+@node
+class Comprehension(Node):
     """``{e for i in r}``, ``sum(e for i in r)`` (then the argument of a Call)."""
 
     element: Expression
@@ -97,46 +151,48 @@ class Comprehension:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
+@node
+class Range(Node):
+    """``a:b``, ``a:step:b``."""
+
     start: Expression
     step: Expression | None
     stop: Expression
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Array:
+@node
+class Array(Node):
     """``{a, b, c}``."""
 
     items: tuple[Expression, ...]
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Matrix:
+@node
+class Matrix(Node):
     """``[a, b; c, d]``."""
 
     rows: tuple[tuple[Expression, ...], ...]
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Colon:
+@node
+class Colon(Node):
     """A subscript ``:``."""
 
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class End:
+@node
+class End(Node):
     """``end`` in a subscript."""
 
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Tuple:
+@node
+class Tuple(Node):
     """``(a, , b)``: the left side of a call with several results; None where left out."""
 
     items: tuple[Expression | None, ...]
@@ -151,8 +207,8 @@ Expression = (
 # -------------------------------------------------------------- modifications
 
 
-@dataclass(frozen=True, slots=True)
-class Modification:
+@node
+class Modification(Node):
     """``(a = 1, b(start = 2)) = value``; either half may be absent."""
 
     arguments: tuple[Argument, ...]
@@ -160,8 +216,8 @@ class Modification:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class ElementModification:
+@node
+class ElementModification(Node):
     """``each final m = 2`` or ``spring(k = 3)``."""
 
     name: tuple[str, ...]
@@ -172,8 +228,8 @@ class ElementModification:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
-class Redeclaration:
+@node
+class Redeclaration(Node):
     """``redeclare Spring s(k = 3)`` or ``replaceable ...`` in a modification."""
 
     element: Component | Class
@@ -187,8 +243,10 @@ Argument = ElementModification | Redeclaration
 # ----------------------------------------------------------- equations
 
 
-@dataclass(frozen=True, slots=True)
-class Equality:
+@node
+class Equality(Node):
+    """``left = right``."""
+
     left: Expression
     right: Expression
     description: str
@@ -196,8 +254,10 @@ class Equality:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Connect:
+@node
+class Connect(Node):
+    """``connect(left, right)``."""
+
     left: Ref
     right: Ref
     description: str
@@ -205,8 +265,10 @@ class Connect:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class For:
+@node
+class For(Node):
+    """``for i in r loop ... end for``."""
+
     indices: tuple[ForIndex, ...]
     body: tuple[Equation, ...]
     span: Span
@@ -214,8 +276,10 @@ class For:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class IfEquation:
+@node
+class IfEquation(Node):
+    """``if c then ... elseif d then ... else ... end if``."""
+
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     otherwise: tuple[Equation, ...]
     span: Span
@@ -223,16 +287,18 @@ class IfEquation:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class When:
+@node
+class When(Node):
+    """``when c then ... elsewhen d then ... end when``."""
+
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     span: Span
     description: str = ""
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class CallEquation:
+@node
+class CallEquation(Node):
     """``assert(...)``, ``terminate(...)``, ``reinit(...)``."""
 
     call: Call
@@ -246,8 +312,8 @@ Equation = Equality | Connect | For | IfEquation | When | CallEquation
 # ------------------------------------------------------------ statements
 
 
-@dataclass(frozen=True, slots=True)
-class Assignment:
+@node
+class Assignment(Node):
     """``x := e`` or ``(a, b) := f(x)``."""
 
     target: Ref | Tuple
@@ -257,8 +323,10 @@ class Assignment:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class IfStatement:
+@node
+class IfStatement(Node):
+    """``if c then ... elseif d then ... else ... end if``."""
+
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     otherwise: tuple[Statement, ...]
     span: Span
@@ -266,8 +334,10 @@ class IfStatement:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ForStatement:
+@node
+class ForStatement(Node):
+    """``for i in r loop ... end for``."""
+
     indices: tuple[ForIndex, ...]
     body: tuple[Statement, ...]
     span: Span
@@ -275,8 +345,10 @@ class ForStatement:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class WhileStatement:
+@node
+class WhileStatement(Node):
+    """``while c loop ... end while``."""
+
     condition: Expression
     body: tuple[Statement, ...]
     span: Span
@@ -284,31 +356,39 @@ class WhileStatement:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class WhenStatement:
+@node
+class WhenStatement(Node):
+    """``when c then ... elsewhen d then ... end when``."""
+
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     span: Span
     description: str = ""
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class CallStatement:
+@node
+class CallStatement(Node):
+    """A function called for its effect: ``assert(...)``."""
+
     call: Call
     span: Span
     description: str = ""
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Return:
+@node
+class Return(Node):
+    """``return``."""
+
     span: Span
     description: str = ""
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Break:
+@node
+class Break(Node):
+    """``break``."""
+
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -319,8 +399,8 @@ Statement = Assignment | IfStatement | ForStatement | WhileStatement | WhenState
 # ------------------------------------------------------------ declarations
 
 
-@dataclass(frozen=True, slots=True)
-class Component:
+@node
+class Component(Node):
     """One declared name (``Real x, y;`` gives two)."""
 
     name: str
@@ -345,8 +425,10 @@ class Component:
     constraint: Modification | None = None  # the modifiers of `constrained_by`
 
 
-@dataclass(frozen=True, slots=True)
-class Extends:
+@node
+class Extends(Node):
+    """``extends Base(k = 1)``."""
+
     base: Ref
     modification: Modification | None
     protected: bool
@@ -355,8 +437,8 @@ class Extends:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Import:
+@node
+class Import(Node):
     """``import A.B;`` (alias "", wildcard False), ``import C = A.B;``, ``import A.*;``, ``import A.{b, c};``."""
 
     path: tuple[str, ...]
@@ -368,8 +450,8 @@ class Import:
     annotation: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Class:
+@node
+class Class(Node):
     """A class definition; a short one (``type Mass = Real(unit="kg")``) has `short` and no elements."""
 
     kind: str  # model block connector type record package function class ("operator" ones are not taken)
@@ -398,8 +480,10 @@ class Class:
     constraint: Modification | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ShortClass:
+@node
+class ShortClass(Node):
+    """What stands after the '=' of a short class definition."""
+
     base: Ref
     dimensions: tuple[Expression, ...]
     modification: Modification | None
@@ -410,8 +494,8 @@ class ShortClass:
 Element = Component | Extends | Import | Class
 
 
-@dataclass(frozen=True, slots=True)
-class File:
+@node
+class File(Node):
     """A parsed text: ``within`` and the classes it defines."""
 
     within: tuple[str, ...]
