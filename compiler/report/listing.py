@@ -8,13 +8,15 @@ import numpy as np
 
 from lmoc.expression.text import number_text, to_text
 from lmoc.report.names import summarised
-from lmoc.semantics.flat import Block, FlatDAE, Group, Kind
+from lmoc.semantics.flat import Assignments, Block, FlatDAE, Group, Kind
 from lmoc.structure.program import Apply, Program, Solve, Step, Total
 from lmoc.structure.reduced import Reduced
 
 FEW = 3  # rows of a group that are written out one by one
 MOST_SUMS = 60
+MOST_TERMS = 40  # of a sum that is written out
 WIDTH = 160  # characters after which an equation is cut
+_CHAPTERS = {"connection": "connections", "unconnected": "unconnected flows", "ledger": "energy ledger"}
 
 
 # ------------------------------------------------------------------------------ flat model
@@ -42,10 +44,13 @@ def _parts(flat: FlatDAE) -> list[str]:
 
 
 def _variables(flat: FlatDAE, title: str, kinds: Sequence[Kind], values: np.ndarray) -> list[str]:
-    blocks = [b for b in flat.blocks if b.kind in kinds and b.size]
+    blocks = [b for b in flat.blocks if b.kind in kinds and b.size and not b.path[-1][0][0].isdigit()]
     if not blocks:
         return []
-    rows = [(b.pattern, _value(b, values), b.unit, _marks(b), b.description) for b in blocks]
+    signals = {int(a.target[0]): _signal(flat, a) for a in flat.bindings if flat.kind[a.target[0]] == Kind.INPUT}
+    rows = [
+        (b.pattern, signals.get(b.offset, _value(b, values)), b.unit, _marks(b), b.description) for b in blocks
+    ]
     return [f"{title} ({sum(b.size for b in blocks)})", *_aligned(rows)]
 
 
@@ -59,6 +64,11 @@ def _value(block: Block, values: np.ndarray) -> str:
     return f"= {number_text(float(low))}" if low == high else f"= {low:g} … {high:g}"
 
 
+def _signal(flat: FlatDAE, binding: Assignments) -> str:
+    """The default signal of an input."""
+    return "= " + to_text(binding.shape, lambda k, _: flat.variable_name(int(binding.slots[0, k])))
+
+
 def _marks(block: Block) -> str:
     marks = ["output"] * block.output + ["flow"] * block.flow + ["structural"] * block.structural
     return " ".join(marks)
@@ -67,14 +77,14 @@ def _marks(block: Block) -> str:
 def _equations(flat: FlatDAE) -> list[str]:
     if not flat.groups:
         return []
-    lines = [f"equations ({flat.equation_count})"]
-    part = None
-    for group in flat.groups:
-        if group.part != part:
-            part = group.part
-            owner = flat.parts[part]
-            lines.append(f"  {owner.pattern or flat.name} ({owner.class_name})")
-        lines += [f"    {_cut(line)}" for line in group_lines(flat, group)]
+    chapters: dict[str, list[Group]] = {}
+    for group in sorted(flat.groups, key=lambda g: (g.origin in _CHAPTERS, g.part)):
+        owner = flat.parts[group.part]
+        title = f"{owner.pattern or flat.name} ({owner.class_name})"
+        chapters.setdefault(_CHAPTERS.get(group.origin, title), []).append(group)
+    lines = [f"equations ({sum(g.rows for g in flat.groups)})"]
+    for title, groups in chapters.items():
+        lines += [f"  {title}", *(f"    {_cut(line)}" for group in groups for line in group_lines(flat, group))]
     return lines
 
 
@@ -120,16 +130,40 @@ def _sums(flat: FlatDAE) -> list[str]:
     rows = flat.sums.rows
     if not rows:
         return []
-    lines = [f"balances at connections ({rows})"]
-    lines += [f"    {_cut(_sum_text(flat, row))}" for row in range(min(rows, MOST_SUMS))]
-    if rows > MOST_SUMS:
-        lines.append(f"    … and {rows - MOST_SUMS} more")
-    return lines
+    lines = [line for first, last in _runs(flat) for line in _sum_lines(flat, first, last)]
+    more = [f"… and {len(lines) - MOST_SUMS} more lines"] if len(lines) > MOST_SUMS else []
+    return [f"balances at connections ({rows})", *(f"    {_cut(line)}" for line in [*lines[:MOST_SUMS], *more])]
+
+
+def _runs(flat: FlatDAE) -> list[tuple[int, int]]:
+    """First and last of neighbouring sums with the same signs over the same arrays."""
+    s = flat.sums
+    blocks = np.where(s.sign < 0, -1 - flat.block_of[s.index], flat.block_of[s.index])
+    lengths = np.diff(s.start)
+    alike = np.zeros(s.rows, bool)  # as the one before
+    for length in np.unique(lengths[lengths <= MOST_TERMS]):
+        rows = np.flatnonzero(lengths == length)
+        table = blocks[s.start[rows][:, None] + np.arange(length)]
+        alike[rows[1:]] = (table[1:] == table[:-1]).all(axis=1) & (np.diff(rows) == 1)
+    first = np.flatnonzero(~alike)
+    return list(zip(first.tolist(), [*(first[1:] - 1).tolist(), s.rows - 1], strict=True))
+
+
+def _sum_lines(flat: FlatDAE, first: int, last: int) -> list[str]:
+    if last - first < FEW:
+        return [_sum_text(flat, row) for row in range(first, last + 1)]
+    s = flat.sums
+    length = int(s.start[first + 1] - s.start[first])
+    table = s.index[s.start[first : last + 1][:, None] + np.arange(length)]
+    text = "".join(
+        (" - " if s.sign[s.start[first] + k] < 0 else " + ") + column_pattern(flat, table[:, k]) for k in range(length)
+    )
+    return [f"{text.removeprefix(' + ').removeprefix(' ')} = 0   ({last - first + 1} balances)"]
 
 
 def _sum_text(flat: FlatDAE, row: int) -> str:
     terms = int(flat.sums.start[row + 1] - flat.sums.start[row])
-    if terms <= 40:
+    if terms <= MOST_TERMS:
         return flat.sum_text(row)
     first, last = flat.sums.index[flat.sums.start[row]], flat.sums.index[flat.sums.start[row + 1] - 1]
     return f"{flat.variable_name(int(first))} … {flat.variable_name(int(last))} = 0   ({terms} terms)"

@@ -1,0 +1,139 @@
+"""The compiled scene: names, values, runs with other parameters, and its errors."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import SPRING
+
+import lmoc
+
+VANISHING = """\
+model Vanishing
+  parameter Real J(unit = "kg.m2") = 0;
+  FixedShaft wall;
+  TorsionSpring spring1(k = 3);
+  Inertia middle(J = J);
+  TorsionSpring spring2(k = 6);
+  Inertia rotor(J = 2, theta(start = 1, fixed = true));
+equation
+  connect(wall.shaft, spring1.a);
+  connect(spring1.b, middle.shaft);
+  connect(middle.shaft, spring2.a);
+  connect(spring2.b, rotor.shaft);
+end Vanishing;
+"""
+
+CHAIN = """\
+model Chain
+  parameter Integer n = 3;
+  Mass m[n](each m = 1);
+  Fixed wall;
+  Spring s[n](each k = 1);
+equation
+  connect(wall.flange, s[1].a);
+  for i in 1:n loop
+    connect(s[i].b, m[i].flange);
+  end for;
+  for i in 2:n loop
+    connect(m[i-1].flange, s[i].a);
+  end for;
+end Chain;
+"""
+
+
+@pytest.fixture(scope="module")
+def dae():
+    return lmoc.compile_text(SPRING)
+
+
+def test_names_are_dotted_paths(dae):
+    assert dae.name == "Oscillator"
+    assert dae.inputs == ["f"]
+    assert dae.outputs == ["x"]
+    assert len(dae.states) == 2
+    assert set(dae.states) <= {"body.q", "body.v", "der(body.q)", "x", "der(x)"} | set(dae.variables)
+    assert {"spring.f", "spring.a.q", "wall.flange.f", "x", "f"} <= set(dae.variables)
+    assert "spring.k" not in dae.variables
+
+
+def test_parameters_have_their_values(dae):
+    assert dae.parameters["k"] == 8
+    assert dae.parameters["spring.k"] == 8
+    assert dae.parameters["body.m"] == 2
+    assert "spring.f" not in dae.parameters
+    with pytest.raises(KeyError):
+        dae.parameters["spring.f"]
+
+
+def test_parameters_given_at_compilation_stay():
+    dae = lmoc.compile_text(SPRING, parameters={"k": 18})
+    assert dae.parameters["spring.k"] == 18
+    run = dae.simulate(stop=1, rtol=1e-9, parameters={"body.m": 0.5})
+    assert run["x"][-1] == pytest.approx(0.5 * math.cos(6), abs=1e-7)
+
+
+def test_parameters_change_from_run_to_run(dae):
+    for k in (8, 2, 32, 8):
+        run = dae.simulate(stop=1, rtol=1e-9, parameters={"k": k})
+        assert run["x"][-1] == pytest.approx(0.5 * math.cos(math.sqrt(k / 2)), abs=1e-7)
+        assert run["spring.k"][0] == k
+    assert dae.parameters["k"] == 8
+
+
+def test_start_and_input_can_be_given(dae):
+    run = dae.simulate(times=[0, 0.5, 2], rtol=1e-9, initial={"body.q": 0, "body.v": 1}, inputs={"f": lambda t: 16.0})
+    t = np.array([0, 0.5, 2])
+    assert np.array_equal(run.time, t)
+    assert run["x"] == pytest.approx(2 - 2 * np.cos(2 * t) + np.sin(2 * t) / 2, abs=1e-7)
+
+
+def test_unknown_names_are_errors_with_a_hint(dae):
+    for kind in ("parameters", "initial", "inputs"):
+        with pytest.raises(lmoc.ModelError) as caught:
+            dae.simulate(**{kind: {"bdy.q": 1}})
+        assert "bdy.q" in str(caught.value)
+    with pytest.raises(lmoc.ModelError, match=r"body\.m"):
+        dae.simulate(parameters={"body.mass": 1})
+    with pytest.raises(lmoc.ModelError, match="does not fit"):
+        dae.simulate(parameters={"k": [1, 2]})
+
+
+def test_a_value_that_changes_the_structure_is_told():
+    dae = lmoc.compile_text(VANISHING)
+    assert len(dae.states) == 2
+    run = dae.simulate(stop=1, rtol=1e-9)
+    assert run["rotor.theta"][-1] == pytest.approx(math.cos(1), abs=1e-7)
+    other = dae.simulate(stop=1, rtol=1e-9, parameters={"J": 1.0})
+    assert len(other.states) == 4
+    assert any(note.code == "N0631" for note in other.notes)
+    again = dae.simulate(stop=1, rtol=1e-9)
+    assert np.array_equal(again["rotor.theta"], run["rotor.theta"])
+    assert not any(note.code == "N0631" for note in again.notes)
+
+
+def test_a_structural_parameter_flattens_again():
+    dae = lmoc.compile_text(CHAIN)
+    assert len(dae.states) == 6
+    run = dae.simulate(stop=1, parameters={"n": 5})
+    assert len(run.states) == 10
+    assert any(note.code == "N0630" for note in run.notes)
+    assert run["m.q"].shape == (501, 5)
+
+
+def test_a_failing_run_keeps_its_beginning():
+    dae = lmoc.compile_text(SPRING.replace("push(f = f)", "push(f = f + 1/(1 - body.q)^3)"))
+    with pytest.raises(lmoc.SimulationError) as caught:
+        dae.simulate(inputs={"f": 9}, stop=20)
+    error = caught.value
+    assert 0 < error.time < 20
+    assert not error.partial.complete
+    assert error.partial.time[-1] <= error.time
+    assert np.isfinite(error.partial["x"]).all()
+
+
+def test_a_wrong_model_raises_with_diagnostics():
+    with pytest.raises(lmoc.ModelError) as caught:
+        lmoc.compile_text(SPRING.replace("Spring spring(k = k)", "Sprung spring(k = k)"))
+    assert "Spring" in caught.value.diagnostics[0].hint
+    assert caught.value.diagnostics[0].span.line == 6

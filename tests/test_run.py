@@ -1,0 +1,151 @@
+"""The result of a run: every variable by name, tables, files and pictures."""
+
+import numpy as np
+import pytest
+from conftest import SPRING
+from test_dae import CHAIN
+
+import lmoc
+from lmoc.report.names import UnknownNameError, summarised
+from lmoc.report.run import _per_second
+
+
+@pytest.fixture(scope="module")
+def run():
+    return lmoc.compile_text(SPRING).simulate(rtol=1e-9, inputs={"f": "sin(time)"})
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return lmoc.compile_text(CHAIN).simulate(stop=2, initial={"m[1].q": 1}, rtol=1e-9)
+
+
+def test_every_variable_can_be_asked_for(run):
+    assert run.time.shape == (501,)
+    assert np.array_equal(run["time"], run.time)
+    assert run["f"] == pytest.approx(np.sin(run.time))
+    assert run["spring.f"] == pytest.approx(8 * run["body.q"], abs=1e-9)
+    assert run["wall.flange.f"] == pytest.approx(run["spring.f"], abs=1e-9)
+    assert run["body.a"] == pytest.approx((run["f"] - run["spring.f"]) / 2, abs=1e-9)
+    assert run["body.energy"] == pytest.approx(run["body.v"] ** 2, abs=1e-9)
+    assert np.all(run["spring.k"] == 8)
+    for name in lmoc.compile_text(SPRING).variables:
+        assert np.isfinite(run[name]).all(), name
+
+
+def test_states_can_be_asked_for_by_the_names_they_are_told_by(run):
+    for name in run.states:
+        assert run[name].shape == run.time.shape
+
+
+def test_arrays_are_two_dimensional(chain):
+    assert chain["m[2].q"].shape == (501,)
+    assert chain["m.q"].shape == (501, 3)
+    assert chain["m[2:3].q"].shape == (501, 2)
+    assert np.array_equal(chain["m.q"][:, 1], chain["m[2].q"])
+    assert chain["m[2:2].q"].shape == (501, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("body.qq", "body.q"),
+        ("body", "body.q"),
+        ("bdy.q", "body.q"),
+        ("xyzzy", "there is no variable 'xyzzy'"),
+    ],
+)
+def test_unknown_names_are_key_errors_with_a_hint(run, name, hint):
+    assert name not in run
+    with pytest.raises(KeyError) as caught:
+        run[name]
+    assert isinstance(caught.value, UnknownNameError)
+    assert hint in str(caught.value)
+
+
+def test_an_index_out_of_range_is_told(chain):
+    with pytest.raises(KeyError, match="from 1 to 3"):
+        chain["m[4].q"]
+
+
+def test_the_energy_balance_closes(run):
+    energy = run.energy
+    assert energy.balance < 1e-6
+    assert energy.stored == pytest.approx(run["spring.energy"] + run["body.energy"], abs=1e-12)
+    assert energy.lost == pytest.approx(0, abs=1e-12)
+    assert energy.supplied[0] == 0
+
+
+def test_units_follow_derivatives(run):
+    assert run.unit("x") == "m"
+    assert run.unit("spring.f") == "N"
+    assert run.unit("der(x)") == "m/s"
+    assert [_per_second(u) for u in ("m", "m/s", "m/s2", "1", "J")] == ["m/s", "m/s2", "m/s3", "1/s", "J/s"]
+
+
+def test_tables_as_files(run, tmp_path):
+    names = ["x", "spring.f"]
+    run.save(tmp_path / "run.csv", names)
+    csv = np.genfromtxt(tmp_path / "run.csv", delimiter=",", names=True, deletechars="")
+    assert csv.dtype.names == ("time", "x", "spring.f")
+    assert np.array_equal(csv["x"], run["x"])
+
+    run.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as npz:
+        assert np.array_equal(npz["spring.f"], run["spring.f"])
+        assert np.array_equal(npz["time"], run.time)
+
+    from scipy.io import loadmat
+
+    run.save(tmp_path / "run.mat", names)
+    mat = loadmat(tmp_path / "run.mat", squeeze_me=True)
+    assert list(mat["names"]) == ["time", "x", "spring.f"]
+    assert np.array_equal(mat["data"][:, 2], run["spring.f"])
+
+
+def test_parquet_is_written_or_the_missing_package_named(run, tmp_path):
+    pytest.importorskip("pandas")
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        with pytest.raises(lmoc.ModelError, match="pyarrow"):
+            run.save(tmp_path / "run.parquet")
+    else:
+        import pandas
+
+        run.save(tmp_path / "run.parquet")
+        assert np.array_equal(pandas.read_parquet(tmp_path / "run.parquet")["x"], run["x"])
+
+
+def test_a_dataframe_has_time_as_index(run):
+    frame = run.to_dataframe(["x"])
+    assert list(frame.columns) == ["x"]
+    assert frame.index.name == "time"
+    assert {"x", "f", "spring.f", "body.v"} <= set(run.to_dataframe().columns)
+
+
+@pytest.mark.parametrize(("path", "code"), [("run.xlsx", "E0624"), ("run", "E0624"), ("no/run.csv", "E0623")])
+def test_targets_that_cannot_be_written(run, tmp_path, path, code):
+    with pytest.raises(lmoc.ModelError) as caught:
+        run.save(tmp_path / path)
+    assert caught.value.diagnostics[0].code == code
+
+
+def test_pictures(run, chain, tmp_path):
+    figure = run.plot(path=tmp_path / "run.png")
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert labels == ["position in m", "energy in J"]
+    assert figure.axes[-1].get_xlabel() == "time in s"
+    by_unit = run.plot(["x", "body.v", "spring.f"])
+    assert [axis.get_ylabel() for axis in by_unit.axes] == ["position in m", "velocity in m/s", "force in N"]
+    chain.plot(["m.q"], tmp_path / "chain.svg")
+    assert "m[3].q" in (tmp_path / "chain.svg").read_text()
+
+
+def test_names_of_arrays_are_put_together():
+    names = [f"m[{i}].{x}" for x in "qv" for i in range(1, 101)]
+    assert summarised(["a.q", *names]) == ["a.q", "m[1:100].q", "m[1:100].v"]
+    assert summarised(["m[1].q", "m[2].q", "m[4].q"]) == ["m[1].q", "m[2].q", "m[4].q"]
+    assert summarised([f"a[1,{j}].q" for j in range(1, 5)]) == ["a[1,1:4].q"]
+    assert len(summarised([f"part{i}.q" for i in range(100)], most=12)) == 12
