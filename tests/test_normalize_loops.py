@@ -203,6 +203,13 @@ def test_rack_between_pinions_leaves_the_axle_at_rest():
     assert way_back(n, "p.c") == ("", 0, 0.0, 0.0) and n.notes == ()
 
 
+def test_spring_to_the_ground_does_not_hide_a_loop():
+    """Its force is k·x: the coordinate stands for a flow, too, and stays a coordinate."""
+    text = PULLEYS.replace("der(der(x)) = p.a.f + b.a.f", "der(der(x)) = p.a.f + b.a.f - s.f\ns.f = 3*x")
+    n = reduced("flow s.f\n" + text)
+    assert len(n.notes) == 1 and is_square(n)
+
+
 def test_power_of_an_undetermined_force_does_not_hide_it():
     n = reduced(RODS + "\nvar power total\npower = r.b.f*der(n.q)\ntotal = power + m.q**2")
     assert {"r.a.f", "r.b.f", "s.a.f", "s.b.f"} <= undetermined(n) and is_square(n)

@@ -12,7 +12,7 @@ wrote stays recognizable.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Union
 
 # operator -> number of arguments; the elementary functions are those of the Modelica specification, 3.7.1-3.7.3
@@ -286,18 +286,26 @@ def rebuild(op: str, args: tuple[Expr, ...]) -> Expr:
 # ---------------------------------------------------------------- traversal
 
 
-def postorder(root: Expr) -> Iterator[Expr]:
-    """Every node once, arguments before their users; no recursion, so depth is no limit."""
+def postorder(root: Expr) -> tuple[Expr, ...]:
+    """Every node once, arguments before their users; no recursion, so depth is no limit. Kept with the root."""
+    if root._memo is None:
+        root._memo = _walk(root) if root.args else (root,)
+    return root._memo
+
+
+def _walk(root: Expr) -> tuple[Expr, ...]:
+    order: list[Expr] = []
     seen: set[int] = set()
     stack: list[tuple[Expr, bool]] = [(root, False)]
     while stack:
         node, ready = stack.pop()
         if ready:
-            yield node
+            order.append(node)
         elif id(node) not in seen:
             seen.add(id(node))
             stack.append((node, True))
             stack.extend((a, False) for a in reversed(node.args) if id(a) not in seen)
+    return tuple(order)
 
 
 def slots(root: Expr) -> tuple[Expr, ...]:

@@ -50,7 +50,8 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
     repeated = [*work.empty_sums, *_closed(work, report)]
     _overdetermined(work, report)
     sums = _finish_sums(work)
-    core = constraints(work.groups, _marked(work, lambda b: b.flow and b.connector), work.derived.known)
+    flow_like = _marked(work, lambda b: b.flow and b.connector) & ~_coordinates(work)
+    core = constraints(work.groups, flow_like, work.derived.known)
     guards = list(work.splitter.guards)
     if core is not None:
         repeated += _core(work, core, guards, report)
@@ -103,6 +104,11 @@ def _marked(work: Elimination, mark) -> np.ndarray:
     return mask
 
 
+def _coordinates(work: Elimination) -> np.ndarray:
+    """The roots that stand for positions of connectors or are differentiated."""
+    return _marked(work, lambda b: b.connector and not b.flow) | work.differentiated
+
+
 # ----------------------------------------------------------------------- judging
 
 
@@ -151,7 +157,7 @@ def _overdetermined(work: Elimination, report: Report) -> None:
     loops = work.loops
     for g in work.overdetermined:
         variable = g.slots[:, [k for k, kind in enumerate(g.kinds) if kind == UNKNOWN]][:, 0]
-        for row, v in enumerate(variable.tolist()):
+        for row, v in enumerate(variable[:SHOWN].tolist()):
             # by now it hangs on the constant that the loop has given it: look at its class as it was
             if not (work.differentiated[v] or potential[v] or _ports(work, v)):
                 continue
@@ -221,10 +227,10 @@ def _listed(names: Iterable[str]) -> str:
 def _fix_reactions(work: Elimination, sums: LongSums, repeated: list[int]) -> np.ndarray:
     """For every repeated constraint set one reaction of its loop to zero; returns the variables left undetermined."""
     flat = work.flat
-    coordinate = _marked(work, lambda b: b.connector and not b.flow) | np.append(work.differentiated[:-1], False)
+    coordinate = _coordinates(work)
     port = _marked(work, lambda b: b.connector)
     long = SumRows(np.repeat(np.arange(sums.rows), np.diff(sums.start)), sums.index, sums.coefficient, sums.source)
-    chosen, free = free_reactions([*work.groups, *as_groups(long)], coordinate, port, work.derived.known)
+    chosen, free = free_reactions(work.groups, long, coordinate, port, work.derived.known)
     chosen = np.array(chosen[: len(repeated)], np.int64)
     if not len(chosen):
         return np.zeros(0, np.int64)

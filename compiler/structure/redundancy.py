@@ -22,6 +22,7 @@ from lmoc.structure.dependence import Vector, as_vectors, dependencies, peel
 from lmoc.structure.derived import DerivedParameters
 from lmoc.structure.distinct import distinct, numbered
 from lmoc.structure.substitution import Rows
+from lmoc.structure.sum_rows import SumRows
 
 CONSISTENT = 1e-10
 
@@ -124,13 +125,13 @@ def _rests(groups: tuple[Rows, ...], known: np.ndarray, derived: DerivedParamete
 
 
 def free_reactions(
-    groups: list[Rows], coordinate: np.ndarray, port: np.ndarray, known: np.ndarray
+    groups: list[Rows], sums: SumRows, coordinate: np.ndarray, port: np.ndarray, known: np.ndarray
 ) -> tuple[list[int], np.ndarray]:
     """Reactions of which only combinations are determined.
 
     Parameters
     ----------
-    groups : all equations that remain, the sums among them
+    groups, sums : all equations that remain
     coordinate : (flat.count+1,) roots that are positions of connectors or are differentiated: never a reaction
     port : (flat.count+1,) roots that stand for a variable of a connector
 
@@ -139,8 +140,8 @@ def free_reactions(
     chosen : the roots whose values may be set at will, so that the rest follows
     undetermined : all roots whose values then depend on that choice
     """
-    row, variable, value = _incidence(groups, known)
-    rows = int(row.max()) + 1 if len(row) else 0
+    row, variable, value = _incidence(groups, sums, known)
+    rows = sum(len(g.source) for g in groups) + len(sums.source)
     # what is only computed from the rest does not determine it: P = F·v, Σ P
     keep = ~_rows_that_observe(row, variable, rows, port)[row]
     row, variable, value = row[keep], variable[keep], value[keep]
@@ -171,7 +172,7 @@ def _coefficients(shape: Expr, kinds: Kinds) -> tuple[tuple[Expr, Expr | None], 
     return tuple(result)
 
 
-def _incidence(groups: list[Rows], known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _incidence(groups: list[Rows], sums: SumRows, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Entries (row, root, coefficient) of all equations; NaN for a jet that stands there otherwise than linearly."""
     row, variable, value, first = [], [], [], 0
     for g in groups:
@@ -181,8 +182,9 @@ def _incidence(groups: list[Rows], known: np.ndarray) -> tuple[np.ndarray, np.nd
             row.append(numbers)
             variable.append(g.column(leaf))
             value.append(np.full(len(numbers), np.nan) if coefficient is None else _value(coefficient, g, known))
-    if not row:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    row.append(sums.row + first)
+    variable.append(sums.index)
+    value.append(sums.sign)
     return np.concatenate(row), np.concatenate(variable), np.concatenate(value)
 
 
