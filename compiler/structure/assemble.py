@@ -1,0 +1,145 @@
+"""Put the pieces of a reduced system together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.expression.dag import slots
+from lmoc.structure.coefficients import INPUT, UNKNOWN
+from lmoc.structure.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
+from lmoc.structure.program import Apply, Program, Registers, Role, Solve, Step, read
+from lmoc.structure.reduced import Reduced
+from lmoc.structure.substitution import partition
+from lmoc.structure.system import System
+
+
+def assemble(
+    system: System,
+    layout: Layout,
+    programs: tuple[Program, Program],
+    states: np.ndarray,
+    quadratures: np.ndarray,
+    helpers: int,
+    notes: tuple,
+) -> Reduced:
+    """The reduced system.
+
+    Parameters
+    ----------
+    programs : right-hand side and the rest, over the layout's registers and `helpers` more
+    states, quadratures : registers of jets
+    """
+    n, flat = system.normalized, system.flat
+    rhs, observe = programs
+    register_of, back, named = way_back(system, layout)
+    # the registers of the way back come after the helpers
+    shifted = register_of >= layout.count
+    register_of[shifted] += helpers
+    back = [Apply(step.shape, step.slots, step.out + helpers) for step in back]
+    parameters = [Apply(a.shape, layout.base[a.slots], layout.base[a.target]) for a in n.derived]
+    count = layout.count + helpers + len(named)
+    rhs, observe, guesses = _with_guesses(system, layout, rhs, observe, count)
+    count += sum(len(g.out) for g in guesses)
+    registers = _registers(system, layout, states, quadratures, helpers, named, count)
+    if len(n.undetermined):
+        register_of[n.undetermined] = -1
+    inputs = layout.inputs()
+    reading = np.zeros(count, bool)
+    for step in rhs:
+        reading[read(step)] = True
+    known = np.flatnonzero(flat.kind < INPUT)
+    return Reduced(
+        flat=flat,
+        values=n.values,
+        registers=registers,
+        known=np.stack([layout.base[known], known]),
+        inputs=inputs,
+        required_inputs=reading[inputs[0]],
+        parameter_program=(*parameters, *guesses),
+        states=states,
+        derivatives=states + 1,
+        quadratures=quadratures,
+        quadrature_derivatives=quadratures + 1,
+        rhs=rhs,
+        observe=(*observe, *back),
+        register_of=register_of,
+        guards=n.guards,
+        notes=(*n.notes, *notes),
+        counts={
+            "parts": sum(int(np.prod([k for _, dims in p.path for k in dims], dtype=np.int64)) for p in flat.parts if p.leaf),
+            "equations": flat.equation_count,
+            "after elimination": system.rows,
+            "states": len(states),
+        },
+        undetermined=n.undetermined,
+    )
+
+
+def _registers(
+    system: System, layout: Layout, states: np.ndarray, quadratures: np.ndarray, helpers: int, named, count: int
+) -> Registers:
+    role = np.full(count, int(Role.COMPUTED), np.uint8)
+    variable, order = layout.jets()
+    kind = system.kind[variable]
+    role[: layout.count][kind == INPUT] = Role.INPUT
+    role[: layout.count][(kind != INPUT) & (kind != UNKNOWN)] = Role.KNOWN
+    role[: layout.count][variable >= system.flat.count] = Role.DERIVED
+    role[states], role[quadratures] = Role.STATE, Role.QUADRATURE
+    names = np.full(count, -1, np.int64)
+    orders = np.zeros(count, np.int64)
+    names[: layout.count], orders[: layout.count] = names_of_jets(system, layout)
+    at = layout.count + helpers
+    names[at : at + len(named)] = named
+    role[at + len(named) :] = Role.DERIVED
+    return Registers(role, names, orders)
+
+
+# --------------------------------------------------------------- start values of nonlinear blocks
+
+
+def _with_guesses(system: System, layout: Layout, rhs: Program, observe: Program, first: int):
+    """Give Newton's iterations the start values that the model has; steps that compute those from parameters."""
+    unknown = [s.unknowns.ravel() for s in (*rhs, *observe) if isinstance(s, Solve) and not s.linear]
+    if not unknown:
+        return rhs, observe, []
+    wanted = np.zeros(layout.count, bool)
+    wanted[np.concatenate(unknown)] = True
+    start, steps = _starts(system, layout, wanted, first)
+
+    def with_guess(step: Step) -> Step:
+        if not isinstance(step, Solve) or step.linear:
+            return step
+        return replace(step, guess=start[step.unknowns])
+
+    return tuple(map(with_guess, rhs)), tuple(map(with_guess, observe)), steps
+
+
+def _starts(system: System, layout: Layout, wanted: np.ndarray, first: int) -> tuple[np.ndarray, list[Apply]]:
+    n = system.normalized
+    register = np.full(layout.count, -1, np.int64)
+    steps: list[Apply] = []
+    for a in system.flat.starts:
+        hit = np.flatnonzero(system.column[n.root[a.target]] >= 0)
+        jet = layout.start_of(a.target[hit])
+        hit, jet = hit[wanted[jet]], jet[wanted[jet]]
+        jet, once = np.unique(jet, return_index=True)
+        hit = hit[once]
+        if not len(hit):
+            continue
+        target = a.target[hit]
+        for (factor, offset), rows in partition(pattern_of(n, target)):
+            rows = np.arange(len(hit)) if rows is None else rows
+            columns = [layout.base[a.slots[hit[rows]]]]
+            if factor == 0:
+                columns.append(layout.base[n.factor[target[rows]]][:, None])
+            if offset == 0:
+                columns.append(layout.base[n.offset[target[rows]]][:, None])
+            shape = inverse_affine(factor, offset, a.shape, a.slots.shape[1])
+            table = np.concatenate(columns, axis=1)
+            out = first + np.arange(len(rows))
+            first += len(rows)
+            register[jet[rows]] = out
+            steps.append(Apply(shape, table[:, : 1 + max((s.value[0] for s in slots(shape)), default=-1)], out))
+    return register, steps

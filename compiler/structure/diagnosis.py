@@ -1,0 +1,209 @@
+"""What is wrong with a system that has no unique solution, in the user's terms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic, Label, Report
+from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.structure.block_equations import SquareSystem
+from lmoc.structure.coordinates import Choice, Tied
+from lmoc.structure.dulmage_mendelsohn import components, decompose
+from lmoc.structure.equations import Equations
+from lmoc.structure.layout import Layout
+from lmoc.structure.matching import maximum_matching
+from lmoc.structure.system import System
+
+# of many names, equations or mistakes of one sort, this many are shown
+SHOWN = 5
+
+
+def structurally_singular(system: System, report: Report) -> None:
+    """Say which equations are too many (E0401) and which unknowns nothing determines (E0402, E0403)."""
+    incidence = system.incidence
+    parts = decompose(incidence, maximum_matching(incidence))
+    equations = Equations(system.flat)
+    for rows, columns in components(incidence, parts.over_rows, parts.over_columns)[:SHOWN]:
+        _too_many(system, equations, rows, columns, report)
+    for rows, columns in components(incidence, parts.under_rows, parts.under_columns)[:SHOWN]:
+        _too_few(system, equations, rows, columns, len(parts.over_rows) > 0, report)
+
+
+def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: np.ndarray, report: Report) -> None:
+    sources = system.source[rows].tolist()
+    names = [system.name(c) for c in columns.tolist()]
+    excess = len(rows) - len(columns)
+    what = f"{_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')} ({listed(names)})" if names else (
+        f"{_count(len(rows), 'equation')} without any unknown"
+    )
+    parts = equations.parts(sources)
+    message = f"too many equations: {what}"
+    found = "; ".join(equations.text(s) for s in sources[:SHOWN]) + (" …" if len(sources) > SHOWN else "")
+    who = f" of {listed(parts)}" if parts else ""
+    hint = f"{_count(excess, 'equation')} too many: remove one{who}, or leave open one of the values that are prescribed"
+    _at(equations, sources, report, "E0401", message, found=found, hint=hint)
+
+
+def _too_few(
+    system: System, equations: Equations, rows: np.ndarray, columns: np.ndarray, also_too_many: bool, report: Report
+) -> None:
+    flat = system.flat
+    roots = system.variable[columns]
+    positions = [v for v in roots.tolist() if _is_position(flat, v) or _differentiated(system, v)]
+    sources = system.source[rows].tolist()
+    if positions and not _is_force_only(flat, roots.tolist()):
+        names = _carriers(system, positions)
+        message = f"nothing fixes the absolute position of {listed(names)}"
+        hint = "their equations contain differences of positions only: fix one of them (Fixed, FixedShaft), or give one a mass or inertia"
+        if also_too_many:
+            hint = "forces or motions are prescribed where nothing gives way: leave one of them open, or add a mass or inertia"
+        _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, positions[0]))
+        return
+    names = [flat.variable_name(v) for v in roots.tolist()]
+    missing = len(columns) - len(rows)
+    if len(rows):
+        message = f"too few equations: {_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')} ({listed(names)})"
+    else:
+        message = f"no equation determines {listed(names)}"
+    hint = f"{_count(missing, 'equation')} missing"
+    _at(equations, sources, report, "E0403", message, hint=hint, fallback=_span(flat, int(roots[0])))
+
+
+def _is_position(flat: FlatDAE, variable: int) -> bool:
+    block = flat.block_at(variable)
+    return block.connector and not block.flow
+
+
+def _differentiated(system: System, variable: int) -> bool:
+    column = int(system.column[variable])
+    i = system.incidence
+    return bool(system.needed[column] or i.order[i.of_columns(np.array([column]))].any())
+
+
+def _is_force_only(flat: FlatDAE, variables: Iterable[int]) -> bool:
+    return all(flat.block_at(v).flow for v in variables)
+
+
+def _carriers(system: System, roots: Sequence[int]) -> list[str]:
+    """The parts whose positions hang on these roots; the variables themselves where they belong to no part."""
+    flat = system.flat
+    names: dict[str, None] = {}
+    for v in roots:
+        path = flat.variable_name(v).split(".")
+        depth = len(flat.parts[flat.block_at(v).part].path)
+        names[".".join(path[:depth]) if depth else path[0] if len(path) > 1 else ".".join(path)] = None
+    return list(names)
+
+
+def dependent_constraints(system: System, rows: np.ndarray, report: Report) -> None:
+    """E0404: constraints that depend on each other at the start."""
+    equations = Equations(system.flat)
+    sources = system.source[rows].tolist()
+    columns = np.unique(system.incidence.column[system.incidence.of_rows(rows)])
+    names = [system.name(c) for c in columns.tolist()]
+    parts = equations.parts(sources)
+    message = f"the constraint{'s' if len(sources) > 1 else ''} of {listed(parts or names)} cannot be solved near the start"
+    found = "; ".join(equations.text(s) for s in sources[:SHOWN])
+    hint = f"give {listed(names[:3])} start values away from a dead centre, or remove a constraint that repeats others"
+    _at(equations, sources, report, "E0404", message, found=found, hint=hint)
+
+
+def singular_blocks(
+    system: System, square: SquareSystem, layout: Layout, blocks: Sequence[np.ndarray], report: Report
+) -> None:
+    """E0405: linear equations whose matrix is singular for the present parameter values."""
+    equations = Equations(system.flat)
+    variable, order = layout.jets()
+    for members in list(blocks)[:SHOWN]:
+        rows = np.array([row_of(square, int(e)) for e in members])
+        sources = list(dict.fromkeys(system.source[rows].tolist()))
+        registers = square.match[members]
+        jets = [system.flat.jet_name(int(variable[r]), int(order[r])) for r in registers.tolist()]
+        message = f"{listed(jets)} cannot be determined: the equations for them depend on each other for these parameter values"
+        hint = "a parameter that is zero, or two that cancel; or nothing fixes the position of a massless part"
+        found = "; ".join(equations.text(s) for s in sources[:SHOWN])
+        _at(equations, sources, report, "E0405", message, found=found, hint=hint)
+
+
+def row_of(square: SquareSystem, equation: int) -> int:
+    """The undifferentiated equation behind one of the square system."""
+    for r in square.rows:
+        if r.first <= equation < r.first + r.count:
+            return int(r.batch.row[equation - r.first])
+    s = next(s for s in square.sums if s.first <= equation < s.first + len(s.sums.row))
+    return int(s.sums.row[equation - s.first])
+
+
+def refused_states(
+    system: System, states: Sequence[str], layout: Layout, is_state: np.ndarray, c: np.ndarray, report: Report
+) -> None:
+    """E0406: variables the user asked for that cannot be states, with the reason."""
+    flat, n = system.flat, system.normalized
+    equations = Equations(flat)
+    for name in states:
+        for v in flat.find(name) if flat.find(name) is not None else ():
+            root, order = int(n.root[v]), int(n.order[v])
+            column = int(system.column[root])
+            if column >= 0 and is_state[layout.base[root] + order]:
+                continue
+            message = f"'{flat.variable_name(int(v))}' cannot be a state"
+            if column < 0:
+                _refuse(report, message, "its value is prescribed", _span(flat, int(v)))
+                continue
+            i = system.incidence
+            rows = i.row[i.of_columns(np.array([column]))]
+            tied = [int(system.source[r]) for r in rows.tolist() if c[r] > 0]
+            reason = "its derivative is needed nowhere: it follows from the other variables at every instant"
+            if tied:
+                reason = f"it follows from the others through '{equations.text(tied[0])}'"
+            _refuse(report, message, reason, _span(flat, int(v)))
+
+
+def _refuse(report: Report, message: str, reason: str, span) -> None:
+    report.error("E0406", f"{message}: {reason}", span, hint="leave it out of states=[…], or name fewer states")
+
+
+def notes(
+    system: System, choice: Choice, tied: Tied, layout: Layout, is_state: np.ndarray
+) -> tuple[Diagnostic, ...]:
+    """N0407: for constraints that stay in the system, which coordinates were chosen and what follows from them."""
+    if not choice.dependent or tied.constant.all():
+        return ()
+    curved = np.isin(tied.row, tied.row[~tied.constant])
+    columns = np.unique(tied.column[curved])
+    dependent = np.isin(columns, choice.dependent[0])
+    chosen = [system.name(c) for c in columns[~dependent].tolist()]
+    following = [system.name(c) for c in columns[dependent].tolist()]
+    if not chosen:
+        return ()
+    verb = "is the coordinate" if len(chosen) == 1 else "are the coordinates"
+    follow = "follows" if len(following) == 1 else "follow"
+    message = f"{listed(chosen)} {verb}; {listed(following)} {follow} through constraints"
+    return (Diagnostic("N0407", message, hint="states=[…] or stateSelect chooses others"),)
+
+
+# ---------------------------------------------------------------------------- wording
+
+
+def listed(names: Sequence[str]) -> str:
+    """``a, b and c``; of many the first few."""
+    names = list(names)
+    if len(names) > SHOWN + 1:
+        return ", ".join(names[:SHOWN]) + f" and {len(names) - SHOWN} more"
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def _span(flat: FlatDAE, variable: int):
+    return flat.block_at(variable).span
+
+
+def _at(equations: Equations, sources: Sequence[int], report: Report, code: str, message: str, fallback=None, **more):
+    spans = equations.spans(sources)
+    labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
+    report.error(code, message, spans[0] if spans else fallback, labels=labels, **more)
