@@ -56,6 +56,18 @@ def write(name: str, key: bytes, payload: bytes) -> None:
             pass
 
 
+def fingerprint(*files: str) -> bytes:
+    """Size and time of files, such as those of the program that makes a result: part of a key."""
+    found = []
+    for file in files:
+        try:
+            status = os.stat(file)
+            found.append(f"{file}:{status.st_size}:{status.st_mtime_ns}")
+        except OSError:
+            found.append(file)
+    return "\n".join(found).encode()
+
+
 def _head(key: bytes) -> bytes:
     """The key as it stands in the file. All of it: comparing is faster than importing a hash function."""
     made_by = sys.implementation.cache_tag.encode()

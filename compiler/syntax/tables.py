@@ -14,8 +14,6 @@ from functools import cache as once
 
 from lmoc import cache
 
-_FORMAT = b"4"  # raise when the layout of the tables changes
-
 END_OF_TEXT = "$END"
 
 
@@ -76,7 +74,7 @@ def load() -> Tables:
     path = os.path.join(_grammar_folder(), "lmo.lark")
     with open(path, encoding="utf-8") as file:
         grammar = file.read()
-    key = _FORMAT + grammar.encode()
+    key = grammar.encode() + cache.fingerprint(__file__)
     kept = cache.read("grammar", key)
     if kept is None:
         data = build(grammar)
