@@ -58,16 +58,16 @@ class Overrides:
         known = [v for v in root.variables() if v.kind == Kind.PARAMETER]
         labels = [v.label for v in known]
         for name in self._unreadable:
-            report.error("E0219", f"'{name}' is not a name", hint=nearest(name, labels))
+            report.error("E0622", f"'{name}' is not a name", hint=nearest(name, labels))
         for path in (*self.whole, *self.elements):
             name = self._names[path]
             found = _walk(root, path)
             if not isinstance(found, Variable):
                 hint = nearest(".".join(path), labels)
-                report.error("E0219", f"the model has no parameter '{name}'", hint=hint)
+                report.error("E0622", f"the model has no parameter '{name}'", hint=hint)
             elif found.kind != Kind.PARAMETER:
                 report.error(
-                    "E0219", f"'{name}' is not a parameter", found.span,
+                    "E0622", f"'{name}' is not a parameter", found.span,
                     hint="only parameters can be given a value from outside",
                 )  # fmt: skip
             elif path in self.whole:
