@@ -38,9 +38,8 @@ def run_checks(run: Trajectory) -> Trajectory:
         k, check, _ = min(failures, key=lambda f: f[0])
         partial = replace(run, time=run.time[: k + 1], table=run.table[: k + 1], _cache={})
         place = f" ({check.span})" if check.span is not None else ""
-        raise SimulationError(
-            f"an assertion does not hold at t = {run.time[k]:.6g} s: {check.message}{place}", float(run.time[k]), partial
-        )
+        message = f"an assertion does not hold at t = {run.time[k]:.6g} s: {check.message}{place}"
+        raise SimulationError(message, float(run.time[k]), partial)
     return replace(run, notes=run.notes + tuple(report.diagnostics), _cache={}) if report.diagnostics else run
 
 

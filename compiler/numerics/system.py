@@ -91,6 +91,7 @@ class CasadiSystem(System):
         self._rhs = Buffered(self.function, (self.t, self.x, self.p, self.u))
         self._jacobian: Buffered | None = None
         self.stepper: object | None = None  # an integrator's own function of this system, kept for the next run
+        self.native_integrators: dict[tuple, object] = {}  # casadi's, by times and tolerances
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from lmoc.expression.dag import Expr, postorder
 from lmoc.structure.program import Apply, Program, Solve, Total
 

@@ -9,6 +9,7 @@ from ctypes import byref, c_double, c_long, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
+
 from lmoc.numerics.native import sundials as sun
 
 
@@ -45,6 +46,7 @@ class Outcome:
     rhs_evaluations: int
     jacobian_evaluations: int
     last_step: float
+    x: np.ndarray | None = None  # the state at `time`
 
 
 def integrate(
@@ -58,6 +60,7 @@ def integrate(
     method: str = "bdf",
     max_steps: int = 10_000_000,
     progress: Callable[[float], None] | None = None,
+    sink: Callable[[int, np.ndarray], None] | None = None,
 ) -> Outcome:
     """Integrate x' = rhs(t, x) from ``times[0]``.
 
@@ -71,9 +74,10 @@ def integrate(
     atol : (n,)
     method : "bdf" or "adams" (both with Newton's method on the Jacobian)
     progress : called with the time reached, a few times a second at the most
+    sink : called with (k, state at ``times[k]``) for k ≥ 1; the outcome then has no `states`
     """
     with _Session(rhs, user_data, np.ascontiguousarray(x0, float), times[0], rtol, atol, matrix, method) as session:
-        return session.run(np.asarray(times, float), max_steps, progress)
+        return session.run(np.asarray(times, float), max_steps, progress, sink)
 
 
 class _Session:
@@ -102,16 +106,8 @@ class _Session:
         return c_void_p(self.lib.N_VMake_Serial(len(array), array.ctypes.data, self.context))
 
     def _attach(self, matrix: Matrix, n: int) -> None:
-        lib, context = self.lib, self.context
-        if matrix.kind == "dense":
-            self.matrix = c_void_p(lib.SUNDenseMatrix(n, n, context))
-            self.solver = c_void_p(lib.SUNLinSol_Dense(self.vector, self.matrix, context))
-        elif matrix.kind == "band":
-            self.matrix = c_void_p(lib.SUNBandMatrix(n, matrix.upper, matrix.lower, context))
-            self.solver = c_void_p(lib.SUNLinSol_Band(self.vector, self.matrix, context))
-        else:
-            self.matrix = c_void_p(lib.SUNSparseMatrix(n, n, len(matrix.indices), sun.CSC, context))
-            self.solver = c_void_p(lib.SUNLinSol_SuperLUMT(self.vector, self.matrix, 1, context))
+        lib = self.lib
+        self.matrix, self.solver = make_matrix(lib, matrix, self.vector, n, self.context)
         lib.CVodeSetLinearSolver(self.memory, self.solver, self.matrix)
         self.jacobian = sun.JACOBIAN(self._filler(matrix, n))
         lib.CVodeSetJacFn(self.memory, self.jacobian)
@@ -122,17 +118,7 @@ class _Session:
         def fill(t, y, fy, jacobian, data, tmp1, tmp2, tmp3) -> int:
             try:
                 x = _view(lib.N_VGetArrayPointer(y), n)
-                if matrix.kind == "dense":
-                    target = _view(lib.SUNDenseMatrix_Data(jacobian), n * n).reshape(n, n)
-                elif matrix.kind == "band":
-                    width, stored = lib.SUNBandMatrix_LDim(jacobian), lib.SUNBandMatrix_StoredUpperBandwidth(jacobian)
-                    whole = _view(lib.SUNBandMatrix_Data(jacobian), n * width).reshape(n, width)
-                    target = whole[:, stored - matrix.upper : stored + matrix.lower + 1]
-                else:
-                    target = _view(lib.SUNSparseMatrix_Data(jacobian), len(matrix.indices))
-                    for name, values in (("IndexPointers", matrix.indptr), ("IndexValues", matrix.indices)):
-                        address = getattr(lib, f"SUNSparseMatrix_{name}")(jacobian)
-                        ctypes.memmove(address, values.ctypes.data, values.nbytes)
+                target = matrix_view(lib, matrix, jacobian, n)
                 matrix.fill(t, x, target)
                 return 0 if np.isfinite(target).all() else 1
             except BaseException as error:  # must not unwind through C: kept, and raised when CVODE has returned
@@ -141,9 +127,9 @@ class _Session:
 
         return fill
 
-    def run(self, times: np.ndarray, max_steps: int, progress) -> Outcome:
+    def run(self, times: np.ndarray, max_steps: int, progress, sink=None) -> Outcome:
         lib, reached = self.lib, c_double(times[0])
-        states = np.empty((len(times), len(self.x)))
+        states = np.empty((len(times) if sink is None else 1, len(self.x)))
         states[0] = self.x
         lib.CVodeSetStopTime(self.memory, float(times[-1]))
         lib.CVodeSetMaxNumSteps(self.memory, max_steps)
@@ -154,7 +140,10 @@ class _Session:
                 raise self.error
             if flag not in (sun.SUCCESS, sun.TSTOP_RETURN):
                 return self._outcome(states[:k], reached.value, _failure_text(flag))
-            states[k] = self.x
+            if sink is None:
+                states[k] = self.x
+            else:
+                sink(k, self.x)
             if progress is not None and clock.monotonic() - told > 0.2:
                 told = clock.monotonic()
                 progress(float(times[k]))
@@ -168,7 +157,7 @@ class _Session:
             counts.append(value.value)
         step = c_double()
         self.lib.CVodeGetLastStep(self.memory, byref(step))
-        return Outcome(states, time, failure, *counts, step.value)
+        return Outcome(states, time, failure, *counts, step.value, self.x.copy())
 
     def __enter__(self) -> _Session:
         return self
@@ -181,6 +170,31 @@ class _Session:
         for vector in (self.vector, self.atol_vector, self.out_vector):
             lib.N_VDestroy(vector)
         lib.SUNContext_Free(byref(self.context))
+
+
+def make_matrix(lib, matrix: Matrix, vector: c_void_p, n: int, context: c_void_p) -> tuple[c_void_p, c_void_p]:
+    """A SUNDIALS matrix of this kind, and a linear solver for it."""
+    if matrix.kind == "dense":
+        made = c_void_p(lib.SUNDenseMatrix(n, n, context))
+        return made, c_void_p(lib.SUNLinSol_Dense(vector, made, context))
+    if matrix.kind == "band":
+        made = c_void_p(lib.SUNBandMatrix(n, matrix.upper, matrix.lower, context))
+        return made, c_void_p(lib.SUNLinSol_Band(vector, made, context))
+    made = c_void_p(lib.SUNSparseMatrix(n, n, len(matrix.indices), sun.CSC, context))
+    return made, c_void_p(lib.SUNLinSol_SuperLUMT(vector, made, 1, context))
+
+
+def matrix_view(lib, matrix: Matrix, address: int, n: int) -> np.ndarray:
+    """The numbers of a SUNDIALS matrix in the layout that `Matrix.fill` writes."""
+    if matrix.kind == "dense":
+        return _view(lib.SUNDenseMatrix_Data(address), n * n).reshape(n, n)
+    if matrix.kind == "band":
+        width, stored = lib.SUNBandMatrix_LDim(address), lib.SUNBandMatrix_StoredUpperBandwidth(address)
+        whole = _view(lib.SUNBandMatrix_Data(address), n * width).reshape(n, width)
+        return whole[:, stored - matrix.upper : stored + matrix.lower + 1]
+    for name, values in (("IndexPointers", matrix.indptr), ("IndexValues", matrix.indices)):
+        ctypes.memmove(getattr(lib, f"SUNSparseMatrix_{name}")(address), values.ctypes.data, values.nbytes)
+    return _view(lib.SUNSparseMatrix_Data(address), len(matrix.indices))
 
 
 def _view(address: int, size: int) -> np.ndarray:

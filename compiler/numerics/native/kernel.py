@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Callable
 
 import numpy as np
+
 from lmoc.numerics.native import sundials
 from lmoc.numerics.native.c_code import generate
 from lmoc.numerics.native.compiler import load_library

@@ -15,11 +15,14 @@ from pathlib import Path
 # the dependencies first, so that the loader finds them already in the process
 _LIBRARIES = (
     "core", "nvecserial", "sunmatrixdense", "sunmatrixband", "sunmatrixsparse",
-    "sunlinsoldense", "sunlinsolband", "sunlinsolsuperlumt", "cvode",
+    "sunlinsoldense", "sunlinsolband", "sunlinsolsuperlumt", "cvode", "ida",
 )  # fmt: skip
 
 RHS = CFUNCTYPE(c_int, c_double, c_void_p, c_void_p, c_void_p)
 JACOBIAN = CFUNCTYPE(c_int, c_double, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p)
+# IDA: (t, y, y', residual, data), and (t, cj, y, y', residual, J, data, three vectors)
+RESIDUAL = CFUNCTYPE(c_int, c_double, c_void_p, c_void_p, c_void_p, c_void_p)
+RESIDUAL_JACOBIAN = CFUNCTYPE(c_int, c_double, c_double, *[c_void_p] * 8)
 
 _SIGNATURES: dict[str, tuple] = {
     # name: (result, arguments…); int is SUNDIALS' index type in these builds
@@ -59,6 +62,20 @@ _SIGNATURES: dict[str, tuple] = {
     "CVodeGetNumJacEvals": (c_int, c_void_p, POINTER(c_long)),
     "CVodeGetLastStep": (c_int, c_void_p, POINTER(c_double)),
     "CVodeFree": (None, POINTER(c_void_p)),
+    "IDACreate": (c_void_p, c_void_p),
+    "IDAInit": (c_int, c_void_p, RESIDUAL, c_double, c_void_p, c_void_p),
+    "IDASVtolerances": (c_int, c_void_p, c_double, c_void_p),
+    "IDASetMaxNumSteps": (c_int, c_void_p, c_long),
+    "IDASetStopTime": (c_int, c_void_p, c_double),
+    "IDASetLinearSolver": (c_int, c_void_p, c_void_p, c_void_p),
+    "IDASetJacFn": (c_int, c_void_p, RESIDUAL_JACOBIAN),
+    "IDASetId": (c_int, c_void_p, c_void_p),
+    "IDASetSuppressAlg": (c_int, c_void_p, c_int),
+    "IDASolve": (c_int, c_void_p, c_double, POINTER(c_double), c_void_p, c_void_p, c_int),
+    "IDAGetNumSteps": (c_int, c_void_p, POINTER(c_long)),
+    "IDAGetNumResEvals": (c_int, c_void_p, POINTER(c_long)),
+    "IDAGetNumJacEvals": (c_int, c_void_p, POINTER(c_long)),
+    "IDAFree": (None, POINTER(c_void_p)),
 }
 
 CSC = 0

@@ -1,0 +1,55 @@
+"""casadi's own CVODES: the whole trajectory is one native call, for small smooth systems without sampled inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem, Properties
+from lmoc.numerics.system import CasadiSystem
+
+PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", jacobian=True, library="casadi")
+
+
+def suits(problem: Problem) -> bool:
+    """Whether the system is one casadi function of time, states and parameters."""
+    return isinstance(problem.system, CasadiSystem) and not problem.system.samplers
+
+
+def integrate(problem: Problem) -> Outcome:
+    """Integrate over the output times; all or nothing, so that a failed run has no partial result."""
+    times = problem.times
+    start = Outcome(float(times[0]), problem.x, 1)
+    if len(times) == 1:
+        return start
+    try:
+        result = _solver(problem)(x0=problem.x, p=problem.system.p)
+    except RuntimeError as error:
+        start.failure = "too many steps" if "TOO_MUCH_WORK" in str(error) else "CVODES did not reach the end"
+        return start
+    states = np.array(result["xf"]).T
+    finite = np.isfinite(states).all(axis=1)
+    reached = len(states) if finite.all() else int(np.argmin(finite))
+    if reached:
+        problem.sink(1, states[:reached])
+    last = states[reached - 1] if reached else problem.x
+    return Outcome(float(times[reached]), last, reached + 1, "" if finite.all() else NOT_FINITE)
+
+
+def _solver(problem: Problem):
+    """The integrator for these times and tolerances; casadi fixes both when it is made."""
+    import casadi as ca
+
+    system = problem.system
+    key = problem.times.tobytes(), problem.rtol, float(problem.atol.min()), problem.max_steps
+    if key not in system.native_integrators:
+        lowered = system.lowered
+        dae = {"t": lowered.time, "x": lowered.x, "p": lowered.p, "ode": lowered.out}
+        options = {
+            "reltol": problem.rtol,
+            "abstol": float(problem.atol.min()),
+            "max_num_steps": problem.max_steps,
+            "disable_internal_warnings": True,
+        }
+        grid = problem.times[1:]
+        system.native_integrators[key] = ca.integrator("run", "cvodes", dae, float(problem.times[0]), grid, options)
+    return system.native_integrators[key]
