@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import sympy
 
 Row = dict[int, "sympy.Expr"]
+Element = Any  # of a field of rational functions; a factor of a hundred faster than expressions
+Sparse = dict[int, Element]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +39,6 @@ class Elimination:
     conditions: list[Row]
 
 
-def tidy(value: sympy.Expr) -> sympy.Expr:
-    """A coefficient in lowest terms; cheap where nothing is to be done."""
-    import sympy as sp
-
-    return value if value.is_Number or value.is_Symbol else sp.cancel(value)
-
-
 def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int] = ()) -> Elimination:
     """Solve ``Σ rows[i][x]·x = right[i]`` for all unknowns x that occur.
 
@@ -54,11 +49,31 @@ def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int]
         Taken as pivots only when nothing else is left: they stay free where the equations leave a choice.
     """
     import sympy as sp
+    from sympy.polys.constructor import construct_domain
 
-    left = [{x: tidy(sp.sympify(c)) for x, c in row.items()} for row in rows]
-    left = [{x: c for x, c in row.items() if c != 0} for row in left]
-    right: list[Row] = [{i: sp.S.One} for i in range(len(rows))]
-    late = set(keep_last)
+    places = [(i, x) for i, row in enumerate(rows) for x in row]
+    field, elements = construct_domain([sp.S.One, *(sp.sympify(rows[i][x]) for i, x in places)], field=True)
+    left: list[Sparse] = [{} for _ in rows]
+    for (i, x), element in zip(places, elements[1:], strict=True):
+        if element:
+            left[i][x] = element
+    right: list[Sparse] = [{i: field.one} for i in range(len(rows))]
+    order = _forward(left, right, set(keep_last))
+    used = {i for i, _ in order}
+    solution, by_free = _back(left, right, order)
+
+    def readable(row: Sparse) -> Row:
+        return {x: field.to_sympy(c) for x, c in row.items()}
+
+    return Elimination(
+        {x: readable(row) for x, row in solution.items()},
+        {x: readable(row) for x, row in by_free.items()},
+        [readable(right[i]) for i in range(len(rows)) if i not in used],
+    )
+
+
+def _forward(left: list[Sparse], right: list[Sparse], late: set[int]) -> list[tuple[int, int]]:
+    """Pivots in order; eliminates each from the rows still open."""
     open_rows = {i for i, row in enumerate(left) if row}
     order: list[tuple[int, int]] = []
     while open_rows:
@@ -66,18 +81,16 @@ def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int]
         open_rows.discard(i)
         order.append((i, pivot))
         for j in [j for j in open_rows if pivot in left[j]]:
-            factor = tidy(left[j][pivot] / left[i][pivot])
+            factor = left[j][pivot] / left[i][pivot]
             _subtract(left[j], left[i], factor)
             _subtract(right[j], right[i], factor)
             left[j].pop(pivot, None)
             if not left[j]:
                 open_rows.discard(j)
-    used = {i for i, _ in order}
-    conditions = [right[i] for i in range(len(rows)) if i not in used]
-    return _back(left, right, order, conditions)
+    return order
 
 
-def _best_pivot(left: list[Row], open_rows: set[int], late: set[int]) -> tuple[int, int]:
+def _best_pivot(left: list[Sparse], open_rows: set[int], late: set[int]) -> tuple[int, int]:
     column_count: dict[int, int] = {}
     for i in open_rows:
         for x in left[i]:
@@ -85,25 +98,36 @@ def _best_pivot(left: list[Row], open_rows: set[int], late: set[int]) -> tuple[i
     best, choice = None, (-1, -1)
     for i in sorted(open_rows):
         for x, c in left[i].items():
-            plainness = 0 if c.is_Number else 1 if c.is_Symbol else 2 + c.count_ops()
-            cost = (x in late, plainness > 0, (len(left[i]) - 1) * (column_count[x] - 1), plainness, i, x)
+            size = _size(c)
+            cost = (x in late, size > 0, (len(left[i]) - 1) * (column_count[x] - 1), size, i, x)
             if best is None or cost < best:
                 best, choice = cost, (i, x)
     return choice
 
 
-def _subtract(target: Row, source: Row, factor: sympy.Expr) -> None:
+def _size(element: Element) -> int:
+    """0 for a number, else the number of terms."""
+    top, bottom = getattr(element, "numer", None), getattr(element, "denom", None)
+    if not hasattr(top, "is_ground"):
+        return 0
+    return 0 if top.is_ground and bottom.is_ground else len(top) + len(bottom)
+
+
+def _subtract(target: Sparse, source: Sparse, factor: Element) -> None:
     for x, c in source.items():
-        value = tidy(target.get(x, 0) - factor * c)
-        if value == 0:
-            target.pop(x, None)
-        else:
+        value = target[x] - factor * c if x in target else -factor * c
+        if value:
             target[x] = value
+        else:
+            target.pop(x, None)
 
 
-def _back(left: list[Row], right: list[Row], order: list[tuple[int, int]], conditions: list[Row]) -> Elimination:
-    solution: dict[int, Row] = {}
-    by_free: dict[int, Row] = {}
+def _back(
+    left: list[Sparse], right: list[Sparse], order: list[tuple[int, int]]
+) -> tuple[dict[int, Sparse], dict[int, Sparse]]:
+    """Back substitution: each pivot by the right-hand sides and by the unknowns that stay free."""
+    solution: dict[int, Sparse] = {}
+    by_free: dict[int, Sparse] = {}
     for i, pivot in reversed(order):
         p = left[i][pivot]
         combination, free = dict(right[i]), {}
@@ -114,7 +138,7 @@ def _back(left: list[Row], right: list[Row], order: list[tuple[int, int]], condi
                 _subtract(combination, solution[x], c)
                 _subtract(free, by_free[x], c)
             else:
-                _subtract(free, {x: c}, 1)
-        solution[pivot] = {j: tidy(c / p) for j, c in combination.items()}
-        by_free[pivot] = {x: tidy(c / p) for x, c in free.items()}
-    return Elimination(solution, by_free, conditions)
+                _subtract(free, {x: c}, p / p)
+        solution[pivot] = {j: c / p for j, c in combination.items()}
+        by_free[pivot] = {x: c / p for x, c in free.items()}
+    return solution, by_free

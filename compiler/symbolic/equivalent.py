@@ -33,6 +33,8 @@ class Equivalent:
         Force over displacement, in ``Symbol("s")``.
     stiffness, damping, inertia : Expr | None
         The constants, where one spring, damper and inertia side by side are equivalent; None where they are not.
+    rotational : bool
+        Torque over angle.
     """
 
     ports: tuple[str, str | None]
@@ -40,14 +42,20 @@ class Equivalent:
     stiffness: sympy.Expr | None
     damping: sympy.Expr | None
     inertia: sympy.Expr | None
+    rotational: bool = False
 
     def __str__(self) -> str:
+        import sympy as sp
+
         from lmoc.symbolic.notation import Notation
 
         notation = Notation.of(self.dynamic_stiffness)
-        named = (("k_eq", self.stiffness), ("c_eq", self.damping), ("m_eq", self.inertia))
-        found = [f"{name} = {notation.text(value)}" for name, value in named if value is not None and value != 0]
-        return "\n".join(found) or f"force/displacement = {notation.text(self.dynamic_stiffness)}"
+        named = {"k_eq": self.stiffness, "c_eq": self.damping, "J_eq" if self.rotational else "m_eq": self.inertia}
+        found = [f"{name} = {notation.text(value)}" for name, value in named.items() if value]
+        if found:
+            return "\n".join(found)
+        top, bottom = (notation.polynomial(e, "s") for e in sp.fraction(sp.cancel(self.dynamic_stiffness)))
+        return f"{'torque/angle' if self.rotational else 'force/displacement'} = {top}/{bottom}"
 
 
 def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None = None) -> Equivalent:
@@ -71,7 +79,8 @@ def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None =
         raise refuse(f"{flat.equation_count} equations are too many for equivalent constants in symbols")
     s = sp.Symbol("s")
     network = _Network(flat, ParameterSymbols(flat, values))
-    load = [(_port(flat, port), 1)] + ([(_port(flat, other), -1)] if other else [])
+    seen = _port(flat, port)
+    load = [(seen, 1)] + ([(_port(flat, other), -1)] if other else [])
     rows, forced = network.rows(load)
     displacement = flat.count
     rows.append({displacement: sp.S.One} | {potential: sp.Integer(-sign) for (potential, _), sign in load})
@@ -83,7 +92,8 @@ def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None =
     if compliance == 0:
         raise refuse(f"'{port}' is held: no force moves it")
     stiffness = sp.factor(sp.cancel(1 / compliance))
-    return Equivalent((port, other), stiffness, *_constants(stiffness, s))
+    rotational = flat.block_at(seen[1]).unit == "N.m"
+    return Equivalent((port, other), stiffness, *_constants(stiffness, s), rotational)
 
 
 def _total(combination: Row, forced: dict[int, int]) -> sympy.Expr:
