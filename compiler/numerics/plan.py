@@ -120,7 +120,8 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
     quadratures, rates = reduced.quadratures[keep], reduced.quadrature_derivatives[keep]
     extra = needed_steps(reduced.observe, rates, reduced.registers.count)
     ledger = [v for name in LEDGER for v in _variables(reduced, name)]
-    tested = ~np.isin(reduced.registers.variable[quadratures], ledger)
+    # the ledger follows the motion; only where nothing moves by itself must it choose the steps
+    tested = ~np.isin(reduced.registers.variable[quadratures], ledger) | (len(reduced.states) == 0)
     return Plan(
         reduced,
         count,
