@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import prod
 
 import numpy as np
 
@@ -68,7 +69,7 @@ def assemble(
         guards=n.guards,
         notes=(*n.notes, *notes),
         counts={
-            "parts": sum(int(np.prod([k for _, dims in p.path for k in dims], dtype=np.int64)) for p in flat.parts if p.leaf),
+            "parts": sum(prod(k for _, dims in p.path for k in dims) for p in flat.parts if p.leaf),
             "equations": flat.equation_count,
             "after elimination": system.rows,
             "states": len(states),

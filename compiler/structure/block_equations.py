@@ -89,7 +89,7 @@ class SquareSystem:
         self.count = first
 
     def equation_numbers(self, system_rows: int) -> list[np.ndarray]:
-        """For each number of differentiations: (rows,) the equation that this derivative of each row is, -1 for none."""
+        """For each number of differentiations: (rows,) which equation that derivative of each row is, -1 for none."""
         most = max([r.batch.times for r in self.rows] + [len(self.sums) - 1, 0])
         table = [np.full(system_rows, -1, np.int64) for _ in range(most + 1)]
         for r in self.rows:

@@ -1,9 +1,9 @@
 """Which jets are states: dummy derivatives (Mattsson & Söderlind, SIAM J. Sci. Comput. 14, 1993) with preferences.
 
-A constraint that must be differentiated c times ties its variables at c orders below the highest. For each order, as many
-of the tied jets as there are constraints are computed from the others; these are found greedily, from
-the variable least wanted as a state to the most wanted one. Independent columns of a matrix are a matroid, so
-the greedy choice is the best one (Edmonds 1971).
+A constraint that must be differentiated c times ties its variables at c orders below the highest. For each order, as
+many of the tied jets as there are constraints are computed from the others; these are found greedily, from the
+variable least wanted as a state to the most wanted one. Independent columns of a matrix are a matroid, so the greedy
+choice is the best one (Edmonds 1971).
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -
 def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """How much each column is wanted as a state: a permutation rank, the higher the more.
 
-    What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q is constant.
+    What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
+    is constant, that of theta is not.
 
     Parameters
     ----------
@@ -196,7 +197,7 @@ def _eliminate(tied: Tied, rank: np.ndarray, asked: np.ndarray) -> dict[int, int
     rows: dict[int, dict[int, float]] = {}
     column_rows: dict[int, set[int]] = {}
     steady: dict[int, bool] = {}
-    entries = zip(tied.row.tolist(), tied.column.tolist(), tied.value.tolist(), tied.constant.tolist())
+    entries = zip(tied.row.tolist(), tied.column.tolist(), tied.value.tolist(), tied.constant.tolist(), strict=False)
     for r, c, value, constant in entries:
         if value != 0.0:
             rows.setdefault(r, {})[c] = value

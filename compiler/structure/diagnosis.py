@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic, Label, Report
-from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice, Tied
 from lmoc.structure.dulmage_mendelsohn import components, decompose
@@ -42,7 +42,7 @@ def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: n
     message = f"too many equations: {what}"
     found = "; ".join(equations.text(s) for s in sources[:SHOWN]) + (" …" if len(sources) > SHOWN else "")
     who = f" of {listed(parts)}" if parts else ""
-    hint = f"{_count(excess, 'equation')} too many: remove one{who}, or leave open one of the values that are prescribed"
+    hint = f"{_count(excess, 'equation')} too many: remove one{who}, or leave open a value that is prescribed"
     _at(equations, sources, report, "E0401", message, found=found, hint=hint)
 
 
@@ -56,15 +56,16 @@ def _too_few(
     if positions and not _is_force_only(flat, roots.tolist()):
         names = _carriers(system, positions)
         message = f"nothing fixes the absolute position of {listed(names)}"
-        hint = "their equations contain differences of positions only: fix one of them (Fixed, FixedShaft), or give one a mass or inertia"
+        hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
         if also_too_many:
-            hint = "forces or motions are prescribed where nothing gives way: leave one of them open, or add a mass or inertia"
+            hint = "too much is prescribed where nothing gives way: leave one force open, or add a mass or inertia"
         _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, positions[0]))
         return
     names = [flat.variable_name(v) for v in roots.tolist()]
     missing = len(columns) - len(rows)
     if len(rows):
-        message = f"too few equations: {_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')} ({listed(names)})"
+        counts = f"{_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')}"
+        message = f"too few equations: {counts} ({listed(names)})"
     else:
         message = f"no equation determines {listed(names)}"
     hint = f"{_count(missing, 'equation')} missing"
@@ -104,7 +105,8 @@ def dependent_constraints(system: System, rows: np.ndarray, report: Report) -> N
     columns = np.unique(system.incidence.column[system.incidence.of_rows(rows)])
     names = [system.name(c) for c in columns.tolist()]
     parts = equations.parts(sources)
-    message = f"the constraint{'s' if len(sources) > 1 else ''} of {listed(parts or names)} cannot be solved near the start"
+    noun = "constraint" if len(sources) == 1 else "constraints"
+    message = f"the {noun} of {listed(parts or names)} cannot be solved near the start"
     found = "; ".join(equations.text(s) for s in sources[:SHOWN])
     hint = f"give {listed(names[:3])} start values away from a dead centre, or remove a constraint that repeats others"
     _at(equations, sources, report, "E0404", message, found=found, hint=hint)
@@ -121,7 +123,7 @@ def singular_blocks(
         sources = list(dict.fromkeys(system.source[rows].tolist()))
         registers = square.match[members]
         jets = [system.flat.jet_name(int(variable[r]), int(order[r])) for r in registers.tolist()]
-        message = f"{listed(jets)} cannot be determined: the equations for them depend on each other for these parameter values"
+        message = f"{listed(jets)} cannot be determined: their equations depend on each other for these parameter values"
         hint = "a parameter that is zero, or two that cancel; or nothing fixes the position of a massless part"
         found = "; ".join(equations.text(s) for s in sources[:SHOWN])
         _at(equations, sources, report, "E0405", message, found=found, hint=hint)

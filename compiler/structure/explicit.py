@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ZERO, Expr, mul, neg, slot, slots, sub, substitute
 from lmoc.structure.coefficients import Kinds, is_constant, ratio
 
 
-@lru_cache(maxsize=None)
+@cache
 def as_formula(expr: Expr) -> tuple[Expr, tuple[Expr, ...]]:
     """The expression with its i-th jet as ``slot(i)``, and the jets: what a step over registers wants."""
     leaves = slots(expr)
     return substitute(expr, {leaf: slot(i) for i, leaf in enumerate(leaves)}), leaves
 
 
-@lru_cache(maxsize=None)
+@cache
 def solved(residual: Expr, leaf: Expr) -> Expr | None:
     """The value of `leaf` for which the residual vanishes, where that is linear in it; else None."""
     parts = linear_parts(residual, (leaf,))
@@ -25,7 +25,7 @@ def solved(residual: Expr, leaf: Expr) -> Expr | None:
     return _quotient(neg(parts[1]), parts[0][leaf])
 
 
-@lru_cache(maxsize=None)
+@cache
 def pivot(residual: Expr, kinds: Kinds, leaf: Expr) -> Expr | None:
     """The coefficient of `leaf` where it depends on parameters only, else None: an equation that is safe to solve."""
     parts = linear_parts(residual, (leaf,))
@@ -33,7 +33,7 @@ def pivot(residual: Expr, kinds: Kinds, leaf: Expr) -> Expr | None:
     return coefficient if coefficient is not None and is_constant(coefficient, kinds) else None
 
 
-@lru_cache(maxsize=None)
+@cache
 def jointly_linear(residual: Expr, leaves: tuple[Expr, ...]) -> tuple[tuple[Expr, Expr], ...] | None:
     """Pairs (leaf, coefficient) where the residual is linear in all leaves together, else None."""
     parts = linear_parts(residual, leaves)

@@ -1,8 +1,8 @@
 """Large blocks and blocks with long sums: torn shape by shape, so that the rest is one sparse system.
 
-In a long mechanism accelerations and reactions stay unknowns of a sparse linear system; what is only a definition (the
-extension of a spring between two unknown points) is computed inside. A shape is taken as a definition for all its rows at
-once or not at all.
+In a long mechanism accelerations and reactions stay unknowns of a sparse linear system; what is only a definition
+(the extension of a spring between two unknown points) is computed inside. A shape is taken as a definition for all
+its rows at once or not at all.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Piece:
     @property
     def unknown(self) -> tuple[Expr, ...]:
         """Leaves that are unknown in any row."""
-        return tuple(leaf for leaf, found in zip(self.rows.leaves, self.inside.any(axis=0)) if found)
+        return tuple(leaf for leaf, found in zip(self.rows.leaves, self.inside.any(axis=0), strict=False) if found)
 
     @property
     def residual(self) -> Expr:
@@ -41,6 +41,12 @@ class Piece:
     def apply(self, expr: Expr, out: np.ndarray) -> Apply:
         formula, leaves = as_formula(expr)
         return Apply(formula, self.registers[:, [self.rows.leaves.index(leaf) for leaf in leaves]], out)
+
+    def constant(self, expr: Expr, values: np.ndarray) -> np.ndarray:
+        """Numbers (n,) of an expression over parameters, given the values of all registers."""
+        column = {leaf.value[0]: self.registers[:, k] for k, leaf in enumerate(self.rows.leaves)}
+        number = evaluate(expr, lambda k, _: values[column[k]])
+        return np.broadcast_to(np.asarray(number, float), len(self.equations))
 
 
 def pieces_of(system: SquareSystem, equations: np.ndarray) -> tuple[list[Piece], list[tuple[SumRows, np.ndarray]]]:
@@ -74,7 +80,8 @@ def steps_of(
     unknowns = np.sort(system.match[equations])
     rows = [jointly_linear(p.residual, p.unknown) for p in pieces]
     linear = all(r is not None for r in rows)
-    constant = linear and all(is_constant(c, p.rows.batch.kinds) for p, r in zip(pieces, rows) for _, c in r)
+    pairs = list(zip(pieces, rows, strict=True))
+    constant = linear and all(is_constant(c, p.rows.batch.kinds) for p, r in pairs for _, c in r)
     if constant:
         _check(pieces, rows, sums, equations, unknowns, values)
     definitions = _definitions(pieces, favourite, system.registers)
@@ -119,11 +126,11 @@ def _definitions(pieces: list[Piece], favourite: np.ndarray, registers: int) -> 
             if not p.inside[:, i].all() or favourite[out].any() or len(np.unique(out)) < len(out):
                 continue
             if pivot(p.residual, p.rows.batch.kinds, leaf) is not None:
-                candidates.append((float(uses[out].mean()), len(candidates), p, i))
+                candidates.append((-len(out), float(uses[out].mean()), len(candidates), p, i))
     read, defined = np.zeros(registers, bool), np.zeros(registers, bool)
     used: set[int] = set()
     result = []
-    for _, _, p, i in sorted(candidates, key=lambda item: item[:2]):
+    for *_, p, i in sorted(candidates, key=lambda item: item[:3]):
         out = p.registers[:, i]
         others = np.delete(p.registers, i, axis=1)[np.delete(p.inside, i, axis=1)]
         # what is defined reads what is torn or was defined before, nothing of its own rows and nothing defined later
@@ -142,16 +149,14 @@ def _check(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray, va
     from scipy.sparse.linalg import splu
 
     row, column, entry = [], [], []
-    for p, coefficients in zip(pieces, linear):
+    for p, coefficients in zip(pieces, linear, strict=False):
         for leaf, c in coefficients:
             i = p.rows.leaves.index(leaf)
-            places = {f: k for k, f in enumerate(p.rows.leaves)}
-            by_column = {f.value[0]: p.registers[:, k] for f, k in places.items()}
-            number = evaluate(c, lambda k, _: values[by_column[k]])
+            number = p.constant(c, values)
             inside = p.inside[:, i]
             row.append(np.searchsorted(equations, p.equations[inside]))
             column.append(np.searchsorted(unknowns, p.registers[inside, i]))
-            entry.append(np.broadcast_to(np.asarray(number, float), len(inside))[inside])
+            entry.append(number[inside])
     for s, which in sums:
         step = total(s, which, which)
         number = np.repeat(np.searchsorted(equations, s.first + which), np.diff(step.start))

@@ -1,8 +1,8 @@
 """Maximum matchings of equations with unknowns.
 
-Rows and columns with one entry are matched first, again and again (Karp and Sipser 1981): no maximum matching is lost, and little
-is left in practice. What remains is matched along augmenting paths (Hopcroft and Karp 1973, in SciPy) or, where it is
-small, by a depth-first search of our own (Kuhn 1955), so that small models do without SciPy.
+Rows and columns with one entry are matched first, again and again (Karp and Sipser 1981): no maximum matching is lost,
+and little is left in practice. What remains is matched along augmenting paths (Hopcroft and Karp 1973, in SciPy) or,
+where it is small, by a depth-first search of our own (Kuhn 1955), so that small models do without SciPy.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _hopcroft_karp(incidence: Incidence) -> np.ndarray:
 def _search(incidence: Incidence) -> np.ndarray:
     """Augmenting paths by depth-first search with an explicit stack."""
     start, column = incidence.start.tolist(), incidence.column.tolist()
-    neighbours = [column[a:b] for a, b in zip(start, start[1:])]
+    neighbours = [column[a:b] for a, b in zip(start, start[1:], strict=False)]
     owner = [-1] * incidence.columns
     for root in range(incidence.rows):
         free = next((c for c in neighbours[root] if owner[c] < 0), None)

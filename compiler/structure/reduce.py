@@ -122,7 +122,13 @@ def _offsets(system: System, match: np.ndarray, wanted: np.ndarray) -> tuple[np.
 
 
 def _matching(
-    system: System, square: SquareSystem, layout: Layout, match: np.ndarray, c: np.ndarray, d: np.ndarray, choice: Choice
+    system: System,
+    square: SquareSystem,
+    layout: Layout,
+    match: np.ndarray,
+    c: np.ndarray,
+    d: np.ndarray,
+    choice: Choice,
 ) -> np.ndarray:
     """The register that each differentiated equation stands for: a perfect matching, stage by stage."""
     numbers = square.equation_numbers(system.rows)

@@ -1,8 +1,8 @@
 """How often each equation must be differentiated: the Σ-method (J. D. Pryce, BIT 41, 2001).
 
-A highest-value transversal of the signature matrix (an assignment of equations to unknowns whose derivative orders have the largest
-sum) gives the number of degrees of freedom; its smallest dual solution gives the offsets: equation i is
-differentiated ``c[i]`` times, unknown j occurs up to order ``d[j]``.
+A highest-value transversal of the signature matrix (an assignment of equations to unknowns whose derivative orders
+have the largest sum) gives the number of degrees of freedom; its smallest dual solution gives the offsets: equation i
+is differentiated ``c[i]`` times, unknown j occurs up to order ``d[j]``.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _assign_large(core: Incidence) -> np.ndarray | None:
 def _assign(core: Incidence) -> np.ndarray | None:
     """Successive shortest paths with potentials (Edmonds and Karp 1972; Tomizawa 1971)."""
     start, column, order = core.start.tolist(), core.column.tolist(), core.order.tolist()
-    entries = [list(zip(column[a:b], order[a:b])) for a, b in zip(start, start[1:])]
+    entries = [list(zip(column[a:b], order[a:b], strict=False)) for a, b in zip(start, start[1:], strict=False)]
     if not all(entries):
         return None
     row_price = [max(w for _, w in row) for row in entries]
@@ -78,7 +78,7 @@ def _shortest_path(
     owner: list[int],
     match: list[int],
 ) -> bool:
-    """Match one more row along the cheapest augmenting path (Dijkstra over reduced costs); False where there is none."""
+    """Match one more row along the cheapest augmenting path (Dijkstra over reduced costs); False: there is none."""
     distance: dict[int, int] = {}  # of columns
     source: dict[int, int] = {}
     done: dict[int, int] = {}

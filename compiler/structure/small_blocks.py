@@ -10,9 +10,8 @@ import numpy as np
 from lmoc.expression.dag import Expr, postorder, slot, substitute
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.block_equations import SquareSystem
-from lmoc.structure.coefficients import Kinds
+from lmoc.structure.coefficients import Kinds, is_constant
 from lmoc.structure.explicit import as_formula, jointly_linear, pivot, solve_pair, solved
-from lmoc.structure.coefficients import is_constant
 from lmoc.structure.program import Apply, Solve, Step
 from lmoc.structure.substitution import partition
 from lmoc.structure.tearing import Tearing, tear
@@ -133,7 +132,7 @@ def steps_of(blocks: AlikeBlocks, favourite: np.ndarray, values: np.ndarray, new
     unknowns = [frozenset(v for v in blocks.internal if slot(v) in set(as_formula(r)[1])) for r in blocks.residuals]
     safe = [
         frozenset(v for v in found if pivot(r, blocks.kinds, slot(v)) is not None)
-        for found, r in zip(unknowns, blocks.residuals)
+        for found, r in zip(unknowns, blocks.residuals, strict=False)
     ]
     favourites = frozenset(v for v in blocks.internal if favourite[blocks.registers[0, v]])
     order = tear(unknowns, safe, favourites)
@@ -145,7 +144,7 @@ def steps_of(blocks: AlikeBlocks, favourite: np.ndarray, values: np.ndarray, new
         _check(blocks, linear, values)
     explicit = _formulas(blocks, order, inner, constant, favourites) if is_linear else None
     if explicit is not None:
-        torn = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit)]
+        torn = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=False)]
         return torn + [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
     residuals = new_registers(len(blocks.equations) * len(order.residuals)).reshape(len(blocks.equations), -1)
     steps = [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]

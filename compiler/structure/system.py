@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class SumBatch:
         return np.repeat(np.arange(len(self.row)), np.diff(self.start))
 
 
-@lru_cache(maxsize=None)
+@cache
 def derivative(shape: Expr, kinds: Kinds) -> Expr:
     """Total time derivative; parameters stand still."""
     return total_derivative(shape, frozenset(k for k, kind in enumerate(kinds) if kind not in (UNKNOWN, INPUT)))
@@ -139,7 +139,7 @@ class System:
         return tuple(batches), tuple(sums)
 
     def highest_inputs(self, batches: tuple[Batch, ...]) -> np.ndarray:
-        """(flat.count,) highest derivative of each input in equations or as a variable of the flat model, -1 if none."""
+        """(flat.count,) highest derivative of each input in equations or as a flat variable, -1 where there is none."""
         top = np.full(self.flat.count, -1, np.int64)
         roots = self.normalized.root
         known = np.flatnonzero((roots < self.flat.count) & (self.kind[roots] == INPUT))

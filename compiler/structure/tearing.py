@@ -31,7 +31,10 @@ class Tearing:
 
 
 def tear(
-    unknowns: Sequence[frozenset[int]], safe: Sequence[frozenset[int]], favourites: frozenset[int], deepest: int = DEEPEST
+    unknowns: Sequence[frozenset[int]],
+    safe: Sequence[frozenset[int]],
+    favourites: frozenset[int],
+    deepest: int = DEEPEST,
 ) -> Tearing:
     """Order the equations of a block.
 
