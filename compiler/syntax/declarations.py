@@ -15,7 +15,7 @@ from lmoc.syntax.expressions import Comment, Subscripts, Word
 
 # Prefixes in the order in which they stand.
 _ORDER = (
-    "each redeclare final inner outer replaceable encapsulated partial "
+    "redeclare each final inner outer replaceable encapsulated partial "
     "flow stream discrete parameter constant input output"
 ).split()
 _EXCLUSIVE = ({"parameter", "constant", "discrete"}, {"input", "output"}, {"flow", "stream"})
@@ -333,8 +333,8 @@ class Actions(EquationActions):
             dimensions=declaration.dimensions + dimensions,
             modification=declaration.modification,
             condition=declaration.condition,
-            description=declaration.comment.description,
-            annotation=declaration.comment.annotation,
+            description=declaration.comment.description or (constraint.comment.description if constraint else ""),
+            annotation=declaration.comment.annotation or (constraint.comment.annotation if constraint else None),
             flow="flow" in prefixes,
             variability=next((p for p in prefixes if p in _EXCLUSIVE[0]), ""),
             causality=next((p for p in prefixes if p in _EXCLUSIVE[1]), ""),

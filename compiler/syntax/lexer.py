@@ -9,7 +9,7 @@ from functools import cache
 
 from lmoc.diagnostics import Diagnostic
 from lmoc.source import Source, Span
-from lmoc.syntax.tables import END_OF_TEXT, Tables
+from lmoc.syntax.tables import END_OF_TEXT, Tables, load
 
 
 class Tokens(namedtuple("Tokens", "symbols texts starts ends")):
@@ -97,6 +97,16 @@ def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
             hint = "as the last index it stands inside the brackets of an array: 'x[end]'"
             said.append(Diagnostic("E0101", "'end' cannot stand here", place, hint=hint))
     return said
+
+
+def comments(source: Source) -> list[Span]:
+    """The places of all comments, in their order."""
+    scanner = _scanner(load())
+    return [
+        Span(source, match.start(), match.end())
+        for match in scanner.finditer(source.text)
+        if match.lastgroup == "COMMENT"
+    ]
 
 
 def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:

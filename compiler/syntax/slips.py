@@ -126,7 +126,7 @@ def _no_semicolon(trouble: Trouble, what: str, token: int) -> Diagnostic:
 def _section_word(trouble: Trouble) -> str:
     """The word that opened the section of equations or statements around the place; empty outside of one."""
     for node in trouble.stack():
-        if node.symbol in ("equation", "algorithm", "INITIAL_EQUATION", "INITIAL_ALGORITHM"):
+        if node.symbol in ("equation", "algorithm", "_INITIAL_EQUATION", "_INITIAL_ALGORITHM"):
             return trouble.tokens.texts[node.token]
         if node.symbol in ("public", "protected", "class_kind") or node.symbol in BLOCKS:
             return ""

@@ -501,3 +501,12 @@ class File(Node):
     within: tuple[str, ...]
     classes: tuple[Class, ...]
     span: Span
+
+
+def alike(a: object, b: object) -> bool:
+    """Whether two trees say the same, wherever they stand."""
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(alike, a, b))
+    if not isinstance(a, Node):
+        return a == b or isinstance(a, Span)
+    return type(a) is type(b) and all(alike(getattr(a, name), getattr(b, name)) for name in a.__slots__)

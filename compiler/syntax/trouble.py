@@ -17,7 +17,7 @@ from lmoc.syntax.tables import END_OF_TEXT, Tables
 # A change after which so many more tokens can be read is believed.
 CERTAIN = 12
 # What begins a new part of a text, whatever came before.
-FRESH = {"end", "equation", "algorithm", "public", "protected", "INITIAL_EQUATION", "INITIAL_ALGORITHM", END_OF_TEXT}
+FRESH = {"end", "equation", "algorithm", "public", "protected", "_INITIAL_EQUATION", "_INITIAL_ALGORITHM", END_OF_TEXT}
 
 
 class Node(NamedTuple):

@@ -36,7 +36,7 @@ _DECLARATION = _CLASS_WORDS | _PREFIXES | {"IDENT", ".", "import", "extends", "a
 _EXPRESSION = set("IDENT NUMBER STRING true false ( { [ INDEX_END not + - .+ .- . if der initial".split())
 _OPERATORS = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> and or :".split())
 _SECTIONS = {
-    "public", "protected", "equation", "algorithm", "INITIAL_EQUATION", "INITIAL_ALGORITHM", "external",
+    "public", "protected", "equation", "algorithm", "_INITIAL_EQUATION", "_INITIAL_ALGORITHM", "external",
 }  # fmt: skip
 _CONCEPTS = (
     ({"connect", "for", "when"}, _EXPRESSION | {"connect", "for", "when", "if", "annotation"}, "an equation"),
@@ -53,8 +53,8 @@ _NAMES = {
     "STRING": "a description in quotes",
     END_OF_TEXT: "the end of the text",
     "INDEX_END": "'end'",
-    "INITIAL_EQUATION": "'initial equation'",
-    "INITIAL_ALGORITHM": "'initial algorithm'",
+    "_INITIAL_EQUATION": "'initial equation'",
+    "_INITIAL_ALGORITHM": "'initial algorithm'",
 }
 
 
