@@ -99,8 +99,12 @@ def _used(root: Scope) -> set[int]:
     used: set[int] = set()
     for scope in _all_classes(root):
         definition = scope.definition
-        refs = [(e.type, scope) for e in definition.elements if isinstance(e, tree.Component)]
-        refs += [(e.base, scope) for e in definition.elements if isinstance(e, tree.Extends)]
+        refs: list[tuple[tree.Ref, Scope]] = []
+        for element in definition.elements:
+            if isinstance(element, tree.Component):
+                refs += [(ref, scope) for ref in (element.type, *_redeclared(element.modification))]
+            elif isinstance(element, tree.Extends):
+                refs += [(ref, scope) for ref in (element.base, *_redeclared(element.modification))]
         if definition.short is not None:
             refs.append((definition.short.base, scope.parent))
         for ref, where in refs:
@@ -109,3 +113,12 @@ def _used(root: Scope) -> set[int]:
             except Wrong:
                 continue  # reported where the class is used
     return used
+
+
+def _redeclared(modification: tree.Modification | None) -> Iterator[tree.Ref]:
+    """Types of the parts that a modification redeclares."""
+    for argument in modification.arguments if modification else ():
+        if isinstance(argument, tree.ElementModification):
+            yield from _redeclared(argument.modification)
+        elif isinstance(argument.element, tree.Component):
+            yield argument.element.type

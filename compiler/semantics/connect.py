@@ -16,8 +16,9 @@ from lmoc.diagnostics import Label, Report
 from lmoc.expression import dag
 from lmoc.semantics.draft import ConnectDraft
 from lmoc.semantics.flat import Group, Kind, Sums
-from lmoc.semantics.instance import Instance, Node, Variable
+from lmoc.semantics.instance import Broken, Instance, Node, Variable
 from lmoc.semantics.wrong import Wrong
+from lmoc.source import Span
 
 SMALL = 4000  # edges up to which our own union-find is faster than loading scipy
 
@@ -107,6 +108,8 @@ def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
 
 def _pairs(a: Node, b: Node, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
     """Variables of two connectors that belong together; the connectors must be structurally equal."""
+    if isinstance(a, Broken) or isinstance(b, Broken):
+        raise Wrong()
     if isinstance(a, Variable) != isinstance(b, Variable):
         raise _mismatch(a, b, draft, "one is a signal, the other has variables of its own")
     if isinstance(a, Variable):
@@ -135,11 +138,19 @@ def _mismatch(a: Node, b: Node, draft: ConnectDraft, why: str) -> Wrong:
         return end.cls.name if isinstance(end, Instance) else end.type.name
 
     left, right = draft.left, draft.right
-    labels = tuple(Label(e.name_span, f"a {kind(e)}") for e in (left, right) if e.name_span)
+    labels = tuple(Label(_place(e, draft), f"'{e.label}' is a {kind(e)}") for e in (left, right))
     return Wrong(
         "E0306", f"'{left.label}' and '{right.label}' are different kinds of connectors", draft.span,
         expected=kind(left), found=kind(right), hint=why, labels=labels,
     )  # fmt: skip
+
+
+def _place(end: Node, draft: ConnectDraft) -> Span:
+    """The declaration, in the class with the connect, of the part or connector that an end belongs to."""
+    node = end
+    while node.parent is not None and node.parent is not draft.node and node.parent.component is not None:
+        node = node.parent
+    return node.name_span or draft.span
 
 
 # ------------------------------------------------------------------------ the sets

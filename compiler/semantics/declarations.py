@@ -17,9 +17,6 @@ from lmoc.semantics.rows import positions
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 
-NUMBERS = {"Real", "Integer"}
-
-
 def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
     """Add what the declaration of a variable and its modifications say."""
     if variable.value is not None:
@@ -68,8 +65,8 @@ def _rows(
         return
     context, value = model.binding_value(binding)
     expected = type_ or variable.type.name
-    if value.type != expected and not {value.type, expected} <= NUMBERS:
-        raise Wrong("E0301", f"the value of '{variable.label}' must be a {expected}", binding_span(binding),
+    if value.type != expected and (expected, value.type) != ("Real", "Integer"):
+        raise Wrong("E0301", f"the value of '{variable.label}' must be of type {expected}", binding_span(binding),
                     expected=expected, found=value.type)  # fmt: skip
     if not value.dims and not variable.total and value.uniform:
         leaves, (shape,) = compact(context.leaves.items, value.expr)

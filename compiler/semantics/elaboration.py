@@ -70,12 +70,12 @@ class Elaboration:
         table = instance.cls.table
         for name, modifier in instance.modifier.inside.items():
             found = table.get(name)
-            if found is None:
+            if found is None and modifier.span is not None:
                 self.report.error(
                     "E0205",
                     f"'{instance.cls.name}' has no element '{name}' to modify",
                     modifier.span,
-                    hint=nearest(name, table),
+                    hint=nearest(name, table) or _elements_hint(table),
                 )
             elif isinstance(found, Member) and found.protected:
                 self.report.error(
@@ -325,6 +325,11 @@ class Elaboration:
         if key not in self.said:
             self.said.add(key)
             self.report.warning(code, message, span, **more)
+
+
+def _elements_hint(table: Mapping[str, object]) -> str:
+    names = [n for n, m in table.items() if isinstance(m, Member) and m.component.variability == "parameter"]
+    return f"its parameters are {', '.join(names)}" if names else ""
 
 
 def _in_connector(instance: Instance | None) -> bool:

@@ -58,7 +58,7 @@ class EquationSection:
             raise sizes_differ("the two sides", left.dims, right.dims, e.span)
         numbers = {"Real", "Integer"}
         if left.type != right.type and not {left.type, right.type} <= numbers:
-            raise Wrong("E0301", f"a {left.type} cannot equal a {right.type}", e.span,
+            raise Wrong("E0301", f"{left.type} cannot equal {right.type}", e.span,
                         expected=left.type, found=right.type)  # fmt: skip
         self.groups.extend(equality(context, left, right, e.span, self.node))
 
@@ -169,7 +169,7 @@ class EquationSection:
         node = located.node
         signal = isinstance(node, Variable) and (node.connector or node.causality in ("input", "output"))
         if not signal and not (isinstance(node, Instance) and node.connector):
-            what = "a variable" if isinstance(node, Variable) else f"a {node.kind} ({node.cls.name})"
+            what = "a variable" if isinstance(node, Variable) else f"a part ({node.cls.name})"
             raise Wrong("E0305", f"'{ref}' is {what}, not a connector", ref.span, expected="a connector",
                         hint=_connectors_hint(node))  # fmt: skip
         return node, element_index(context, located), located.dims

@@ -82,9 +82,10 @@ class _Flattening:
             declare(model, self.drafts, variable)
         for instance in root.instances():
             self._equations(instance)
-        self.report.check()  # what follows needs a tree without holes
         report_unknown_units(layout.variables, self.report)
         check_units(self.drafts, self.report)
+        self.connections = collect(self.drafts.connects, layout.count, self.report)
+        self.report.check()  # what follows needs all equations
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
         assembler = Assembler(literals)
@@ -135,7 +136,6 @@ class _Flattening:
 
     def _connections(self, kinds: np.ndarray) -> list[Group]:
         layout = self.layout
-        self.connections = collect(self.drafts.connects, layout.count, self.report)
         groups = equalities(self.connections, kinds)
         self.sums, connected = balances(self.connections)
         flows = [v for v in layout.variables if v.flow and v.kind == Kind.UNKNOWN]

@@ -153,7 +153,7 @@ class _Body:
     def _check_type(self, name: str, value: Value, span: Span) -> None:
         expected = self.declared[name].type
         if value.type != expected and {value.type, expected} - {"Real", "Integer"}:
-            raise Wrong("E0301", f"the argument '{name}' of '{self.function.name}' must be a {expected}", span,
+            raise Wrong("E0301", f"the argument '{name}' of '{self.function.name}' must be of type {expected}", span,
                         expected=expected, found=value.type)  # fmt: skip
 
     def _lead(self, inputs: dict[str, Value]) -> tuple[int, ...]:
@@ -235,7 +235,7 @@ class _Body:
         if variable.role == "input":
             raise Wrong("E0222", f"the input '{name}' cannot be assigned", span)
         if value.type != variable.type and {value.type, variable.type} - {"Real", "Integer"}:
-            raise Wrong("E0301", f"'{name}' is a {variable.type}", span, expected=variable.type, found=value.type)
+            raise Wrong("E0301", f"'{name}' is of type {variable.type}", span, expected=variable.type, found=value.type)
         subscripts = target.parts[0].subscripts
         if not subscripts:
             old = self.values.get(name)

@@ -71,14 +71,17 @@ class Overrides:
                     hint="only parameters can be given a value from outside",
                 )  # fmt: skip
             elif path in self.whole:
-                self._check_size(name, found, report)
+                self._check_value(name, found, report)
             else:
                 for subscripts, _ in self.elements[path]:
                     if element_positions(found, subscripts) is None:
                         report.error("E0215", f"there is no '{name}'", found.span, expected=str(list(found.total)))
 
-    def _check_size(self, name: str, found: Variable, report: Report) -> None:
-        shape = np.shape(self.whole[tuple(n for n, _ in parse_name(name))])
+    def _check_value(self, name: str, found: Variable, report: Report) -> None:
+        value = np.asarray(self.whole[tuple(n for n, _ in parse_name(name))], float)
+        if found.type.name == "Integer" and np.any(value != np.round(value)):
+            report.error("E0301", f"'{name}' must be an integer", found.span, found=str(self.given[name]))
+        shape = value.shape
         if shape not in ((), found.total):
             report.error("E0302", f"the value given for '{name}' has the wrong size", found.span,
                          expected=str(list(found.total)), found=str(list(shape)))  # fmt: skip

@@ -194,7 +194,7 @@ def element_index(context: Context, located: Located) -> Index:
             array = align_slice(axis.index, space.rank, seen, slices)
             seen += 1
         else:
-            array = align(axis, space.rank + slices) if slices else axis
+            array = align(axis, space.rank + slices)
         result = result + array * stride
     return int(result) if isinstance(result, np.ndarray) and result.ndim == 0 else result
 

@@ -97,24 +97,26 @@ def _check(
         "E0303",
         "the units of the two sides differ" if left is not None else f"the value of '{target.label}' has another unit",
         span,
-        expected=f"{side} is in {_shown(expected, target)}",
-        found=f"{value} is in {found}",
+        expected=f"{side} is in {target.unit if left is None else _shown(left, expected, columns)}",
+        found=f"{value} is in {_shown(right, found, columns)}",
     )
 
 
-def _shown(unit: Unit, variable: Variable | None) -> str:
-    return variable.unit if variable is not None else str(unit)
+def _shown(expr: Expr, unit: Unit, columns: Sequence[Column]) -> str:
+    """The unit as it was declared, for a variable; else in base units."""
+    variable = columns[expr.value[0]][0] if expr.op == "slot" and expr.value[1] == 0 else None
+    return variable.unit if variable is not None and variable.unit else str(unit)
 
 
 def _report_mismatch(report: Report, m: _Mismatch, columns: Sequence[Column], span: Span | None) -> None:
     name = _namer(columns)
     if m.right is None:
         message = "this needs a number without unit"
-        expected, found = "unit 1", f"{to_text(m.left, name)} is in {m.left_unit}"
+        expected, found = "unit 1", f"{to_text(m.left, name)} is in {_shown(m.left, m.left_unit, columns)}"
     else:
         message = "quantities of different units are added or compared"
-        expected = f"{to_text(m.left, name)} is in {m.left_unit}"
-        found = f"{to_text(m.right, name)} is in {m.right_unit}"
+        expected = f"{to_text(m.left, name)} is in {_shown(m.left, m.left_unit, columns)}"
+        found = f"{to_text(m.right, name)} is in {_shown(m.right, m.right_unit, columns)}"
     report.error("E0303", message, span, expected=expected, found=found)
 
 

@@ -2,7 +2,7 @@
 
 A unit string is ``numerator/denominator`` of factors joined by dots, each a symbol with an optional prefix and an
 exponent: ``N.m/rad``, ``kg.m2``, ``m/s2``, ``1/s``, ``(kg.m)/s2``. Scale does not matter for a check: ``km`` and ``m`` are
-one dimension, but different units; the factor is kept and compared.
+one dimension, but different units: the factor is kept and compared.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache
 
 from lmoc.diagnostics import nearest
 
@@ -89,7 +89,7 @@ class UnitError(ValueError):
         self.hint = hint
 
 
-@lru_cache(maxsize=None)
+@cache
 def parse_unit(text: str) -> Unit | None:
     """The unit that a string means; None for the empty string: unknown.
 
@@ -148,9 +148,17 @@ def _symbol(symbol: str) -> Unit:
         if prefix in _PREFIX and rest in _PREFIXED:
             base, factor = _PREFIXED[rest]
             return Unit(_of(base), factor * _PREFIX[prefix])
-    hint = nearest(symbol, SYMBOLS)
+    raise UnitError(f"there is no unit '{symbol}'", _suggestion(symbol))
+
+
+def _suggestion(symbol: str) -> str:
     same = next((s for s in SYMBOLS if s.lower() == symbol.lower()), None)
-    raise UnitError(f"there is no unit '{symbol}'", f"did you mean '{same}'?" if same else hint)
+    if same:
+        return f"did you mean '{same}'?"
+    for k in range(1, len(symbol)):  # Nm, Nms
+        if symbol[:k] in SYMBOLS and symbol[k:] in SYMBOLS:
+            return f"did you mean '{symbol[:k]}.{symbol[k:]}'?"
+    return nearest(symbol, SYMBOLS)
 
 
 _NAMED = {_of(_PREFIXED[s][0]): s for s in ("N", "J", "W", "Pa", "V", "C", "Hz")}
@@ -161,8 +169,10 @@ def unit_text(unit: Unit) -> str:
     if unit.exponents in _NAMED:
         text = _NAMED[unit.exponents]
     else:
-        up = [_power(n, e) for n, e in zip(BASE, unit.exponents) if e > 0]
-        down = [_power(n, -e) for n, e in zip(BASE, unit.exponents) if e < 0]
+        powers = dict(zip(BASE, unit.exponents))
+        order = ("kg", "m", "s", "A", "K", "mol", "cd")
+        up = [_power(n, powers[n]) for n in order if powers[n] > 0]
+        down = [_power(n, -powers[n]) for n in order if powers[n] < 0]
         text = ".".join(up) or "1"
         if down:
             text += "/" + (down[0] if len(down) == 1 else f"({'.'.join(down)})")
