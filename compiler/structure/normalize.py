@@ -162,9 +162,17 @@ def _overdetermined(work: Elimination, report: Report) -> None:
             if not (work.differentiated[v] or potential[v] or _ports(work, v)):
                 continue
             around = loops.around(int(g.source[row]))
+            if _balances_forces(work.flat, loops, around):
+                continue  # the position of a massless point between springs to the ground
             parts = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(int(g.source[row]))}'"
             message = f"{parts} form a loop whose ratios do not agree: only rest is possible"
             _at_loop(loops, around, report, "E0412", message, found=work.splitter.text(g, g.shape, row) + " = 0")
+
+
+def _balances_forces(flat: FlatDAE, loops: Loops, around: list[int]) -> bool:
+    """Whether flows of connectors take part: then the loop is one of forces, not of transmissions."""
+    blocks = (flat.block_at(v) for number in around for v in loops.equations.unknowns(number))
+    return any(block.flow and block.connector for block in blocks)
 
 
 def _ports(work: Elimination, variable: int) -> bool:
@@ -241,13 +249,15 @@ def _fix_reactions(work: Elimination, sums: LongSums, repeated: list[int]) -> np
 
 
 def _redundancy_notes(loops: Loops, repeated: list[int]) -> Iterable[Diagnostic]:
-    for number in repeated[:SHOWN]:
+    more = len(repeated) - SHOWN
+    for i, number in enumerate(repeated[:SHOWN]):
         around = loops.around(number)
         parts = _listed(loops.equations.parts(around))
         where = f"; the forces in the loop {parts} are not unique" if parts else ""
         text = loops.equations.text(number)
         message = f"the constraint '{text}' repeats others{where}"
-        yield Diagnostic("N0415", message, loops.equations.span(number))
+        hint = f"{more} more constraints repeat others" if i == SHOWN - 1 and more > 0 else ""
+        yield Diagnostic("N0415", message, loops.equations.span(number), hint=hint)
 
 
 # -------------------------------------------------------------------------- ending
