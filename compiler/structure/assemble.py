@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.expression.dag import slots
 from lmoc.structure.coefficients import INPUT, UNKNOWN
+from lmoc.structure.distinct import first_of_each
 from lmoc.structure.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
 from lmoc.structure.program import Apply, Program, Registers, Role, Solve, Step, read
 from lmoc.structure.reduced import Reduced
@@ -125,7 +126,7 @@ def _starts(system: System, layout: Layout, wanted: np.ndarray, first: int) -> t
         hit = np.flatnonzero(system.column[n.root[a.target]] >= 0)
         jet = layout.start_of(a.target[hit])
         hit, jet = hit[wanted[jet]], jet[wanted[jet]]
-        jet, once = np.unique(jet, return_index=True)
+        jet, once = first_of_each(jet)
         hit = hit[once]
         if not len(hit):
             continue

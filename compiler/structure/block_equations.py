@@ -10,6 +10,7 @@ import numpy as np
 
 from lmoc.expression.dag import Expr
 from lmoc.structure.blocks import Blocks, blocks_of
+from lmoc.structure.distinct import distinct
 from lmoc.structure.explicit import as_formula
 from lmoc.structure.incidence import Incidence, ranges
 from lmoc.structure.system import Batch, SumBatch
@@ -120,17 +121,17 @@ class SquareSystem:
     def needed_for(self, registers: np.ndarray) -> np.ndarray:
         """(equations,) mask of those without which the given registers are not known."""
         needed = np.zeros(self.count, bool)
-        new = np.unique(self.owner[registers])
+        new = distinct(self.owner[registers])
         new = new[new >= 0]
         while len(new):
             needed[new] = True
             sources = self.owner[self.incidence.column[ranges(self.incidence.start, new)]]
-            new = np.unique(sources[~needed[sources]])
+            new = distinct(sources[~needed[sources]])
         return needed
 
     def states_read(self, needed: np.ndarray) -> np.ndarray:
         """Registers of given jets that these equations read."""
-        return np.unique(self.given.column[needed[self.given.row]])
+        return distinct(self.given.column[needed[self.given.row]])
 
 
 def _incidence(rows: int, columns: int, row: np.ndarray, column: np.ndarray) -> Incidence:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.structure.distinct import distinct
 from lmoc.structure.incidence import pointers, ranges
 
 # edges up to which Tarjan's algorithm in Python costs less than importing SciPy
@@ -38,7 +39,7 @@ def blocks_of(user: np.ndarray, source: np.ndarray, count: int) -> Blocks:
     total = int(label.max()) + 1 if count else 0
     a, b = label[user], label[source]
     across = a != b
-    edges = np.unique(a[across] * np.int64(max(total, 1)) + b[across])
+    edges = distinct(a[across] * np.int64(max(total, 1)) + b[across])
     a, b = np.divmod(edges, max(total, 1))
     return Blocks(label, np.bincount(label, minlength=total), _levels(a, b, total))
 
@@ -53,7 +54,7 @@ def _levels(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
         level[ready] = now
         freed = users[ranges(start, ready)]
         np.subtract.at(waiting, freed, 1)
-        ready = np.unique(freed[waiting[freed] == 0])
+        ready = distinct(freed[waiting[freed] == 0])
         now += 1
     return level
 

@@ -16,6 +16,7 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.evaluate import evaluate
 from lmoc.semantics.flat import StateSelect
 from lmoc.structure.coefficients import is_constant
+from lmoc.structure.distinct import distinct
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.matching import maximum_matching
 from lmoc.structure.system import Sample, System
@@ -142,7 +143,7 @@ def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wanted: n
         rows = np.flatnonzero(c >= stage)
         kept = (c[tied.row] >= stage) & (d[tied.column] >= stage) & allowed[tied.column]
         part = tied.take(kept)
-        if stage > 1 and len(rows) == len(previous) == len(np.unique(part.column)):
+        if stage > 1 and len(rows) == len(previous) == len(distinct(part.column)):
             dependent.append(dependent[-1])
             match.append(match[-1])
             continue

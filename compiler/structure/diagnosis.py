@@ -10,6 +10,7 @@ from lmoc.diagnostics import Diagnostic, Label, Report
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice, Tied
+from lmoc.structure.distinct import distinct
 from lmoc.structure.dulmage_mendelsohn import components, decompose
 from lmoc.structure.equations import Equations
 from lmoc.structure.layout import Layout
@@ -102,7 +103,7 @@ def dependent_constraints(system: System, rows: np.ndarray, report: Report) -> N
     """E0404: constraints that depend on each other at the start."""
     equations = Equations(system.flat)
     sources = system.source[rows].tolist()
-    columns = np.unique(system.incidence.column[system.incidence.of_rows(rows)])
+    columns = distinct(system.incidence.column[system.incidence.of_rows(rows)])
     names = [system.name(c) for c in columns.tolist()]
     parts = equations.parts(sources)
     noun = "constraint" if len(sources) == 1 else "constraints"
@@ -123,7 +124,7 @@ def singular_blocks(
         sources = list(dict.fromkeys(system.source[rows].tolist()))
         registers = square.match[members]
         jets = [system.flat.jet_name(int(variable[r]), int(order[r])) for r in registers.tolist()]
-        message = f"{listed(jets)} cannot be determined: their equations depend on each other for these parameter values"
+        message = f"{listed(jets)} cannot be determined: with these parameters their equations depend on each other"
         hint = "a parameter that is zero, or two that cancel; or nothing fixes the position of a massless part"
         found = "; ".join(equations.text(s) for s in sources[:SHOWN])
         _at(equations, sources, report, "E0405", message, found=found, hint=hint)
@@ -174,7 +175,7 @@ def notes(
     if not choice.dependent or tied.constant.all():
         return ()
     curved = np.isin(tied.row, tied.row[~tied.constant])
-    columns = np.unique(tied.column[curved])
+    columns = distinct(tied.column[curved])
     dependent = np.isin(columns, choice.dependent[0])
     chosen = [system.name(c) for c in columns[~dependent].tolist()]
     following = [system.name(c) for c in columns[dependent].tolist()]

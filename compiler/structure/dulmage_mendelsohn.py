@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.structure.distinct import distinct
 from lmoc.structure.incidence import Incidence, pointers, ranges
 
 
@@ -56,7 +57,7 @@ def _reach(start: np.ndarray, neighbours: np.ndarray, partner: np.ndarray, seeds
     new = seeds
     while len(new):
         own[new] = True
-        touched = np.unique(neighbours[ranges(start, new)])
+        touched = distinct(neighbours[ranges(start, new)])
         touched = touched[~other[touched]]
         other[touched] = True
         new = partner[touched]
@@ -81,7 +82,7 @@ def components(incidence: Incidence, rows: np.ndarray, columns: np.ndarray) -> l
         new = np.array([seed])
         while len(new):
             label[new] = seed
-            new = np.unique(neighbours[ranges(start, new)])
+            new = distinct(neighbours[ranges(start, new)])
             new = new[label[new] < 0]
         members = np.flatnonzero(label == seed)
         pieces.append((rows[members[members < part.rows]], columns[members[members >= part.rows] - part.rows]))

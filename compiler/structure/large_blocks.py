@@ -15,6 +15,7 @@ from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.block_equations import BatchRows, SquareSystem, SumRows
 from lmoc.structure.coefficients import is_constant
+from lmoc.structure.distinct import distinct
 from lmoc.structure.explicit import as_formula, jointly_linear, pivot, solved
 from lmoc.structure.program import Apply, Solve, Step, Total
 from lmoc.structure.small_blocks import SingularBlocks
@@ -123,7 +124,7 @@ def _definitions(pieces: list[Piece], favourite: np.ndarray, registers: int) -> 
     for p in pieces:
         for i, leaf in enumerate(p.rows.leaves):
             out = p.registers[:, i]
-            if not p.inside[:, i].all() or favourite[out].any() or len(np.unique(out)) < len(out):
+            if not p.inside[:, i].all() or favourite[out].any() or len(distinct(out)) < len(out):
                 continue
             if pivot(p.residual, p.rows.batch.kinds, leaf) is not None:
                 candidates.append((-len(out), float(uses[out].mean()), len(candidates), p, i))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.structure.distinct import distinct, first_of_each
 from lmoc.structure.incidence import Incidence
 
 # entries up to which a search in Python costs less than importing SciPy
@@ -34,11 +35,11 @@ def forced_pairs(incidence: Incidence) -> tuple[np.ndarray, np.ndarray, np.ndarr
     while len(new_columns) or len(new_rows):
         if len(new_columns):
             columns = new_columns[column_alive[new_columns] & (column_count[new_columns] == 1)]
-            rows, first = np.unique(column_sum[columns], return_index=True)
+            rows, first = first_of_each(column_sum[columns])
             columns = columns[first]
         else:
             rows = new_rows[row_alive[new_rows] & (row_count[new_rows] == 1)]
-            columns, first = np.unique(row_sum[rows], return_index=True)
+            columns, first = first_of_each(row_sum[rows])
             rows = rows[first]
         match[rows] = columns
         row_alive[rows] = column_alive[columns] = False
@@ -51,9 +52,9 @@ def forced_pairs(incidence: Incidence) -> tuple[np.ndarray, np.ndarray, np.ndarr
         np.subtract.at(row_count, row_touched, 1)
         np.subtract.at(row_sum, row_touched, incidence.column[entries])
         pending_rows = np.concatenate([new_rows, row_touched]) if len(new_columns) else row_touched
-        new_columns = np.unique(touched[column_alive[touched] & (column_count[touched] == 1)])
+        new_columns = distinct(touched[column_alive[touched] & (column_count[touched] == 1)])
         alive = row_alive[pending_rows] & (row_count[pending_rows] == 1)
-        new_rows = np.unique(pending_rows[alive])
+        new_rows = distinct(pending_rows[alive])
     return match, np.flatnonzero(row_alive), np.flatnonzero(column_alive)
 
 

@@ -16,6 +16,7 @@ from lmoc.structure import coordinates, diagnosis
 from lmoc.structure.assemble import assemble
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice
+from lmoc.structure.distinct import distinct
 from lmoc.structure.layout import Layout
 from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized
@@ -136,7 +137,7 @@ def _matching(
     stages = [(np.arange(system.rows), match), *choice.match]
     for stage, (rows, columns) in enumerate(stages):
         times = c[rows] - stage
-        for k in np.unique(times).tolist():
+        for k in distinct(times).tolist():
             mine = times == k
             at = columns[mine]
             result[numbers[k][rows[mine]]] = layout.base[system.variable[at]] + d[at] - stage

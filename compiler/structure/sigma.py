@@ -7,110 +7,52 @@ is differentiated ``c[i]`` times, unknown j occurs up to order ``d[j]``.
 
 from __future__ import annotations
 
-from heapq import heappop, heappush
-
 import numpy as np
 
+from lmoc.structure.distinct import distinct
+from lmoc.structure.dulmage_mendelsohn import decompose
 from lmoc.structure.incidence import Incidence
-from lmoc.structure.matching import forced_pairs
-
-# rows up to which the assignment is found in Python
-SMALL = 500
+from lmoc.structure.matching import forced_pairs, maximum_matching
 
 
 def highest_value_transversal(incidence: Incidence) -> np.ndarray | None:
-    """Column of each row in an assignment with the largest sum of orders; None where there is no assignment."""
+    """Column of each row in an assignment with the largest sum of orders; None where there is no assignment.
+
+    The Hungarian method with all free rows at once (Kuhn 1955; Hopcroft and Karp 1973 for the matchings): a matching of
+    the entries that are tight for dual prices, which rise where it falls short. In a mechanism two or three rises do.
+    """
     if incidence.rows != incidence.columns:
         return None
     match, rows, columns = forced_pairs(incidence)
     if len(rows) != len(columns):
         return None
     if len(rows):
-        core = incidence.submatrix(rows, columns)
-        found = _assign(core) if core.rows <= SMALL else _assign_large(core)
+        found = _primal_dual(incidence.submatrix(rows, columns))
         if found is None:
             return None
         match[rows] = columns[found]
     return match
 
 
-def _assign_large(core: Incidence) -> np.ndarray | None:
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
-
-    # an order of 0 is an entry too, but an explicit zero would be dropped
-    weight = (core.order + 1).astype(float)
-    graph = csr_matrix((weight, core.column, core.start), (core.rows, core.columns))
-    try:
-        rows, columns = min_weight_full_bipartite_matching(graph, maximize=True)
-    except ValueError:
-        return None
-    match = np.empty(core.rows, np.int64)
-    match[rows] = columns
-    return match
-
-
-def _assign(core: Incidence) -> np.ndarray | None:
-    """Successive shortest paths with potentials (Edmonds and Karp 1972; Tomizawa 1971)."""
-    start, column, order = core.start.tolist(), core.column.tolist(), core.order.tolist()
-    entries = [list(zip(column[a:b], order[a:b], strict=False)) for a, b in zip(start, start[1:], strict=False)]
-    if not all(entries):
-        return None
-    row_price = [max(w for _, w in row) for row in entries]
-    column_price = [0] * core.columns
-    owner, match = [-1] * core.columns, [-1] * core.rows
-    for i, row in enumerate(entries):
-        for j, w in row:
-            if owner[j] < 0 and w == row_price[i]:
-                owner[j], match[i] = i, j
-                break
-    for i in range(core.rows):
-        if match[i] < 0 and not _shortest_path(i, entries, row_price, column_price, owner, match):
+def _primal_dual(core: Incidence) -> np.ndarray | None:
+    row, column, order = core.row, core.column, core.order
+    row_price, column_price = np.zeros(core.rows, np.int64), np.zeros(core.columns, np.int64)
+    np.maximum.at(column_price, column, order)
+    while True:
+        slack = column_price[column] - row_price[row] - order
+        tight = core.restricted(slack == 0)
+        match = maximum_matching(tight)
+        if (match >= 0).all():
+            return match
+        short = decompose(tight, match)
+        inside, reached = np.zeros(core.rows, bool), np.zeros(core.columns, bool)
+        inside[short.over_rows], reached[short.over_columns] = True, True
+        leaving = inside[row] & ~reached[column]
+        if not leaving.any():
             return None
-    return np.array(match, np.int64)
-
-
-def _shortest_path(
-    root: int,
-    entries: list[list[tuple[int, int]]],
-    row_price: list[int],
-    column_price: list[int],
-    owner: list[int],
-    match: list[int],
-) -> bool:
-    """Match one more row along the cheapest augmenting path (Dijkstra over reduced costs); False: there is none."""
-    distance: dict[int, int] = {}  # of columns
-    source: dict[int, int] = {}
-    done: dict[int, int] = {}
-    heap: list[tuple[int, int]] = []
-    row, base = root, 0
-    while True:
-        for j, w in entries[row]:
-            new = base + row_price[row] + column_price[j] - w
-            if j not in done and new < distance.get(j, 1 << 60):
-                distance[j], source[j] = new, row
-                heappush(heap, (new, j))
-        while heap and heap[0][1] in done:
-            heappop(heap)
-        if not heap:
-            return False
-        base, j = heappop(heap)
-        done[j] = base
-        if owner[j] < 0:
-            break
-        row = owner[j]
-    for k, at in done.items():
-        if k != j:
-            row_price[owner[k]] -= base - at
-            column_price[k] += base - at
-    row_price[root] -= base
-    while True:
-        row = source[j]
-        previous = match[row]
-        owner[j], match[row] = row, j
-        if row == root:
-            return True
-        j = previous
+        rise = slack[leaving].min()
+        row_price[inside] += rise
+        column_price[reached] += rise
 
 
 def offsets(incidence: Incidence, match: np.ndarray, lower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,4 +88,4 @@ def offsets(incidence: Incidence, match: np.ndarray, lower: np.ndarray) -> tuple
         needed = incidence.order[entries] + c[incidence.row[entries]]
         raised = needed > d[columns]
         np.maximum.at(d, columns[raised], needed[raised])
-        rows = row_of[np.unique(columns[raised])]
+        rows = row_of[distinct(columns[raised])]

@@ -11,6 +11,7 @@ from lmoc.expression.dag import Expr, postorder, slot, substitute
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coefficients import Kinds, is_constant
+from lmoc.structure.distinct import distinct
 from lmoc.structure.explicit import as_formula, jointly_linear, pivot, solve_pair, solved
 from lmoc.structure.program import Apply, Solve, Step
 from lmoc.structure.substitution import partition
@@ -60,7 +61,7 @@ def alike_blocks(system: SquareSystem, members: np.ndarray, needed: np.ndarray) 
     batch_of = np.repeat(np.arange(len(system.rows)), [r.count for r in system.rows])
     block = blocks.block[members]
     size = blocks.size[block]
-    for n in np.unique(size).tolist():
+    for n in distinct(size).tolist():
         mine = members[size == n]
         mine = mine[np.lexsort((mine, batch_of[mine], blocks.block[mine]))].reshape(-1, n)
         for batches, rows in partition(batch_of[mine]):
