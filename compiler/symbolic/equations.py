@@ -85,11 +85,11 @@ class EquationsOfMotion:
 
     @property
     def operation_count(self) -> int:
+        """Operations of all sides as they are written."""
         import sympy as sp
 
-        return sum(int(sp.count_ops(c * f)) for e in self.equations for c, f in (*e.left, *e.right)) + sum(
-            len(e.left) + len(e.right) - 1 for e in self.equations
-        )
+        sides = [sp.Add(*(c * f for c, f in side)) for e in self.equations for side in (e.left, e.right)]
+        return sum(int(sp.count_ops(side)) for side in sides)
 
     def lines(self, style: Style = UNICODE) -> list[str]:
         return [e.write(self.notation, style) for e in self.equations]
@@ -225,7 +225,7 @@ def equations_of_motion(
     ModelError
         E0660, as `symbolic_system`.
     """
-    from lmoc.symbolic.motion import derive
+    from lmoc.symbolic.motion import accelerations, derive
 
     system = symbolic_system(reduced, values) if system is None else system
     motion = derive(reduced, system, values, forces)
@@ -234,9 +234,10 @@ def equations_of_motion(
         sorted_equation(r, q, n, motion.coordinates, late, clear_all=not motion.balanced)
         for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
     )
-    found = {name: _tidy_sum(value, late) for name, value in motion.forces.items()}
+    solved = accelerations(system) if forces else {}
+    found = {name: _shortest(value, solved, late) for name, value in motion.forces.items()}
     occurring = [e.residual for e in equations] + list(found.values())
-    notation = Notation.of(*occurring, names=found, late=late)
+    notation = Notation.of(*occurring, names=found, late=late, given=system.own_names | motion.own_names)
     descriptions = _descriptions(reduced.flat, notation.short)
     return EquationsOfMotion(system.name, equations, found, notation, descriptions, system.assumptions)
 
@@ -286,16 +287,17 @@ def sorted_equation(
         jets = [(n, names.index(b)) for b, n in jets if b in names]
         highest = max(n for n, _ in jets)
         place = min(i for n, i in jets if n == highest)
-        return (-highest, not term[1].is_Symbol, highest == order and names[place] != own, place, str(term[1]))
+        return (-highest, not term[1].is_Symbol, place, str(term[1]))
 
     left.sort(key=rank)
     right.sort(key=lambda t: (t[1] == 1, -max((base_of(s.name)[1] for s in t[1].free_symbols), default=0), str(t[1])))
-    if left and _leading_negative(left[0][0]):
+    leading = next((c for c, f in left if f == jet_symbol(own, order)), left[0][0] if left else sp.S.One)
+    if _is_negative(leading):
         left, right = ([(-c, f) for c, f in side] for side in (left, right))
     return Equation(sp.Symbol(own), order, tuple(left), tuple(right))
 
 
-def _leading_negative(coefficient: sympy.Expr) -> bool:
+def _is_negative(coefficient: sympy.Expr) -> bool:
     import sympy as sp
 
     return all(t.could_extract_minus_sign() for t in sp.Add.make_args(sp.numer(sp.together(coefficient))))
@@ -391,7 +393,11 @@ def _plain_factors(value: sympy.Expr) -> sympy.Expr:
     return sp.Mul(*factors)
 
 
-def _tidy_sum(value: sympy.Expr, late: Iterable[str]) -> sympy.Expr:
+def _shortest(value: sympy.Expr, solved: Mapping, late: Iterable[str]) -> sympy.Expr:
+    """A force with the accelerations as they stand or as solved, whichever is shorter."""
     import sympy as sp
 
-    return sp.Add(*(c * f for c, f in gathered(value, set(late))))
+    def tidy(e: sympy.Expr) -> sympy.Expr:
+        return sp.factor_terms(sp.Add(*(c * f for c, f in gathered(e, set(late)))), sign=False)
+
+    return min((tidy(value), tidy(value.xreplace(solved))), key=lambda e: e.count_ops())

@@ -100,6 +100,15 @@ class PartLaws:
             raise NotLinearError(self.flat.variable_name(variable))
         return -residual.xreplace({x: sp.S.Zero}) / slope
 
+    def same_as(self, variable: int) -> int | None:
+        """The other variable of a relation that says no more than that two are equal."""
+        for i in self.relations:
+            group, row = self.rows[i]
+            pair = group.slots[row].tolist()
+            if len(pair) == 2 and variable in pair and group.left.op == group.right.op == "slot":
+                return pair[1 - pair.index(variable)]
+        return None
+
     def symbol(self, variable: int) -> sympy.Symbol:
         import sympy as sp
 
@@ -132,14 +141,16 @@ class PartLaws:
         import sympy as sp
 
         residuals = [self.residual(i) for i in self.relations]
+        unknown = set(self.unknown)
         if balances:
             sums = self.flat.sums
             for r in range(sums.rows):
                 part = slice(sums.start[r], sums.start[r + 1])
-                pairs = zip(sums.index[part].tolist(), sums.sign[part].tolist(), strict=True)
-                residuals.append(sp.Add(*(int(sign) * self.value(v) for v, sign in pairs)))
-            residuals += [self._row(g, r) for g in self.flat.groups if g.origin == "connection" for r in range(g.rows)]
-        unknowns = {v: self.symbol(v) for v in sorted(self.unknown)}
+                pairs = list(zip(sums.index[part].tolist(), sums.sign[part].tolist(), strict=True))
+                if all(self.flat.block_at(v).flow for v, _ in pairs):
+                    residuals.append(sp.Add(*(int(sign) * self.value(v) for v, sign in pairs)))
+                    unknown |= {v for v, _ in pairs if self._is_unknown(v) and v not in self._cause}
+        unknowns = {v: self.symbol(v) for v in sorted(unknown)}
         zero = {s: sp.S.Zero for s in unknowns.values()}
         rows, right = [], []
         for residual in residuals:
@@ -148,10 +159,6 @@ class PartLaws:
                 rows.append(present)
                 right.append(-residual.xreplace(zero))
         return eliminate(rows), unknowns, right
-
-    def _row(self, group: Group, row: int) -> sympy.Expr:
-        columns = group.slots[row]
-        return lower(group.residual, lambda k, _: self.value(int(columns[k])))
 
 
 class NotLinearError(Exception):

@@ -12,7 +12,7 @@ Scenes whose forces are not all tied to ports get the explicit form, one solved 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +42,7 @@ class Motion:
         Internal forces of ideal parts.
     balanced : bool
         By virtual power; otherwise each residual is a solved equation.
+    own_names : {force: name of the top-level variable that is the same}
     """
 
     coordinates: tuple[sympy.Symbol, ...]
@@ -49,6 +50,7 @@ class Motion:
     residuals: tuple[sympy.Expr, ...]
     forces: Mapping[str, sympy.Expr]
     balanced: bool
+    own_names: Mapping[str, str] = field(default_factory=dict)
 
 
 class Kinematics:
@@ -153,8 +155,8 @@ def _virtual_power(interpreter: Interpreter, system: SymbolicSystem, forces: boo
     residuals = [_without(sp.Add(*power[q]), set(unknowns.values())) for q in rates]
     if any(r is None for r in residuals):
         return None
-    found = _reactions(laws) if forces else {}
-    return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), tuple(residuals), found, True)
+    found, own = _reactions(laws) if forces else ({}, {})
+    return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), tuple(residuals), found, True, own)
 
 
 def _ports(flat) -> list[tuple[int, int]]:
@@ -178,24 +180,41 @@ def _without(power: sympy.Expr, reactions: set) -> sympy.Expr | None:
     return power.xreplace({r: sp.S.Zero for r in reactions})
 
 
-def _reactions(laws: PartLaws) -> dict[str, sympy.Expr]:
-    """Internal forces of ideal parts in jets of the coordinates: one they declare, or the flow of their first port."""
+def _reactions(laws: PartLaws) -> tuple[dict[str, sympy.Expr], dict[str, str]]:
+    """Internal forces of ideal parts in jets of the coordinates, and the user's own names for them."""
     import sympy as sp
 
     flat = laws.flat
     elimination, unknowns, right = laws.solve_relations(balances=True)
-    named: dict[int, int] = {}
-    for v in sorted(laws.unknown):
-        block = flat.block_at(v)
-        best = named.get(block.part)
-        if best is None or (flat.block_at(best).connector and not block.connector):
-            named[block.part] = v
+    parts: dict[int, list[int]] = {}
+    for v in sorted(laws.unknown & elimination.solution.keys()):
+        if not elimination.by_free[v]:
+            parts.setdefault(flat.block_at(v).part, []).append(v)
+    own = {}
+    for v in parts.pop(0, []):  # the scene's own variables are other names for forces of parts
+        same = laws.same_as(v)
+        if same is not None:
+            own[flat.variable_name(same)] = flat.variable_name(v)
     found = {}
-    for v in named.values():
-        if v in elimination.solution and not elimination.by_free[v]:
-            value = sum((c * right[j] for j, c in elimination.solution[v].items()), sp.S.Zero)
-            found[flat.variable_name(v)] = value
-    return found
+    for v in (v for members in parts.values() for v in _telling(flat, members)):
+        value = sum((c * right[j] for j, c in elimination.solution[v].items()), sp.S.Zero)
+        found[flat.variable_name(v)] = value
+    return found, own
+
+
+def _telling(flat, unknown: list[int]) -> list[int]:
+    """Of a part's unknown forces those it declares itself (a tension); else those on its ports, else the torques."""
+    own = [v for v in unknown if not flat.block_at(v).connector and flat.block_at(v).unit in ("N", "N.m")]
+    at_ports = [v for v in unknown if flat.block_at(v).connector]
+    forces = [v for v in at_ports if flat.block_at(v).unit == "N"]
+    return own or forces or at_ports
+
+
+def accelerations(system: SymbolicSystem) -> dict[sympy.Symbol, sympy.Expr]:
+    """The highest derivative of each coordinate, solved."""
+    solved = explicit(system)
+    highest = [jet_symbol(q.name, n) for q, n in zip(solved.coordinates, solved.orders, strict=True)]
+    return {x: x - residual for x, residual in zip(highest, solved.residuals, strict=True)}
 
 
 def explicit(system: SymbolicSystem) -> Motion:
@@ -214,9 +233,8 @@ def agrees(motion: Motion, system: SymbolicSystem) -> bool:
     """The residuals vanish with the explicit derivatives, and determine them; tried at random numbers."""
     import sympy as sp
 
+    values = accelerations(system)
     highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders, strict=True)]
-    solved = explicit(system)
-    values = {x: x - r for x, r in zip(highest, solved.residuals, strict=True)}
     symbols = set().union(*(r.free_symbols for r in (*motion.residuals, *values.values())), set()) - set(highest)
     generator = np.random.default_rng(7)
     ordered = sorted(symbols, key=lambda s: s.name)

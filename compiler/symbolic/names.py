@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 _INDEX = re.compile(r"(?:\[(\d+)\]|(\d+))$")
 
@@ -16,18 +16,22 @@ def base_of(name: str) -> tuple[str, int]:
     return name, order
 
 
-def short_names(names: Iterable[str]) -> dict[str, str]:
+def short_names(names: Iterable[str], given: Mapping[str, str] | None = None) -> dict[str, str]:
     """Shortest unambiguous form of each dotted name.
+
+    A name in `given` is called as given there (the user's own name for the same thing: ``output q1 = wheel.q``).
+    For the others:
 
     The last component (``q``); else with the number of its part (``mass1.q`` → ``q1``, ``m[3].q`` → ``q3``); else
     with the part's name (``q_left``); else the whole name. All names with the same last component take the same form.
     """
     full = list(dict.fromkeys(names))
+    given = {name: short for name, short in (given or {}).items() if name in full and short not in full}
     families: dict[str, list[str]] = {}
     for name in full:
         families.setdefault(_last(name), []).append(name)
-    taken = {name for name in full if "." not in name and "[" not in name}
-    result = {name: name for name in taken}
+    result = {name: name for name in full if "." not in name and "[" not in name} | given
+    taken = set(result.values())
     for family in families.values():
         rest = [name for name in family if name not in result]
         for form in _FORMS:

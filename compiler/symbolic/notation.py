@@ -6,7 +6,7 @@ dots, and what counts up comes before what is subtracted: ``(J + m·r²)·θ̈ +
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -32,11 +32,18 @@ class Notation:
     late: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, *expressions: sympy.Expr, names: Iterable[str] = (), late: Iterable[str] = ()) -> Notation:
-        """For the symbols of some expressions and further names."""
+    def of(
+        cls,
+        *expressions: sympy.Expr,
+        names: Iterable[str] = (),
+        late: Iterable[str] = (),
+        given: Mapping[str, str] | None = None,
+    ) -> Notation:
+        """For the symbols of some expressions and further names; `given` as in `short_names`."""
         found = sorted({base_of(s.name)[0] for e in expressions for s in e.free_symbols})
         late = [base_of(n)[0] for n in late]
-        return cls(short_names([*late, *(base_of(n)[0] for n in names), *found]), {n: i for i, n in enumerate(late)})
+        shown = short_names([*late, *(base_of(n)[0] for n in names), *found], given)
+        return cls(shown, {n: i for i, n in enumerate(late)})
 
     def name(self, full: str, style: Style = UNICODE) -> str:
         base, order = base_of(full)

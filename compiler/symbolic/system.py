@@ -45,7 +45,7 @@ class SymbolicSystem:
     values : {Symbol: float}
         Values of the parameters that occur; NaN where there is none.
     coordinates : tuple of (position, velocity)
-        Indices into `states`; velocity is -1 for a coordinate of first order.
+        Indices into `states`; velocity is -1 for a coordinate of first order, and those come last.
     variables : {name: Expr}
         Further variables of the flat model that were asked for.
     assumptions : tuple of str
@@ -70,12 +70,18 @@ class SymbolicSystem:
     def coordinates(self) -> tuple[tuple[int, int], ...]:
         velocity_of = {i: self.states.index(d) for i, d in enumerate(self.derivatives) if d in self.states}
         velocities = set(velocity_of.values())
-        return tuple((i, velocity_of.get(i, -1)) for i in range(len(self.states)) if i not in velocities)
+        found = [(i, velocity_of.get(i, -1)) for i in range(len(self.states)) if i not in velocities]
+        return tuple(sorted(found, key=lambda pair: pair[1] < 0))
 
     @property
     def ode(self) -> dict[str, sympy.Expr]:
         """{state name: expression of its derivative}."""
         return {s.name: d for s, d in zip(self.states, self.derivatives, strict=True)}
+
+    @cached_property
+    def own_names(self) -> dict[str, str]:
+        """{state name: name of the top-level output that is the same}."""
+        return {value.name: name for name, value in reversed(self.outputs.items()) if value in self.states}
 
     def jets(self, u: sympy.Symbol) -> tuple[sympy.Symbol, ...]:
         return tuple(self.input_jets.get(u, (u,)))
@@ -130,16 +136,18 @@ def symbolic_system(
     outputs = [n for b in flat.blocks if b.output for n in range(b.offset, b.offset + b.size)]
     wanted = [(flat.variable_name(v), v) for v in outputs] + [(n, _only(flat, n)) for n in variables]
     interpreter.fill([int(reduced.register_of[v]) for _, v in wanted if reduced.register_of[v] >= 0])
-    values_of = {name: interpreter.variable(v) for name, v in wanted}
+    values_of = {name: arrange(interpreter.variable(v), interpreter) for name, v in wanted}
+    derivatives = tuple(arrange(interpreter.w[int(r)], interpreter) for r in reduced.derivatives)
+    occurring = set().union(*(e.free_symbols for e in (*derivatives, *values_of.values())))
     return SymbolicSystem(
         name=flat.name,
         states=tuple(interpreter.w[int(r)] for r in reduced.states),
-        derivatives=tuple(arrange(interpreter.w[int(r)], interpreter) for r in reduced.derivatives),
+        derivatives=derivatives,
         inputs=tuple(interpreter.input_symbols),
         input_jets=interpreter.input_symbols,
-        outputs={flat.variable_name(v): arrange(values_of[flat.variable_name(v)], interpreter) for v in outputs},
-        values=dict(interpreter.parameters.used),
-        variables={n: arrange(values_of[n], interpreter) for n in variables},
+        outputs={flat.variable_name(v): values_of[flat.variable_name(v)] for v in outputs},
+        values={s: v for s, v in interpreter.parameters.used.items() if s in occurring},
+        variables={n: values_of[n] for n in variables},
         assumptions=tuple(g.text for g in reduced.guards),
     )
 
