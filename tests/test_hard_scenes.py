@@ -14,7 +14,7 @@ SCENES = json.loads((ROOT / "tests/data/scenes.json").read_text())
 # Where the accuracy comes from, and how far the default options must carry.
 ACCURATE = {
     "H08": {"rtol": 1e-9},
-    "H13": {"rtol": 1e-9, "atol": 1e-15},  # 16000 periods of an undamped mode of 1 µm
+    "H13": {"rtol": 1e-11, "atol": 1e-17},  # 16000 periods of an undamped mode of 1 µm
     "H14": {"rtol": 1e-9},
     "H28": {"rtol": 1e-8, "atol": 1e-11},
     "H28b": {"rtol": 1e-8, "atol": 1e-11},
@@ -46,7 +46,9 @@ def test_states_are_minimal(name):
 
 @pytest.mark.parametrize("name", STARTS)
 def test_energy_is_balanced(name):
-    assert compiled(name).simulate().energy.balance < 100 * 1e-6
+    # H28 loses half of all energy in its first microseconds, and the ledger takes no part in the error test
+    rtol = 1e-8 if name == "H28" else 1e-6
+    assert compiled(name).simulate(rtol=rtol).energy.balance < 100 * 1e-6
 
 
 def test_torques_of_a_gear_loop_are_said_to_be_not_unique():
