@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from flat_builder import flat_model
@@ -219,3 +221,64 @@ def test_constant_equation_that_cannot_hold():
     flat = flat_model("parameter p = 2\nvar x\np = 3\nder(x) = x")
     with pytest.raises(ModelError, match="E0411"):
         normalize(flat, flat.parameter_values(), None, Report())
+
+
+TRIANGLE = """
+parameter r.L = 1
+parameter s.L = 2
+parameter t.L = 3
+parameter o.L = 4
+var A.q B.q C.q D.q
+potential r.a.q r.b.q s.a.q s.b.q t.a.q t.b.q o.a.q o.b.q
+flow A.f B.f C.f D.f r.a.f r.b.f s.a.f s.b.f t.a.f t.b.f o.a.f o.b.f
+r.b.q = r.a.q + r.L
+r.a.f = -r.b.f
+s.b.q = s.a.q + s.L
+s.a.f = -s.b.f
+t.b.q = t.a.q + t.L
+t.a.f = -t.b.f
+o.b.q = o.a.q + o.L
+o.a.f = -o.b.f
+der(der(A.q)) = A.f
+der(der(B.q)) = B.f
+2*der(der(C.q)) = C.f
+3*der(der(D.q)) = D.f
+connect A.q = r.a.q
+connect A.q = t.a.q
+connect B.q = r.b.q
+connect B.q = s.a.q
+connect C.q = s.b.q
+connect C.q = t.b.q
+connect C.q = o.a.q
+connect D.q = o.b.q
+sum A.f + r.a.f + t.a.f
+sum B.f + r.b.f + s.a.f
+sum C.f + s.b.f + t.b.f + o.a.f
+sum D.f + o.b.f
+"""
+
+
+def test_only_the_forces_inside_the_loop_are_undetermined():
+    n = reduced(TRIANGLE)
+    assert {v.split(".")[0] for v in undetermined(n)} == {"r", "s", "t"} and is_square(n)
+    assert {"r", "s", "t"} <= set(n.notes[0].message.replace(",", "").split())
+    assert "E0411" in errors(TRIANGLE, **{"t.L": 3.5})
+
+
+def test_pulleys_that_contradict():
+    text = PULLEYS.replace("b.a.q + b.b.q = b.N*b.c.q", "b.a.q + b.b.q = b.N*b.c.q + 1")
+    message = errors(text)
+    assert "E0411" in message and "p" in message and "b.a.q + b.b.q = b.N*b.c.q + 1" in message
+
+
+def test_parameters_without_values_are_taken_to_agree():
+    n = reduced(GEARS.replace("a.N = 2", "a.N").replace("b.N = 2", "b.N"))
+    assert n.notes[0].code == "N0415" and is_square(n)
+
+
+def test_ten_loops_lose_ten_reactions():
+    lines = [line for line in TRIANGLE.split("\n") if line]
+    text = "\n".join(re.sub(r"\b([ABCDrsto])\.", rf"\g<1>{k}.", line) for k in range(10) for line in lines)
+    n = reduced(text)
+    assert len([r for g in n.groups if g.residual.op == "slot" for r in g.source]) == 10 and is_square(n)
+    assert n.notes[-1].hint == "7 more constraints repeat others"

@@ -24,6 +24,7 @@ from lmoc.structure.reduced import Guard
 from lmoc.structure.redundancy import Constraints, constraints, free_reactions
 from lmoc.structure.substitution import Rows, jet, merged
 from lmoc.structure.sum_rows import LONGEST_SHAPE, SumRows, as_groups, view
+from lmoc.structure.vanishing import Missing
 
 # of a mistake made in every row of an array, this many are shown
 SHOWN = 3
@@ -119,11 +120,10 @@ def _closed(work: Elimination, report: Report) -> list[int]:
         if g.shape is ZERO:
             repeated += g.source.tolist()
         elif is_constant(g.shape, g.kinds):
-            looped = Rows(g.shape, g.kinds, g.slots, g.source, looped=1)
-            zero = work.splitter.vanishing(looped, g.shape)
+            zero = work.splitter.vanishing(g, g.shape, Missing.FITTING)
             repeated += g.source[zero].tolist()
             for row in np.flatnonzero(~zero)[:SHOWN].tolist():
-                _contradiction(work, looped, row, report)
+                _contradiction(work, g, row, report)
         else:
             for number in g.source[:SHOWN].tolist():
                 _prescribed_twice(work.loops, number, report)

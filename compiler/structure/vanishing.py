@@ -7,6 +7,7 @@ decision is a guard, to be checked for each further parameter set.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
@@ -29,6 +30,17 @@ from lmoc.structure.derived import DerivedParameters
 from lmoc.structure.reduced import Guard
 from lmoc.structure.substitution import Rows, partition
 
+# multiples of the golden ratio, less their integers, differ from each other and from what occurs
+GOLDEN = 0.6180339887498949
+
+
+class Missing(IntEnum):
+    """What a parameter without a value is taken for."""
+
+    ANYTHING = 0  # a number that nothing cancels
+    EQUAL = 1  # equal to the others: gears in a loop are meant to agree
+    FITTING = 2  # whatever makes the sum vanish: lengths in a loop are meant to add up
+
 
 @dataclass(frozen=True, eq=False)
 class Vanishing:
@@ -38,18 +50,32 @@ class Vanishing:
     slots: np.ndarray
     zero: np.ndarray  # (n,) bool
     derived: DerivedParameters
-    nan_is_zero: bool
+    missing: Missing
 
     def __call__(self, values: np.ndarray) -> bool:
         beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
         known = self.derived.extended(values) if beyond else values
-        return bool((vanishes(self.expr, self.slots, known, self.derived, self.nan_is_zero) == self.zero).all())
+        return bool((vanishes(self.expr, self.slots, known, self.derived, self.missing) == self.zero).all())
 
 
 def vanishes(
-    expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters, nan_is_zero: bool
+    expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters, missing: Missing
 ) -> np.ndarray:
     """Where the value is zero to within the roundoff of its terms; one bool a row."""
+    zero, unclear = _judged(expr, table, known, derived)
+    if unclear.any():
+        if missing == Missing.FITTING:
+            return zero | unclear
+        values = known[: derived.base]
+        lacking = np.isnan(values)
+        stand_in = 1.0 + (missing == Missing.ANYTHING) * (np.arange(len(values)) * GOLDEN % 1.0)
+        filled = derived.extended(np.where(lacking, stand_in, values))
+        zero = np.where(unclear, _judged(expr, table, filled, derived)[0], zero)
+    return zero
+
+
+def _judged(expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters):
+    """Where the value vanishes, and where there is none."""
     if any(n.op in ("add", "sub") for n in postorder(expr)):
         sizes = derived.sizes(known)
         value, size = value_and_size(expr, known[table], sizes[table])
@@ -57,9 +83,7 @@ def vanishes(
     else:
         value = evaluate(expr, lambda k, _: known[table[:, k]])
         zero = np.equal(value, 0.0)
-    if nan_is_zero:
-        zero = zero | np.isnan(value)
-    return np.broadcast_to(zero, (len(table),))
+    return np.broadcast_to(zero, (len(table),)), np.broadcast_to(np.isnan(value), (len(table),))
 
 
 class Splitter:
@@ -69,7 +93,7 @@ class Splitter:
         self.flat = flat
         self.derived = derived
         self.guards: list[Guard] = []
-        self._tested: dict[tuple[Expr, bytes], np.ndarray] = {}
+        self._tested: dict[tuple[Expr, Missing, bytes], np.ndarray] = {}
 
     def by_factors(self, group: Rows) -> list[Rows]:
         """Parts of the group in which no factor that is a parameter expression is zero."""
@@ -93,7 +117,9 @@ class Splitter:
     def _split(self, group: Rows, tests: tuple[Expr, ...], without) -> list[Rows]:
         if not tests:
             return [group]
-        outcome = np.stack([self.vanishing(group, test) for test in tests], axis=1)
+        # where one coordinate only is left in a row, its coefficient is the difference of two ratios
+        missing = Missing.EQUAL if group.looped == 2 else Missing.ANYTHING
+        outcome = np.stack([self.vanishing(group, test, missing) for test in tests], axis=1)
         parts = []
         for pattern, rows in partition(outcome):
             part = group if rows is None else group.take(rows)
@@ -101,17 +127,17 @@ class Splitter:
             parts.append(without(part, zero) if zero else part)
         return parts
 
-    def vanishing(self, group: Rows, expr: Expr) -> np.ndarray:
+    def vanishing(self, group: Rows, expr: Expr, missing: Missing) -> np.ndarray:
         """The test for all rows, recorded as a guard."""
         expr = signed(expr)[1]
         shape, columns = renumbered(expr)
         table = group.slots[:, list(columns)]
-        key = (shape, table.tobytes())
+        key = (shape, missing, table.tobytes())
         if key not in self._tested:
-            zero = vanishes(shape, table, self.derived.known, self.derived, group.looped > 0)
+            zero = vanishes(shape, table, self.derived.known, self.derived, missing)
             self._tested[key] = zero
             if not all(i < self.flat.count and self.flat.kind[i] == Kind.CONSTANT for i in table[0].tolist()):
-                holds = Vanishing(shape, table, zero, self.derived, group.looped > 0)
+                holds = Vanishing(shape, table, zero, self.derived, missing)
                 self.guards.append(Guard(holds, self._text(group, expr, zero)))
         return self._tested[key]
 
