@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from flattening import codes, equations, flat, sums, value
 
-from lmoc.semantics import builtins, equations as equation_module, translate
+from lmoc.semantics import builtins, translate
+from lmoc.semantics import equations as equation_module
 
 
 @pytest.fixture
@@ -137,7 +138,8 @@ def test_array_functions(expression: str, expected: float) -> None:
     if "[3, :]" in expression:
         expression = "sum(p[3, :])"
     dae = flat(
-        f"model A parameter Real p[3, 2] = {{j + 10*i for i in 1:2, j in 1:3}}; parameter Real v = {expression}; end A;",
+        f"""model A parameter Real p[3, 2] = {{j + 10*i for i in 1:2, j in 1:3}};
+        parameter Real v = {expression}; end A;""",
         library=False,
     )
     assert value(dae, "v") == pytest.approx(expected)

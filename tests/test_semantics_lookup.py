@@ -71,23 +71,29 @@ def test_encapsulated_classes_do_not_see_out() -> None:
 
 
 def test_a_local_class_and_a_local_type() -> None:
-    dae = flat("""
+    dae = flat(
+        """
         model A
           type Length = Real(unit = "m", start = 2);
           model B Length x; equation der(x) = 1; end B;
           B b;
-        end A;""", model="A")
+        end A;""",
+        model="A",
+    )
     (block,) = [b for b in dae.blocks if b.pattern == "b.x"]
     assert block.unit == "m"
 
 
 def test_inherited_equations_see_the_names_of_their_own_class() -> None:
-    dae = flat("""
+    dae = flat(
+        """
         package P
           constant Real c = 1;
           partial model Base Real x = c; end Base;
         end P;
-        model A extends P.Base; constant Real c = 2; end A;""", model="A")
+        model A extends P.Base; constant Real c = 2; end A;""",
+        model="A",
+    )
     assert equations(dae) == ["x = 1"]
 
 

@@ -55,9 +55,9 @@ def test_short_classes_carry_modifications_through_extends() -> None:
 def test_final_cannot_be_modified() -> None:
     text = "model B %s; end B; model A B b(p = 2); end A;"
     assert codes(text % "final parameter Real p = 1") == ["E0206"]
-    assert codes("model B parameter Real p; end B; model C extends B(final p = 1); end C; model A C c(p = 2); end A;") == [
-        "E0206"
-    ]
+    assert codes(
+        "model B parameter Real p; end B; model C extends B(final p = 1); end C; model A C c(p = 2); end A;"
+    ) == ["E0206"]
 
 
 def test_each_and_arrays_of_values() -> None:

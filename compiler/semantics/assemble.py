@@ -56,8 +56,8 @@ def make_blocks(layout: Layout) -> list[Block]:
     """The table of variables."""
     return [
         Block(
-            v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.component.description, v.flow, v.connector, v.output,
-            _protected(v), v.structural, v.state_select, v.parent.owner.part, v.component.span,
+            v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.component.description, v.flow, v.connector,
+            v.output, _protected(v), v.structural, v.state_select, v.parent.owner.part, v.component.span,
         )
         for v in layout.variables
     ]  # fmt: skip
@@ -116,7 +116,15 @@ def pool_literals(columns: Sequence[Column], offset: int) -> Literals | None:
 
 
 def all_columns(drafts: Drafts) -> list[Column]:
-    lists = (drafts.groups, drafts.initial, drafts.bindings, drafts.starts, drafts.fixed, drafts.nominals, drafts.checks)
+    lists = (
+        drafts.groups,
+        drafts.initial,
+        drafts.bindings,
+        drafts.starts,
+        drafts.fixed,
+        drafts.nominals,
+        drafts.checks,
+    )
     return [column for items in lists for item in items for column in item.columns]
 
 
@@ -208,7 +216,9 @@ def in_order(bindings: list[Assignments], count: int, blocks: list[Block], repor
     return tuple(bindings[k] for k in order)
 
 
-def _report_cycle(path: list[int], again: int, bindings: list[Assignments], blocks: list[Block], report: Report) -> None:
+def _report_cycle(
+    path: list[int], again: int, bindings: list[Assignments], blocks: list[Block], report: Report
+) -> None:
     def name(k: int) -> str:
         first = int(bindings[k].target[0])
         block = next(b for b in blocks if b.offset <= first < b.offset + b.size)

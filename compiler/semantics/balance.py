@@ -1,8 +1,8 @@
 """Every part has as many equations as unknowns (Modelica specification, 4.7).
 
-Counted is what a class says itself: its own variables and those of its own connectors against its own equations. Each flow
-of an own connector is given from outside, and each connector that is connected inside brings one equation a flow. A port
-of a part inside adds one unknown and one equation, whether it is connected or not: it need not be counted.
+Counted is what a class says itself: its own variables and those of its own connectors against its own equations.
+Each flow of an own connector is given from outside, and each connector that is connected inside brings one equation a
+flow. A port of a part inside adds one unknown and one equation, whether it is connected or not: it need not be counted.
 """
 
 from __future__ import annotations

@@ -37,9 +37,7 @@ class Edges:
             nothing = np.zeros(0, int)
             return Edges(nothing, nothing, nothing)
         left, right, number = zip(*parts)
-        return Edges(
-            np.concatenate(left), np.concatenate(right), np.repeat(number, [len(a) for a in left]).astype(int)
-        )
+        return Edges(np.concatenate(left), np.concatenate(right), np.repeat(number, [len(a) for a in left]).astype(int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +160,7 @@ def components(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndar
     Returns
     -------
     nodes : the distinct end points, ascending
-    label : number of the component of each node
+    label : number of the component of each node, in the order of their first nodes
     left, right : the edges as positions in `nodes`
     """
     nodes, where = np.unique(np.concatenate([left, right]), return_inverse=True)
@@ -181,7 +179,8 @@ def components(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndar
         return x
 
     for x, y in zip(a.tolist(), b.tolist()):
-        parent[root(x)] = root(y)
+        low, high = sorted((root(x), root(y)))
+        parent[high] = low
     return nodes, np.unique([root(x) for x in range(len(nodes))], return_inverse=True)[1], a, b
 
 

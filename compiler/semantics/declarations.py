@@ -1,4 +1,4 @@
-"""What declarations give: bindings, and the attributes start, fixed, nominal, unit, stateSelect (specification, 4.4 and 4.9)."""
+"""What declarations give: bindings, and attributes such as start, fixed, unit (Modelica specification, 4.4 and 4.9)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from lmoc.semantics.modification import Binding
 from lmoc.semantics.rows import positions
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
+
 
 def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
     """Add what the declaration of a variable and its modifications say."""
@@ -47,7 +48,14 @@ def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Bind
         own: Column = (variable, target)
         drafts.groups.append(
             GroupDraft(
-                dag.slot(0), moved, (own, *columns), size, binding_span(binding) or variable.span, node, "binding", library
+                dag.slot(0),
+                moved,
+                (own, *columns),
+                size,
+                binding_span(binding) or variable.span,
+                node,
+                "binding",
+                library,
             )
         )
 

@@ -227,4 +227,3 @@ def _connectors_hint(node: Node) -> str:
         return ""
     names = [n for n, c in node.children.items() if isinstance(c, Instance) and c.connector]
     return f"its connectors are {', '.join(names)}" if names else ""
-

@@ -168,9 +168,7 @@ class _Flattening:
             return  # equations are missing because they are wrong
         check_connectors(self.model.root.instances(), self.report)
         if not self.report.errors:
-            check_balance(
-                self.layout.instances, self.drafts, self.connections, self.layout.variables, self.report
-            )
+            check_balance(self.layout.instances, self.drafts, self.connections, self.layout.variables, self.report)
 
 
 def _zeros(drafts: Drafts, count: int) -> np.ndarray:

@@ -261,7 +261,7 @@ class _Body:
         return stack(items)
 
     def _if(self, s: tree.IfStatement) -> None:
-        """Each branch is run on a copy of the values; where the condition is open, they are joined by if-expressions."""
+        """Each branch runs on a copy of the values; where the condition is open, if-expressions join them."""
         for k, (condition_tree, body) in enumerate(s.branches):
             condition = self.context.value(condition_tree)
             if condition.type != "Boolean" or condition.dims:
@@ -286,7 +286,9 @@ class _Body:
             try:
                 self._statements(body)
             except _Leave:
-                raise Wrong("E0222", "'return' and 'break' need a condition that is known when compiling", span) from None
+                raise Wrong(
+                    "E0222", "'return' and 'break' need a condition that is known when compiling", span
+                ) from None
             results.append(dict(self.values))
         first, second = results
         self.values.clear()

@@ -174,7 +174,9 @@ def subscript(context: Context, expression: tree.Expression, length: int, name: 
 
 
 def _out_of_range(number: int, length: int, name: str, span: Span) -> Wrong:
-    return Wrong("E0215", f"index {number} of '{name}' is out of range", span, expected=f"1 … {length}", found=str(number))
+    return Wrong(
+        "E0215", f"index {number} of '{name}' is out of range", span, expected=f"1 … {length}", found=str(number)
+    )
 
 
 def element_index(context: Context, located: Located) -> Index:

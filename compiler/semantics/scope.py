@@ -210,7 +210,7 @@ class Scope:
     # ------------------------------------------------------------- lookup
 
     def find(self, name: str, inherited: bool = True) -> Member | Scope | Builtin | None:
-        """A simple name, seen from inside this class: own and inherited elements, imports, enclosing classes (5.3.1)."""
+        """A simple name seen from inside: own and inherited elements, imports, enclosing classes (5.3.1)."""
         scope: Scope | None = self
         while scope is not None:
             table = scope.table if inherited and scope.definition else scope.local

@@ -343,9 +343,7 @@ def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
     index = e.indices[k]
     numbers, type_ = iteration(context, index)
     if len(numbers) <= LARGE:
-        inner = [
-            _comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers
-        ]
+        inner = [_comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers]
         return stack(inner) if inner else Value(None, (0,), "Real", ())
     rank = context.space.rank
     leaf = context.leaves.slot(None, numbers.reshape((1,) * rank + numbers.shape))

@@ -1,7 +1,7 @@
 """Unit checks of the user's own equations and bindings.
 
-A literal and a variable without unit have an unknown unit. What is unknown makes a product unknown, fits any sum, and is
-never an error. A group is checked once: its columns have one unit each.
+A literal and a variable without unit have an unknown unit. What is unknown makes a product unknown, fits any sum, and
+is never an error. A group is checked once: its columns have one unit each.
 """
 
 from __future__ import annotations
@@ -194,4 +194,3 @@ def _infer_power(node: Expr, args: list[Unit | None]) -> Unit | None:
     if node.args[1].is_const:
         return base ** Fraction(node.args[1].value).limit_denominator(64)
     return None
-

@@ -1,8 +1,8 @@
 """Units of measurement as vectors of exponents of the SI base units (Modelica specification, chapter 19).
 
 A unit string is ``numerator/denominator`` of factors joined by dots, each a symbol with an optional prefix and an
-exponent: ``N.m/rad``, ``kg.m2``, ``m/s2``, ``1/s``, ``(kg.m)/s2``. Scale does not matter for a check: ``km`` and ``m`` are
-one dimension, but different units: the factor is kept and compared.
+exponent: ``N.m/rad``, ``kg.m2``, ``m/s2``, ``1/s``, ``(kg.m)/s2``. ``km`` and ``m`` are of one dimension, but different
+units: nothing is converted, so the factor is kept and compared.
 """
 
 from __future__ import annotations

@@ -166,4 +166,3 @@ class Arrays:
             return value.expr.value
         axes = self.rank + len(value.dims)
         return evaluate(value.expr, lambda k, order: align(column(k, order), axes))
-
