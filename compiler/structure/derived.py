@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, add, mul, neg, slot, sub
+from lmoc.expression.dag import ONE, Expr, add, div, mul, neg, slot, sub
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
 from lmoc.semantics.flat import Assignments
@@ -40,6 +40,7 @@ class DerivedParameters:
         self.assignments: list[Assignments] = []
         self._firsts: list[int] = []
         self._known = np.concatenate([values, np.full(64, np.nan)])
+        self._inverse = np.full(64, NONE, np.int64)  # of a derived parameter made as 1/c: c
         self._made: dict[tuple, int] = {}
 
     @property
@@ -62,11 +63,11 @@ class DerivedParameters:
         A shape that is one parameter gives that parameter itself; rows that agree share one.
         """
         shape, columns = renumbered(shape)
-        rows = len(slots)
-        if shape.op == "slot":
-            return slots[:, columns[0]]
         used = slots[:, list(columns)]
-        if rows <= 16 or not columns:
+        shape, used = self._without_double_inverse(shape, used)
+        if shape.op == "slot":
+            return used[:, 0]
+        if len(used) <= 16 or not columns:
             return self._define_few(shape, used)
         unique, inverse = _unique_rows(used)
         return self._append(shape, unique)[inverse]
@@ -79,12 +80,29 @@ class DerivedParameters:
             self._made.update(zip(fresh, self._append(shape, table).tolist(), strict=True))
         return np.array([self._made[k] for k in keys], np.int64)
 
+    def _without_double_inverse(self, shape: Expr, used: np.ndarray) -> tuple[Expr, np.ndarray]:
+        """``a/b`` as ``a*c`` where b has been made as ``1/c``."""
+        if shape.op != "div" or shape.args[1].op != "slot" or self.count == self.base:
+            return shape, used
+        column = shape.args[1].value[0]
+        inner = np.where(used[:, column] < self.base, NONE, self._inverse[np.maximum(used[:, column] - self.base, 0)])
+        if (inner < 0).any():
+            return shape, used
+        used = used.copy()
+        used[:, column] = inner
+        shape, columns = renumbered(mul(shape.args[0], slot(column)))
+        return shape, used[:, list(columns)]
+
     def _append(self, shape: Expr, slots: np.ndarray) -> np.ndarray:
         target = np.arange(self.count, self.count + len(slots))
         if target[-1] >= len(self._known):
-            self._known = np.concatenate([self.known, np.full(len(slots) + self.count // 2 + 64, np.nan)])
+            more = len(slots) + self.count // 2 + 64
+            self._known = np.concatenate([self.known, np.full(more, np.nan)])
+            self._inverse = np.concatenate([self._inverse, np.full(len(self._known) - len(self._inverse), NONE)])
         known = self._known
         known[target] = evaluate(shape, lambda k, _: known[slots[:, k]])
+        if shape is _INVERSE:
+            self._inverse[target - self.base] = slots[:, 0]
         self.count += len(slots)
         self.assignments.append(Assignments(target, shape, slots))
         self._firsts.append(int(target[0]))
@@ -131,6 +149,7 @@ class DerivedParameters:
 
 _PRODUCT = mul(slot(0), slot(1))
 _NEGATIVE = neg(slot(0))
+_INVERSE = div(ONE, slot(0))
 
 
 def _shift(case: int) -> tuple[Expr, int]:
