@@ -38,6 +38,14 @@ class Interpreter:
         for block in self._blocks.values():
             block.reset()
 
+    def sparse_matrix(self, step: Solve, w: np.ndarray, time: float):
+        """∂residuals/∂unknowns of a block with one instance, as a scipy CSC matrix."""
+        from scipy.sparse import csc_matrix
+
+        block = self._blocks[id(step)]
+        size = step.unknowns.shape[1]
+        return csc_matrix((block.jacobian.values(w, time), block.place[1:]), shape=(size, size))
+
     def run(self, w: np.ndarray, time: float | np.ndarray) -> None:
         """Fill the registers that the program writes; what cannot be computed becomes NaN."""
         with np.errstate(all="ignore"):

@@ -32,7 +32,7 @@ class Plan:
     input_program : fills the other input registers
     states : (n,) registers integrated: the states, then the quadratures
     derivatives : (n,)
-    tested : (n,) whether a component takes part in the error test (the energy ledger does not)
+    tested : (n,) whether a component takes part in the error test
     program : input_program and what fills `derivatives`
     """
 
@@ -119,9 +119,6 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
     keep = _wanted_quadratures(reduced, energy)
     quadratures, rates = reduced.quadratures[keep], reduced.quadrature_derivatives[keep]
     extra = needed_steps(reduced.observe, rates, reduced.registers.count)
-    ledger = [v for name in LEDGER for v in _variables(reduced, name)]
-    # the ledger follows the motion; only where nothing moves by itself must it choose the steps
-    tested = ~np.isin(reduced.registers.variable[quadratures], ledger) | (len(reduced.states) == 0)
     return Plan(
         reduced,
         count,
@@ -133,7 +130,8 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
         input_program,
         np.concatenate([reduced.states, quadratures]).astype(int),
         np.concatenate([reduced.derivatives, rates]).astype(int),
-        np.concatenate([np.ones(len(reduced.states), bool), tested]),
+        # the ledger too: a force may work where no state moves, and steps chosen without it would miss that
+        np.ones(len(reduced.states) + len(quadratures), bool),
         input_program + reduced.rhs + extra,
         tuple(report.diagnostics[before:]),
     )

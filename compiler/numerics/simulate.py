@@ -148,6 +148,8 @@ class _Run:
             table = np.zeros((len(self.times) - 1, 0))
             self.recorder(1, table)
             return Outcome(float(self.times[-1]), x, len(self.times)), {"solver": "none", "reason": "no states"}
+        if len(self.times) == 1:
+            return Outcome(float(self.times[0]), x, 1), {"solver": "none", "reason": "only the start"}
         options, experiment = self.options, self.plan.reduced.flat.experiment
         rtol = options.tolerance(experiment)
         atol = rtol * 1e-3 * self.plan.nominal(self.observer.values)

@@ -1,7 +1,7 @@
 """The numeric system: x' = f(t, x) with its Jacobian, whatever evaluates it.
 
-A run has one `System`; parameters are data of it, set by `prepare`. Small explicit programs are casadi functions,
-large ones and those with nonlinear blocks are run by numpy over groups of rows.
+A run has one `System`; parameters are data of it, set by `prepare`. Small explicit programs are casadi functions, large
+ones are compiled C where there is a compiler, and what neither takes is run by numpy over groups of rows.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import Signal
 
-CASADI_ROWS = 4000  # programs with more rows are evaluated by numpy
+CASADI_ROWS = 4000  # programs with more rows are evaluated by C or numpy
+COMPILED_ROWS = 4000  # programs with more rows are worth a call of the C compiler
 
 
 class System(ABC):
@@ -62,6 +63,10 @@ class System(ABC):
     @abstractmethod
     def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         """Write the entries of ∂f/∂x in the order of `pattern` into `out`."""
+
+    def callback(self, order: np.ndarray | None):
+        """The right-hand side as a compiled SUNDIALS callback with its data, states in a new order; None: there is none."""
+        return None
 
     def jacobian(self, t: float, x: np.ndarray) -> np.ndarray:
         """∂f/∂x as a dense matrix."""
@@ -179,4 +184,12 @@ def make_system(plan: Plan) -> System:
     """The way of evaluating that suits the size and the blocks of a plan."""
     if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
         return CasadiSystem(plan)
+    if plan.row_count > COMPILED_ROWS:
+        from lmoc.numerics.native.c_code import Unsupported
+        from lmoc.numerics.native.system import NativeSystem
+
+        try:
+            return NativeSystem(plan)
+        except (Unsupported, OSError):  # a block that C does not take, or no compiler: numpy gives the same values
+            pass
     return VectorSystem(plan)

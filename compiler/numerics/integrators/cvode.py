@@ -93,11 +93,12 @@ def integrate(problem: Problem, method: str = "bdf") -> Outcome:
 
     frame = Frame(problem)
     errors: list[BaseException] = []
-    rhs = cvode.wrap_python(frame.rhs, problem.system.n, errors)
+    native = problem.system.callback(frame.order)
+    rhs, data = native or (cvode.wrap_python(frame.rhs, problem.system.n, errors), None)
     try:
         result = cvode.integrate(
             rhs,
-            None,
+            data,
             frame.arrange(problem.x),
             problem.times,
             problem.rtol,

@@ -171,6 +171,10 @@ def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray)
 
 def make_stepper(system: System) -> Stepper:
     """The stepper of a system; a casadi one is kept with it, because it serves many runs."""
+    if system.kind == "C" and not system.samplers:
+        from lmoc.numerics.native.system import NativeStepper
+
+        return NativeStepper(system)
     if not isinstance(system, CasadiSystem):
         return NumpyStepper(system)
     if system.stepper is None:

@@ -49,7 +49,7 @@ class Kernel:
         library = load_library(PRELUDE + function.text + CALLBACK)
         if library is None:
             raise OSError("no C compiler")
-        self._library = library
+        self.library = library
         self._run = library.lmoc_program
         self._run.restype = None
         self._run.argtypes = [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
@@ -84,26 +84,25 @@ class Kernel:
         """Run the program on `w`."""
         self._run(time, self.w.ctypes.data, self._numbers.ctypes.data, self._pointers.ctypes.data)
 
-    def callback(self, states: np.ndarray, derivatives: np.ndarray):
-        """The right-hand side as SUNDIALS calls it, and what to hand it as user data.
-
-        The kernel must live as long as the two are used.
-        """
-        library = sundials.load()
-        if library is None:
-            raise OSError("the SUNDIALS libraries were not found")
-        self._states = np.ascontiguousarray(states, np.int32)
-        self._derivatives = np.ascontiguousarray(derivatives, np.int32)
+    def call(self, states: np.ndarray, derivatives: np.ndarray) -> _Call:
+        """What C functions need to evaluate derivatives; valid as long as the kernel lives."""
+        tables = [np.ascontiguousarray(r, np.int32) for r in (states, derivatives)]
         contiguous = len(states) > 0 and (np.diff(states) == 1).all()
-        self._call = _Call(
+        data = sundials.load()
+        call = _Call(
             self.w.ctypes.data,
             self._numbers.ctypes.data,
             self._pointers.ctypes.data,
             len(states),
             int(states[0]) if contiguous else -1,
-            self._states.ctypes.data,
-            self._derivatives.ctypes.data,
-            ctypes.cast(library.N_VGetArrayPointer, ctypes.c_void_p).value,
+            *(t.ctypes.data for t in tables),
+            ctypes.cast(data.N_VGetArrayPointer, ctypes.c_void_p).value if data else None,
         )
-        rhs = sundials.RHS(ctypes.cast(self._library.lmoc_rhs, ctypes.c_void_p).value)
+        call.tables = tables  # kept alive with it
+        return call
+
+    def callback(self, states: np.ndarray, derivatives: np.ndarray):
+        """The right-hand side as SUNDIALS calls it, and what to hand it as user data."""
+        self._call = self.call(states, derivatives)
+        rhs = sundials.RHS(ctypes.cast(self.library.lmoc_rhs, ctypes.c_void_p).value)
         return rhs, ctypes.byref(self._call)

@@ -1,0 +1,109 @@
+"""Systems whose program is compiled C, and DOP853's step in C for them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.numerics.integrators import dop853_table as table
+from lmoc.numerics.integrators.stepper import Stepper
+from lmoc.numerics.native.kernel import Kernel
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals import Signal
+from lmoc.numerics.system import VectorSystem
+
+
+class NativeSystem(VectorSystem):
+    """The program is one compiled loop a step; Jacobians come from numpy, which is asked for them rarely."""
+
+    kind = "C"
+
+    def __init__(self, plan: Plan) -> None:
+        """
+        Raises
+        ------
+        native.c_code.Unsupported
+            The program has a block that is not written as C.
+        OSError
+            There is no compiler.
+        """
+        kernel = Kernel(plan.program, plan.count)
+        super().__init__(plan)
+        self.kernel = kernel
+        self.w = kernel.w[: plan.count]
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        super().prepare(base, signals)
+        self.kernel.factorize(lambda step: self.interpreter.sparse_matrix(step, self.w, np.nan))
+
+    def _run(self, t: float, x: np.ndarray) -> None:
+        self.w[self.plan.states] = x
+        if self.samplers:
+            self.sample(t, self._u)
+            self.w[self.plan.sampled] = self._u
+        self.kernel(t)
+
+    def callback(self, order: np.ndarray | None):
+        """The right-hand side as SUNDIALS calls it, for states in a new order; None where Python must be asked for inputs."""
+        if self.samplers:
+            return None
+        states, derivatives = self.plan.states, self.plan.derivatives
+        if order is not None:
+            states, derivatives = states[order], derivatives[order]
+        return self.kernel.callback(states, derivatives)
+
+
+class NativeStepper(Stepper):
+    """All stages of a step in one C call."""
+
+    def __init__(self, system: NativeSystem) -> None:
+        n = system.n
+        self.system = system
+        self.x, self.f, self.x_new, self.last = (np.zeros(n) for _ in range(4))
+        self.k, self.atol, self.weight = np.zeros((16, n)), np.zeros(n), np.zeros(n)
+        self.result = np.zeros(2)
+        self.terms = np.empty((7, n))
+        # A has a row for each of the 16 stages; rows B, E5 and E3 follow it
+        rows = [*table.A, *(np.pad(r, (0, 16 - len(r))) for r in (table.B, table.E5, table.E3))]
+        self.table = np.ascontiguousarray([np.pad(r, (0, 16 - len(r))) for r in rows])
+        self.times = np.ascontiguousarray(table.C)
+        self._call = system.kernel.call(system.plan.states, system.plan.derivatives)
+        library = system.kernel.library
+        self._attempt, self._more = library.lmoc_dop853_attempt, library.lmoc_dop853_more
+        real, pointer = ctypes.c_double, ctypes.c_void_p
+        self._attempt.argtypes = [pointer, real, real, real, *[pointer] * 9]
+        self._more.argtypes = [pointer, real, real, *[pointer] * 5]
+        self._attempt.restype = self._more.restype = None
+
+    def start(self, t, x, rtol, atol, tested) -> None:
+        self.x[:], self.atol[:], self.weight[:] = x, atol, tested
+        self.rtol, self.count = float(rtol), max(1, int(np.sum(tested)))
+        self.system.rhs(t, self.x, self.f)
+
+    def attempt(self, t: float, h: float) -> tuple[float, float]:
+        k = self.k
+        k[0] = self.f
+        arrays = (self.table, self.times, self.x, self.atol, self.weight, k, self.x_new, self.last, self.result)
+        self._attempt(ctypes.byref(self._call), t, h, self.rtol, *(a.ctypes.data for a in arrays))
+        self.system.evaluations += 12
+        error, stiffness = self.result.tolist()
+        return error / np.sqrt(self.count), stiffness
+
+    def dense(self, t: float, h: float) -> np.ndarray:
+        k = self.k
+        arrays = (self.table, self.times, self.x, k, self.last)
+        self._more(ctypes.byref(self._call), t, h, *(a.ctypes.data for a in arrays))
+        self.system.evaluations += 3
+        rise = self.x_new - self.x
+        terms = np.empty_like(self.terms)
+        terms[0] = rise
+        terms[1] = h * k[0] - rise
+        terms[2] = 2 * rise - h * (k[12] + k[0])
+        terms[3:] = h * (table.D @ k)
+        return terms
+
+    def accept(self) -> None:
+        self.x, self.x_new = self.x_new, self.x
+        self.f[:] = self.k[12]
