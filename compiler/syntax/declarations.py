@@ -118,6 +118,9 @@ class Actions(EquationActions):
         self, prefixes: dict, kind: str, body: dict, constraint: Constraint | None, start: int, end: int
     ) -> tree.Class:
         name = body["name"]
+        if constraint:  # what is told after `constrainedby` is told of the class
+            body["description"] = body.get("description") or constraint.comment.description
+            body["annotation"] = body.get("annotation") or constraint.comment.annotation
         fields = {
             "description": "",
             "elements": (),

@@ -28,10 +28,16 @@ class Named(tuple):
     """A named argument of a call: a `Word` and an expression."""
 
 
+_ESCAPE = r"\\([\s\S])"
 _ESCAPES = {
     **{c: c for c in "'\"?\\"},
     **{"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "\f", "v": "\v"},
 }
+
+
+def unescape(literal: str) -> str:
+    """The value of a string literal."""
+    return re.sub(_ESCAPE, lambda match: _ESCAPES.get(match[1], match[1]), literal[1:-1])
 
 
 class ExpressionActions:
@@ -95,24 +101,19 @@ class ExpressionActions:
 
     def unquote(self, literal: str, start: int) -> str:
         """The value of a string literal that stands at or after `start`, its escapes replaced."""
-        text = literal[1:-1]
-        if "\\" not in text:
-            return text
-        at = self.source.text.find(literal, start) + 1
-
-        def replace(match: re.Match) -> str:
+        if "\\" not in literal:
+            return literal[1:-1]
+        at = self.source.text.find(literal, start)
+        for match in re.finditer(_ESCAPE, literal):
             if match[1] not in _ESCAPES:
-                place = self.span(at + match.start(), at + match.end())
                 self.report.error(
                     "E0121",
                     f"'{match[0]}' has no meaning in a string",
-                    place,
+                    self.span(at + match.start(), at + match.end()),
                     expected="one of \\\\ \\\" \\' \\? \\n \\t \\r \\a \\b \\f \\v",
                     hint="a backslash itself is written '\\\\'",
                 )
-            return _ESCAPES.get(match[1], match[1])
-
-        return re.sub(r"\\([\s\S])", replace, text)
+        return unescape(literal)
 
     # ------------------------------------------------------------ literals
 

@@ -14,8 +14,8 @@ from lmoc.source import Span
 from lmoc.syntax import text as show
 from lmoc.syntax import tree
 from lmoc.syntax.lexer import comments
+from lmoc.syntax.lines import broken
 
-_WIDTH = 120
 _INDENT = "  "
 _SECTIONS = (
     ("initial_equations", "initial equation"),
@@ -55,7 +55,7 @@ class _Page:
 
     def line(self, text: str) -> None:
         """Write a line at the current depth, broken where it is too long."""
-        self.lines += _broken(_INDENT * self.depth + text)
+        self.lines += broken(_INDENT * self.depth + text)
 
     def begin(self, span: Span) -> None:
         """Before what was written at a place: the comments up to there, and a blank line if there was one."""
@@ -69,8 +69,8 @@ class _Page:
         stop = len(self.text) if line_end < 0 else line_end
         while self.waiting and self.waiting[0].start < stop:
             comment = self.waiting[0]
-            between = self.text[max(position, self.reached) : comment.start].strip(" \t;,)")
-            if between and comment.start >= position:
+            between = self.text[max(position, self.reached) : comment.start]
+            if comment.start >= position and not re.fullmatch(r"[\s;,)]*(loop|then)?\s*", between):
                 break  # something else stands between
             self.waiting.pop(0)
             self.reached = max(self.reached, comment.end)
@@ -96,21 +96,6 @@ class _Page:
 
 def _without_strings(line: str) -> str:
     return re.sub(r'"(?:[^"\\]|\\.)*"', '""', line)
-
-
-def _broken(line: str) -> list[str]:
-    """A line cut at spaces into lines of bearable length; strings stay whole."""
-    if len(line) <= _WIDTH or "\n" in line:
-        return [line]
-    indent = line[: len(line) - len(line.lstrip())] + 2 * _INDENT
-    # Words with the spaces after them; a string is one word, whatever is in it.
-    words = re.findall(r"""(?:"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)+'|[^\s"'])+\s*""", line.lstrip())
-    result = [line[: len(line) - len(line.lstrip())]]
-    for word in words:
-        if len(result[-1]) + len(word.rstrip()) > _WIDTH and result[-1].strip():
-            result.append(indent)
-        result[-1] += word
-    return [part.rstrip() for part in result]
 
 
 # ------------------------------------------------------------------ classes

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lmoc.syntax import tree
+from lmoc.syntax.expressions import unescape
 
 # Levels of the grammar: an operand printed below the level that its place asks for gets parentheses.
 _ANY, _RANGE, _OR, _AND, _NOT, _RELATION, _SUM, _TERM, _FACTOR, _PRIMARY = range(10)
@@ -64,7 +65,9 @@ def _number(e: tree.Number) -> tuple[int, str]:
 
 
 def _string(e: tree.String) -> tuple[int, str]:
-    return _PRIMARY, quote(e.value)
+    written = e.span.text
+    same = len(written) > 1 and written[0] == written[-1] == '"' and unescape(written) == e.value
+    return _PRIMARY, written if same else quote(e.value)
 
 
 def _reference(e: tree.Ref) -> tuple[int, str]:

@@ -1,0 +1,103 @@
+"""The standard layout says the same as the text, keeps its comments, and is left as it is when applied again."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from syntax_trees import expressions, files
+
+from lmoc.diagnostics import Report, render
+from lmoc.source import Source
+from lmoc.syntax import text, tree
+from lmoc.syntax.format import format
+from lmoc.syntax.lexer import comments
+from lmoc.syntax.lines import WIDTH, broken
+from lmoc.syntax.parse import parse
+from lmoc.syntax.tree import alike
+
+ROOT = Path(__file__).parent.parent
+PROGRAMS = sorted([*ROOT.glob("stdlib/*.lmo"), *ROOT.glob("models/**/*.lmo")])
+
+
+def read(written: str) -> tree.File:
+    report = Report()
+    file = parse(Source("test.lmo", written), report)
+    assert not report.diagnostics, "\n".join(map(render, report.diagnostics)) + "\n" + written
+    return file
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@given(expressions)
+def test_expressions_survive(e: tree.Expression) -> None:
+    equation = read(f"model M equation {text.simple(e)} = 0; end M;").classes[0].equations[0]
+    assert alike(equation.left, e)
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
+@given(files)
+def test_files_survive(file: tree.File) -> None:
+    assert alike(read(format(file)), file)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_programs_survive_with_their_comments(path: Path) -> None:
+    original = Source(path.name, path.read_text(encoding="utf-8"))
+    file = parse(original, Report())
+    written = format(file)
+    again = read(written)
+    assert alike(again, file)
+    assert [c.text.rstrip() for c in comments(again.span.source)] == [c.text.rstrip() for c in comments(original)]
+    assert format(again) == written
+
+
+def test_the_layout() -> None:
+    written = """// about
+model  A  // what it is
+  /* a block
+     comment */
+  Real x(start=1,fixed = true)=2  "pos";  // m
+
+  Real[3] y , z [2];
+protected Real w;
+equation
+  // motion
+  der( x ) = -(x);for i in 1:3 loop // all
+  y[ i ] =i*(2+3);
+  // last
+  end for;
+end A;
+"""
+    assert format(read(written)) == """// about
+model A  // what it is
+  /* a block
+     comment */
+  Real x(start = 1, fixed = true) = 2 "pos";  // m
+
+  Real y[3], z[2, 3];
+protected
+  Real w;
+equation
+  // motion
+  der(x) = -x;
+  for i in 1:3 loop  // all
+    y[i] = i*(2 + 3);
+    // last
+  end for;
+end A;
+"""
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "  Mass body[100](" + ", ".join(f"attribute{i}(start = {i}, fixed = true)" for i in range(9)) + ");",
+        "  Real x(unit = \"m\") = " + " + ".join(f"a{i}*b{i}" for i in range(40)) + ' "a  sum, (of) products";',
+        "  connect(" + "a" * 130 + ", b);",
+        "  x = if " + " and ".join(f"condition{i}" for i in range(20)) + " then f(1, 2) else g(3, 4);",
+    ],
+    ids=["list", "sum", "long name", "condition"],
+)  # fmt: skip
+def test_long_lines(line: str) -> None:
+    pieces = broken(line)
+    assert " ".join(piece.strip() for piece in pieces).replace("( ", "(") == line.strip()
+    assert all(len(piece) <= WIDTH or " " not in piece.strip() for piece in pieces)
