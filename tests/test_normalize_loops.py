@@ -181,12 +181,28 @@ def test_gear_loop_moves_as_one_pair_would():
     assert alpha2 == pytest.approx(2 * 3.0 / (4 * 0.1 + 0.4))
 
 
+WALLS = """
+parameter p.q0 = 1
+parameter w.q0 = 3
+parameter r.L = 2
+potential p.q w.q r.a.q r.b.q
+flow p.f w.f
+var r.f
+p.q = p.q0
+w.q = w.q0
+r.b.q = r.a.q + r.L
+connect p.q = r.a.q
+connect w.q = r.b.q
+r.f = p.f
+w.f = -r.f
+"""
+
+
 def test_rod_between_walls():
-    text = "parameter p.q0 = 1\nparameter w.q0 = 3\nparameter r.L = 2\nvar r.f p.f w.f\npotential p.q w.q r.a r.b\n"
-    text += "p.q = p.q0\nw.q = w.q0\nr.b = r.a + r.L\nconnect p.q = r.a\nconnect w.q = r.b\nr.f = p.f\nw.f = -r.f"
-    assert reduced(text).notes[0].code == "N0415"
-    message = errors(text, **{"r.L": 2.5})
-    assert "E0411" in message and "p, r and w" in message or "r" in message
+    n = reduced(WALLS)
+    assert n.notes[0].code == "N0415" and undetermined(n) == {"r.f", "p.f", "w.f"} and is_square(n)
+    message = errors(WALLS, **{"r.L": 2.5})
+    assert "E0411" in message and all(f"{part}" in message.split("\n")[0] for part in "prw")
 
 
 def test_motion_prescribed_twice():

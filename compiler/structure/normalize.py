@@ -236,7 +236,7 @@ def _fix_reactions(work: Elimination, sums: LongSums, repeated: list[int]) -> np
     """For every repeated constraint set one reaction of its loop to zero; returns the variables left undetermined."""
     flat = work.flat
     coordinate = _coordinates(work)
-    port = _marked(work, lambda b: b.connector)
+    port = _marked(work, lambda b: b.connector) & (work.kind == UNKNOWN)
     long = SumRows(np.repeat(np.arange(sums.rows), np.diff(sums.start)), sums.index, sums.coefficient, sums.source)
     chosen, free = free_reactions(work.groups, long, coordinate, port, work.derived.known)
     chosen = np.array(chosen[: len(repeated)], np.int64)

@@ -133,7 +133,7 @@ def free_reactions(
     ----------
     groups, sums : all equations that remain
     coordinate : (flat.count+1,) roots that are positions of connectors or are differentiated: never a reaction
-    port : (flat.count+1,) roots that stand for a variable of a connector
+    port : (flat.count+1,) unknown roots that stand for a variable of a connector
 
     Returns
     -------
@@ -145,19 +145,21 @@ def free_reactions(
     # what is only computed from the rest does not determine it: P = F·v, Σ P
     keep = ~_rows_that_observe(row, variable, rows, port)[row]
     row, variable, value = row[keep], variable[keep], value[keep]
+    absent = port & ~coordinate
+    absent[variable] = False
+    alone = np.flatnonzero(absent)  # in no equation at all: the force in a rod between two walls
     usable = ~coordinate
     usable[variable[np.isnan(value)]] = False
     inside = usable[variable]
     row, variable, value = row[inside], variable[inside], value[inside]
     columns, column = numbered(variable)
     core = peel(column, row, len(columns), rows)  # a reaction that a row has to itself is unique
-    if not core.any():
-        return [], np.zeros(0, np.int64)
     vectors: dict[int, Vector] = as_vectors(column[core], row[core], value[core])
     numbers = list(vectors)
     found = dependencies([vectors[n] for n in numbers])
     support = {numbers[j] for combination in found.values() for j, w in combination.items() if abs(w) > CONSISTENT}
-    return [int(columns[numbers[i]]) for i in found], columns[sorted(support)]
+    chosen = [*alone.tolist(), *(int(columns[numbers[i]]) for i in found)]
+    return chosen, np.concatenate([alone, columns[sorted(support)]])
 
 
 @cache
