@@ -147,12 +147,11 @@ CATALOGUE: dict[str, Entry] = {
         "model A\n  Real x;\n  x = 1;\nend A;",
     ),
     # ------------------------------ 02xx names, classes, modifications, models
-    # ----------------------------------------- 03xx types, units, connections
-    # ------------------------------------------------------------- 02xx: names, classes, modifications
     "E0201": Entry(
         "unknown name",
-        "There is no variable, parameter or part of that name where it is used. A name is looked up in its own class and\n"
-        "in what that class inherits, then among its imports, then in the classes around it (only constants there).",
+        "There is no variable, parameter or part of that name where it is used. A name is looked up in its own\n"
+        "class and in what that class inherits, then among its imports, then in the classes around it (only\n"
+        "constants there).",
     ),
     "E0202": Entry(
         "unknown class",
@@ -165,13 +164,13 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0204": Entry(
         "declared twice",
-        "One name stands for two things in the same class. Something inherited counts as well, unless both declarations\n"
-        "read the same.",
+        "One name stands for two things in the same class. Something inherited counts as well, unless both\n"
+        "declarations read the same.",
     ),
     "E0205": Entry(
         "nothing of that name to modify",
-        "A modification such as `Mass m(mass = 2)` names an element that the class does not have. A variable has the\n"
-        "attributes start, fixed, nominal, min, max, unit, displayUnit, quantity, stateSelect.",
+        "A modification such as `Mass m(mass = 2)` names an element that the class does not have. A variable has\n"
+        "the attributes start, fixed, nominal, min, max, unit, displayUnit, quantity, stateSelect.",
     ),
     "E0206": Entry(
         "final",
@@ -192,12 +191,13 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0210": Entry(
         "protected",
-        "What stands under `protected` belongs to the class alone: it can neither be read nor modified from outside.",
+        "What stands under `protected` belongs to the class alone: it can neither be read nor modified from\n"
+        "outside.",
     ),
     "E0211": Entry(
         "must be known when compiling",
-        "The number of parts, the range of a loop, the condition of a part or of an if-equation, a subscript: these shape\n"
-        "the model and may use parameters, constants and literals only.",
+        "The number of parts, the range of a loop, the condition of a part or of an if-equation, a subscript: these\n"
+        "shape the model and may use parameters, constants and literals only.",
     ),
     "E0212": Entry(
         "a value is missing that shapes the model",
@@ -206,7 +206,8 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0213": Entry(
         "one value for many parts",
-        "`Mass m[3](m = 2)` gives one value to three masses. Either `each m = 2` for all the same, or `m = {1, 2, 3}`.",
+        "`Mass m[3](m = 2)` gives one value to three masses. Either `each m = 2` for all the same, or `m = {1, 2,\n"
+        "3}`.",
     ),
     "E0214": Entry(
         "outer without inner",
@@ -226,26 +227,36 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0218": Entry(
         "absent part",
-        "The part has a condition that is false here. Connections to it vanish with it, but it cannot be used otherwise.",
+        "The part has a condition that is false here. Connections to it vanish with it, but it cannot be used\n"
+        "otherwise.",
     ),
     "E0220": Entry(
         "structure differs within an array",
         "All elements of an array of parts have the same structure: sizes and conditions cannot differ among them.\n"
         "(If-equations may.) Declare the different ones separately.",
     ),
-    "E0221": Entry("modified twice", "One modification gives the same element two values."),
+    "E0221": Entry(
+        "modified twice",
+        "One modification gives the same element two values.",
+    ),
     "E0222": Entry(
         "a function without result",
         "The algorithm gives an output no value, assigns an input, or does not come to an end.",
     ),
-    "E0223": Entry("wrong kind of class", "A function or package cannot be a part, and a part is no class."),
+    "E0223": Entry(
+        "wrong kind of class",
+        "A function or package cannot be a part, and a part is no class.",
+    ),
     "E0230": Entry(
         "not available yet",
-        "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version: mainly\n"
-        "events (`when`, `pre`, `sample`, `reinit`, `terminate`) and discrete variables.",
+        "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"
+        "mainly events (`when`, `pre`, `sample`, `reinit`, `terminate`) and discrete variables.",
     ),
-    "W0231": Entry("unknown entry of an annotation", "It is ignored."),
-    # -------------------------------------------------------------- 03xx: types, units, connections, balance
+    "W0231": Entry(
+        "unknown entry of an annotation",
+        "It is ignored.",
+    ),
+    # ----------------------------------------- 03xx types, units, connections
     "E0301": Entry(
         "wrong type",
         "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"
@@ -258,13 +269,13 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0303": Entry(
         "units do not fit",
-        "What is added, compared or equated has one unit. Units of products follow from those of the factors; a literal\n"
-        "and a variable without unit fit everything. Arguments of sin, exp, ... have the unit 1 (rad is 1).",
+        "What is added, compared or equated has one unit. Units of products follow from those of the factors; a\n"
+        "literal and a variable without unit fit everything. Arguments of sin, exp, ... have the unit 1 (rad is 1).",
     ),
     "E0304": Entry(
         "unknown unit",
-        "Units are products of SI symbols: `N.m/rad`, `kg.m2`, `m/s2`, `1/s`, with prefixes as in `kN`. Factors are joined\n"
-        "by dots, there is one `/`, exponents follow the symbol.",
+        "Units are products of SI symbols: `N.m/rad`, `kg.m2`, `m/s2`, `1/s`, with prefixes as in `kN`. Factors are\n"
+        "joined by dots, there is one `/`, exponents follow the symbol.",
     ),
     "E0305": Entry(
         "not a connector",
@@ -272,38 +283,42 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0306": Entry(
         "different connectors",
-        "Two connectors can be connected when they have the same variables, with the same `flow` marks. A flange moves\n"
-        "along a line, a shaft turns: a Drum, an Arm or a Lever stands between them.",
+        "Two connectors can be connected when they have the same variables, with the same `flow` marks. A flange\n"
+        "moves along a line, a shaft turns: a Drum, an Arm or a Lever stands between them.",
     ),
     "E0307": Entry(
         "too few or too many equations",
-        "A class has as many equations as unknowns. Its unknowns are its own variables and those of its own connectors; a\n"
-        "flow of a connector is given from outside, by the connections, everything else by the class. An input of a part\n"
-        "inside counts as unknown.",
+        "A class has as many equations as unknowns. Its unknowns are its own variables and those of its own\n"
+        "connectors; a flow of a connector is given from outside, by the connections, everything else by the class.\n"
+        "An input of a part inside counts as unknown.",
     ),
     "E0308": Entry(
         "unbalanced connector",
         "A connector has as many flows as potentials: only then do connections give as many equations as they need.",
     ),
-    "E0309": Entry("no derivative", "A parameter or constant does not change in time."),
+    "E0309": Entry(
+        "no derivative",
+        "A parameter or constant does not change in time.",
+    ),
     "E0310": Entry(
         "input without value",
-        "An input of a part is a signal that someone must give: `Force push(f = 10)`, an equation `push.f = 3*time`, or a\n"
-        "connection to an output.",
+        "An input of a part is a signal that someone must give: `Force push(f = 10)`, an equation `push.f =\n"
+        "3*time`, or a connection to an output.",
     ),
     "W0311": Entry(
         "kink",
-        "abs, sign, min, max and if-expressions of a variable have a kink or a jump. It is integrated over without being\n"
-        "located, which costs accuracy and steps. `noEvent(...)` or `smooth(0, ...)` say that this is meant.",
+        "abs, sign, min, max and if-expressions of a variable have a kink or a jump. It is integrated over without\n"
+        "being located, which costs accuracy and steps. `noEvent(...)` or `smooth(0, ...)` say that this is meant.",
     ),
     "W0312": Entry(
         "connected to nothing",
-        "A port of a part is not connected. Its flow is zero: nothing holds or drives that end. Often a forgotten connect.",
+        "A port of a part is not connected. Its flow is zero: nothing holds or drives that end. Often a forgotten\n"
+        "connect.",
     ),
     "E0313": Entry(
         "connector too deep inside",
-        "A connect reaches the ports of the parts declared in the same class, and the class's own ports. To reach further\n"
-        "inside, the part needs a port of its own.",
+        "A connect reaches the ports of the parts declared in the same class, and the class's own ports. To reach\n"
+        "further inside, the part needs a port of its own.",
     ),
     # --------------------------------------------------------- 04xx structure
     "E0411": Entry(
