@@ -149,12 +149,12 @@ def missing_end_name(trouble: Trouble) -> Iterator[Slip]:
 
 def stray_end(trouble: Trouble) -> Iterator[Slip]:
     if trouble.found == "end":
-        for removed in (3, 2):
-            last = min(trouble.at + removed, len(trouble.tokens.symbols)) - 1
-            yield Slip(
-                Edit(trouble.at, removed, ()),
-                lambda last=last: Diagnostic("E0109", "this 'end' closes nothing", trouble.span(trouble.at, last)),
-            )
+        for last in (trouble.at + 2, trouble.at + 1):  # with the name and the ';', or one of them
+            if last < len(trouble.tokens.symbols) - 1:
+                yield Slip(
+                    Edit(trouble.at, last - trouble.at + 1, ()),
+                    lambda last=last: Diagnostic("E0109", "this 'end' closes nothing", trouble.span(trouble.at, last)),
+                )
 
 
 # ----------------------------------------------------------------- brackets
