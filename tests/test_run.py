@@ -50,7 +50,7 @@ def test_arrays_are_two_dimensional(chain):
     ("name", "hint"),
     [
         ("body.qq", "body.q"),
-        ("body", "body.q"),
+        ("body", "body.m, body.g"),
         ("bdy.q", "body.q"),
         ("xyzzy", "there is no variable 'xyzzy'"),
     ],

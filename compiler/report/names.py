@@ -62,6 +62,7 @@ def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda b
     if same is not None:
         return f"the indices of {same.pattern} run from 1 to {' and '.join(map(str, same.dims))}" if same.dims else ""
     inside = [b.pattern for base, b in blocks.items() if base.startswith(plain + ".")]
+    inside.sort(key=lambda pattern: pattern.count("."))
     if inside:
         return f"'{name}' is a part; it has {_listed(inside)}"
     ends = [b.pattern for base, b in blocks.items() if base.endswith("." + plain)]
@@ -103,12 +104,14 @@ def summarised(names: list[str], most: int = 12) -> list[str]:
 def _follows(first: str, second: str) -> bool:
     if _SUBSCRIPT.sub("[]", first) != _SUBSCRIPT.sub("[]", second):
         return False
-    a, b = (re.findall(r"\[([^\]]*)\]", s) for s in (first, second))
-    differ = [(x, y) for x, y in zip(a, b, strict=True) if x != y]
-    return len(differ) == 1 and all(s.isdigit() for s in differ[0]) and int(differ[0][1]) == int(differ[0][0]) + 1
+    differ = [(x, y) for x, y in zip(_indices(first), _indices(second), strict=True) if x != y]
+    return len(differ) == 1 and int(differ[0][1]) == int(differ[0][0]) + 1
+
+
+def _indices(name: str) -> list[str]:
+    return [i for group in _SUBSCRIPT.findall(name) for i in group[1:-1].split(",")]
 
 
 def _span_name(first: str, last: str) -> str:
-    a, b = (re.findall(r"\[([^\]]*)\]", s) for s in (first, last))
-    merged = iter(x if x == y else f"{x}:{y}" for x, y in zip(a, b, strict=True))
-    return re.sub(r"\[[^\]]*\]", lambda _: f"[{next(merged)}]", first)
+    merged = iter(x if x == y else f"{x}:{y}" for x, y in zip(_indices(first), _indices(last), strict=True))
+    return re.sub(r"\d+(?=[,\]])", lambda _: next(merged), first)

@@ -133,6 +133,7 @@ class _Session:
         states[0] = self.x
         lib.CVodeSetStopTime(self.memory, float(times[-1]))
         lib.CVodeSetMaxNumSteps(self.memory, max_steps)
+        lib.CVodeSetMinStep(self.memory, sun.least_step(times))
         told = clock.monotonic()
         for k in range(1, len(times)):
             flag = lib.CVode(self.memory, float(times[k]), self.vector, byref(reached), sun.NORMAL)

@@ -110,6 +110,7 @@ class _Session:
         lib, reached, told = self.lib, c_double(times[0]), clock.monotonic()
         lib.IDASetStopTime(self.memory, float(times[-1]))
         lib.IDASetMaxNumSteps(self.memory, max_steps)
+        lib.IDASetMinStep(self.memory, sun.least_step(times))
         for k in range(1, len(times)):
             y, yp = self.vectors[:2]
             flag = lib.IDASolve(self.memory, float(times[k]), byref(reached), y, yp, sun.NORMAL)

@@ -12,6 +12,8 @@ from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+
 # the dependencies first, so that the loader finds them already in the process
 _LIBRARIES = (
     "core", "nvecserial", "sunmatrixdense", "sunmatrixband", "sunmatrixsparse",
@@ -52,6 +54,7 @@ _SIGNATURES: dict[str, tuple] = {
     "CVodeSVtolerances": (c_int, c_void_p, c_double, c_void_p),
     "CVodeSetUserData": (c_int, c_void_p, c_void_p),
     "CVodeSetMaxNumSteps": (c_int, c_void_p, c_long),
+    "CVodeSetMinStep": (c_int, c_void_p, c_double),
     "CVodeSetStopTime": (c_int, c_void_p, c_double),
     "CVodeSetLinearSolver": (c_int, c_void_p, c_void_p, c_void_p),
     "CVodeSetJacFn": (c_int, c_void_p, JACOBIAN),
@@ -66,6 +69,7 @@ _SIGNATURES: dict[str, tuple] = {
     "IDAInit": (c_int, c_void_p, RESIDUAL, c_double, c_void_p, c_void_p),
     "IDASVtolerances": (c_int, c_void_p, c_double, c_void_p),
     "IDASetMaxNumSteps": (c_int, c_void_p, c_long),
+    "IDASetMinStep": (c_int, c_void_p, c_double),
     "IDASetStopTime": (c_int, c_void_p, c_double),
     "IDASetLinearSolver": (c_int, c_void_p, c_void_p, c_void_p),
     "IDASetJacFn": (c_int, c_void_p, RESIDUAL_JACOBIAN),
@@ -112,6 +116,11 @@ def load() -> Library | None:
         return Library([ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL) for path in paths])
     except (OSError, StopIteration):
         return None
+
+
+def least_step(times: np.ndarray) -> float:
+    """A step below which time hardly moves; without it a run into a pole goes on for millions of steps."""
+    return float(16 * np.finfo(float).eps * np.abs(times).max())
 
 
 def _dependency_rank(path: Path) -> int:
