@@ -38,6 +38,12 @@ def parse(source: Source, report: Report) -> tree.File:
         said += changes
         if acceptable:
             file = run(tables, tokens, Actions(source, found))
+        # What an action says about a place that was repaired is about the repair.
+        found = Report([d for d in found.diagnostics if not any(_touch(d.span, change.span) for change in changes)])
     said += found.diagnostics
     report.diagnostics += sorted(said, key=lambda d: d.span.start)
     return file or tree.File((), (), Span(source, 0, len(source.text)))
+
+
+def _touch(a: Span, b: Span) -> bool:
+    return a.start <= b.end and b.start <= a.end

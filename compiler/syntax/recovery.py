@@ -15,7 +15,7 @@ from lmoc.source import Source
 from lmoc.syntax.lexer import Tokens
 from lmoc.syntax.slips import slips, unexpected
 from lmoc.syntax.tables import Tables
-from lmoc.syntax.trouble import CERTAIN, FRESH, Edit, Node, Slip, Trouble, advance
+from lmoc.syntax.trouble import CERTAIN, CLASSES, FRESH, Edit, Node, Slip, Trouble, advance
 
 # After a change that is no more than a guess, at least so many tokens must make sense.
 _CONVINCING = 3
@@ -86,10 +86,17 @@ def _skip(trouble: Trouble) -> Slip | None:
     """Leave out the statement: up to the next place where reading can go on from an earlier one."""
     symbols = trouble.tokens.symbols
     for stop in range(trouble.at, len(symbols)):
-        if symbols[stop] not in FRESH and (stop == 0 or symbols[stop - 1] != ";"):
+        if not _can_begin(trouble, stop):
             continue
         for start in range(min(stop, trouble.at), -1, -1):
             edit = Edit(start, stop - start, ())
             if trouble.reach(edit) >= min(_CONVINCING, len(symbols) - stop):
                 return Slip(edit, lambda: unexpected(trouble))
     return None
+
+
+def _can_begin(trouble: Trouble, token: int) -> bool:
+    """Whether something new can begin at a token, whatever came before."""
+    symbols = trouble.tokens.symbols
+    begins_class = symbols[token] in CLASSES and trouble.breaks_before(token)
+    return symbols[token] in FRESH or begins_class or (token > 0 and symbols[token - 1] == ";")

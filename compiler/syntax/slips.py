@@ -28,6 +28,7 @@ _OPERAND_STARTS = {"IDENT", "NUMBER", "(", "{", "der"}
 _WANT_OPERAND = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> = := and or not ( [ { , : if then else elseif in".split())
 _SIGNS = {"=": (":=", "in", "=="), ":=": ("=", "in"), "==": ("=", ":=")}
 _CONDITIONS = {"if", "elseif", "when", "elsewhen", "while", "("}
+_DECLARES = {"parameter", "constant", "discrete", "input", "output", "flow", "final", "inner", "outer", "replaceable"}
 _FUNCTIONS = set("der pre abs sign sqrt sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10".split())
 _ATTRIBUTES = set("start fixed unit min max nominal stateSelect displayUnit quantity".split())
 # So far back a misspelled keyword is looked for: it may have been taken for the name of a type.
@@ -134,29 +135,36 @@ def _section_word(trouble: Trouble) -> str:
 
 
 def _declaration_among_equations(trouble: Trouble) -> Iterator[Slip]:
-    start = trouble.statement_start()
-    symbols = trouble.tokens.symbols
     section = _section_word(trouble)
-    if not section or any(s not in ("IDENT", ".") for s in symbols[start : trouble.at]):
+    start = trouble.statement_start()
+    if not section or start == trouble.at and trouble.found not in _DECLARES:
         return
-    begins = {"parameter", "constant", "discrete", "input", "output", "flow", "final", "inner", "outer", "replaceable"}
-    if not (trouble.found in begins and start == trouble.at) and not (trouble.found == "IDENT" and start < trouble.at):
-        return
-    if trouble.breaks_line and start < trouble.at:
-        return
-    try:
-        stop = symbols.index(";", trouble.at) + 1
-    except ValueError:
-        return
-    yield Slip(
-        Edit(start, stop - start, ()),
-        lambda: Diagnostic(
-            "E0120",
-            f"a declaration cannot stand below '{section}'",
-            trouble.span(start, stop - 1),
-            hint=f"put it before '{section}'",
-        ),
-    )
+    stop = start
+    while (end := _declaration_end(trouble, stop)) is not None:
+        stop = end
+    if stop > trouble.at:
+        yield Slip(
+            Edit(start, stop - start, ()),
+            lambda: Diagnostic(
+                "E0120",
+                f"a declaration cannot stand below '{section}'",
+                trouble.span(start, stop - 1),
+                hint=f"put it before '{section}'",
+            ),
+        )
+
+
+def _declaration_end(trouble: Trouble, token: int) -> int | None:
+    """The token after a declaration that begins at a token; None if what begins there is none."""
+    symbols = trouble.tokens.symbols
+    at = token
+    while symbols[at] in _DECLARES:
+        at += 1
+    while symbols[at] == "IDENT" and symbols[at + 1] == ".":
+        at += 2
+    if symbols[at : at + 2] != ["IDENT", "IDENT"] or trouble.breaks_before(at + 1) or ";" not in symbols[at:]:
+        return None
+    return symbols.index(";", at) + 1
 
 
 def _missing_section(trouble: Trouble) -> Iterator[Slip]:

@@ -19,6 +19,8 @@ CERTAIN = 12
 # What begins a new part of a text, whatever came before.
 FRESH = {"end", "equation", "algorithm", "public", "protected", "_INITIAL_EQUATION", "_INITIAL_ALGORITHM", END_OF_TEXT}
 
+CLASSES = {"class", "model", "block", "connector", "type", "record", "package", "function", "partial"}
+
 
 class Node(NamedTuple):
     """The top of a stack: the state, the symbol that led there, its first token, and what lies below."""
