@@ -38,7 +38,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
         print(page(f"Equations of motion: {dae.name}", found.html()))
     else:
-        print(f"{dae.name}: {_counted(len(found.equations))} in {names(found.coordinates)}")
+        given = "deviations from rest" if arguments.about_equilibrium else names(found.coordinates)
+        print(f"{dae.name}: {_counted(len(found.equations))}" + (f" in {given}" if given else ""))
         print()
         print(found.text(ascii=arguments.ascii))
     return 0

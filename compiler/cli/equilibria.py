@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from lmoc.cli.arguments import Parser, assignment, number
-from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_number
+from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_numbers
 
 if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibrium
@@ -39,8 +39,9 @@ def execute(arguments: argparse.Namespace) -> int:
 def lines(e: Equilibrium) -> list[str]:
     """An equilibrium in words."""
     from lmoc.symbolic.notation import Notation
+    from lmoc.symbolic.styles import UNICODE
 
-    notation = Notation.of(*e.values.values(), *e.conditions, names=list(e))
+    notation = Notation.of(*e.values.values(), *e.conditions, names=list(e), given=e.own_names)
     values = {symbol: value for symbol, value in e.values.items() if symbol not in e.free}
     told = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in values.items()]
     told += [f"{notation.name(symbol.name)}: any value" for symbol in e.free]
@@ -48,10 +49,10 @@ def lines(e: Equilibrium) -> list[str]:
     stability = e.stability or "not known: a parameter has no value"
     told.append(f"stability: {stability}" + (" (by the linear model)" if e.nonlinear else ""))
     if e.model is not None:
-        told.append("eigenvalues: " + ", ".join(complex_number(v) for v in e.model.eigenvalues))
+        told.append(f"eigenvalues: {complex_numbers(e.model.eigenvalues)}")
     if e.how != "exact":
         told.append(f"found: {e.how}")
-    table = [f"{short}: {full}" for short, full in notation.abbreviations.items()]
+    table = [f"{UNICODE.symbol(short, 0)}: {full}" for short, full in notation.abbreviations.items()]
     return told + ([f"with {', '.join(table)}"] if table else [])
 
 

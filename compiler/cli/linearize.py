@@ -28,17 +28,17 @@ def configure(parser: Parser) -> None:
     add("--output", metavar="NAME", action="append", default=[], help="a variable as output; may be repeated")
     add("--symbolic", action="store_true", help="matrices in symbols")
     add("--realization", action="store_true", help="change the states so that no input's derivative acts on them")
-    add("-o", "--file", metavar="FILE", type=Path, help="write the matrices: .mat or .npz")
+    add("-o", "--write", metavar="FILE", type=Path, help="write the matrices: .mat or .npz")
     add("--json", action="store_true", help="print JSON")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    _check_target(arguments.file)
+    _check_target(arguments.write)
     dae = compiled(arguments)
     model = dae.linearize(_place(arguments.at), arguments.symbolic, dict(arguments.input), arguments.output or None)
     model = model.realization() if arguments.realization else model
-    if arguments.file is not None:
-        _write(model, arguments.file)
+    if arguments.write is not None:
+        _write(model, arguments.write)
     if arguments.json:
         print(json.dumps(as_data(model), indent=2, ensure_ascii=False))
     else:

@@ -57,6 +57,19 @@ def complex_number(value: complex) -> str:
     return f"{number(value.real)} {'-' if value.imag < 0 else '+'} {number(abs(value.imag))}i"
 
 
+def complex_numbers(values: Iterable[complex]) -> str:
+    """Listed, with the two of a pair as one: ``-1 ± 3i``."""
+    values = list(values)
+    told = []
+    for value in values:
+        paired = any(abs(value.conjugate() - other) <= 1e-9 * abs(value) for other in values)
+        if value.imag > 0 and paired:
+            told.append(f"{number(value.real)} ± {number(value.imag)}i" if value.real else f"±{number(value.imag)}i")
+        elif value.imag == 0 or not paired:
+            told.append(complex_number(value))
+    return ", ".join(told) or "none"
+
+
 def matrix(title: str, values: np.ndarray, rows: Iterable[str], columns: Iterable[str]) -> str:
     """A matrix with names at its rows and columns."""
     body = [[name, *(number(v) for v in row)] for name, row in zip(rows, values.tolist(), strict=True)]

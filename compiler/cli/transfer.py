@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.cli.arguments import Parser
-from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_number, number
+from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_numbers, number
 from lmoc.diagnostics import ModelError
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def lines(found: TransferFunction, equation: InputOutputEquation) -> list[str]:
     """Everything in words."""
     from lmoc.symbolic.notation import Notation
+    from lmoc.symbolic.styles import UNICODE
 
     notation = Notation.of(found.numerator, found.denominator, *equation, names=(found.output, found.input))
     top, bottom = (notation.polynomial(e, "s") for e in (found.numerator, found.denominator))
@@ -61,15 +62,15 @@ def lines(found: TransferFunction, equation: InputOutputEquation) -> list[str]:
         told += ["", *_numbers(found)]
     except ModelError as error:
         told += ["", f"poles and zeros: {error.diagnostics[0].message}"]
-    table = [f"  {short}  {full}" for short, full in notation.abbreviations.items()]
+    table = [f"  {UNICODE.symbol(short, 0)}  {full}" for short, full in notation.abbreviations.items()]
     return told + (["", "with", *table] if table else [])
 
 
 def _numbers(found: TransferFunction) -> list[str]:
     gain = "unbounded" if not np.isfinite(found.gain) else number(found.gain)
     return [
-        "poles: " + (", ".join(map(complex_number, found.poles)) or "none"),
-        "zeros: " + (", ".join(map(complex_number, found.zeros)) or "none"),
+        f"poles: {complex_numbers(found.poles)}",
+        f"zeros: {complex_numbers(found.zeros)}",
         f"static gain: {gain}",
     ]
 
@@ -79,7 +80,7 @@ def latex(found: TransferFunction, equation: InputOutputEquation) -> str:
     from lmoc.symbolic.styles import LATEX
 
     notation = Notation.of(found.numerator, found.denominator, *equation, names=(found.output, found.input))
-    top, bottom = (notation.polynomial(e, "s", LATEX).strip() for e in (found.numerator, found.denominator))
+    top, bottom = (notation.polynomial(e, "s", LATEX, bare=True) for e in (found.numerator, found.denominator))
     left, right = (notation.polynomial(e, "p", LATEX) for e in equation)
     u, y = notation.name(found.input, LATEX), notation.name(found.output, LATEX)
     return (

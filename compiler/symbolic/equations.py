@@ -101,10 +101,10 @@ class EquationsOfMotion:
     def text(self, ascii: bool = False) -> str:
         """For a terminal: the equations, the forces, and the table of abbreviations."""
         style = ASCII if ascii else UNICODE
-        lines = self.lines(style) or ["nothing moves: there is no coordinate"]
+        lines = self.lines(style) or ["there is no free coordinate: all motion is given"]
         if self.forces:
             lines += ["", "internal forces:", *self.force_lines(style)]
-        table = [(style.symbol(short, 0), full) for short, full in self.notation.abbreviations.items()]
+        table = [(style.symbol(short, 0), _told(full)) for short, full in self.notation.abbreviations.items()]
         if table:
             width = max(len(short) for short, _ in table)
             lines += ["", "with", *(f"  {short:<{width}}  {full}" for short, full in table)]
@@ -200,6 +200,10 @@ class EquationsOfMotion:
 
 def _delta(name: str) -> str:
     return "δ" + name
+
+
+def _told(full: str) -> str:
+    return f"deviation of {full[1:]}" if full.startswith("δ") else full
 
 
 def equations_of_motion(
@@ -320,16 +324,36 @@ def gathered(value: sympy.Expr, late: set[str]) -> list[Term]:
 
 
 def lowest(value: sympy.Expr) -> sympy.Expr:
-    """A coefficient in lowest terms, factored where that is shorter."""
+    """A coefficient in lowest terms, in the shortest of some usual forms."""
     import sympy as sp
 
     if value.is_Number or value.is_Symbol:
         return value
     cancelled = sp.cancel(value)
-    factored = sp.factor_terms(cancelled)
-    if sp.fraction(cancelled)[1].is_Add:
-        factored = sp.factor(cancelled)
-    return min((cancelled, factored), key=lambda e: (e.count_ops(), not e.is_Add))
+    top, bottom = sp.fraction(cancelled)
+    forms = [sp.factor_terms(cancelled)]
+    if top.is_Add:
+        alone = [x for x in top.free_symbols if sp.degree(top, x) == 1]
+        forms.append(sp.collect(sp.expand(top), alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
+    if bottom.is_Add:
+        forms.append(sp.factor(cancelled))
+    shortest = min((cancelled, *forms), key=lambda e: (e.count_ops(), not e.is_Add))
+    return _sign_inside(shortest)
+
+
+def _sign_inside(value: sympy.Expr) -> sympy.Expr:
+    """``-a·(b - c)`` as ``a·(c - b)``."""
+    import sympy as sp
+
+    number, rest = value.as_coeff_Mul()
+    mixed = next((f for f in sp.Mul.make_args(rest) if f.is_Add and _signs(f) == {True, False}), None)
+    if number >= 0 or mixed is None:
+        return value
+    return sp.Mul(-number, rest / mixed, -mixed)
+
+
+def _signs(total: sympy.Add) -> set[bool]:
+    return {bool(term.as_coeff_Mul()[0] < 0) for term in total.args}
 
 
 def _with_trigonometry(terms: list[Term]) -> list[Term]:
@@ -370,19 +394,28 @@ def _split(value: sympy.Expr, rate: sympy.Expr, members: list[Term]) -> list[Ter
 
 
 def _without_denominators(terms: list[Term], clear_all: bool) -> list[Term]:
-    """Multiply by the denominators that are plain products; take out a factor common to all terms."""
+    """Multiply by denominators that are plain products, by others where that is shorter; take out what all share."""
     import sympy as sp
 
     if not terms:
         return terms
     parts = [sp.fraction(sp.cancel(c)) for c, _ in terms]
-    if clear_all:
-        common = sp.lcm_list([d for _, d in parts])
-    else:
-        common = sp.lcm_list([_plain_factors(d) for _, d in parts])
-    shared = sp.gcd_list([_plain_factors(n) for n, _ in parts]) if common == 1 else sp.S.One
-    factor = common / shared
+    plain = sp.lcm_list([_plain_factors(d) for _, d in parts])
+    full = sp.lcm_list([sp.Mul(*(f for f in sp.Mul.make_args(sp.factor(d)) if not f.is_Number)) for _, d in parts])
+    shared = sp.gcd_list([_plain_factors(n) for n, _ in parts]) if plain == 1 else sp.S.One
+    modest = _multiplied(terms, plain / shared)
+    if full == plain:
+        return modest
+    cleared = _multiplied(terms, full / shared)
+    return cleared if clear_all or _operations(cleared) < _operations(modest) else modest
+
+
+def _multiplied(terms: list[Term], factor: sympy.Expr) -> list[Term]:
     return terms if factor == 1 else [(lowest(c * factor), f) for c, f in terms]
+
+
+def _operations(terms: list[Term]) -> int:
+    return sum(int((c * f).count_ops()) for c, f in terms)
 
 
 def _plain_factors(value: sympy.Expr) -> sympy.Expr:

@@ -8,7 +8,7 @@ changes, in several by Newton's method from many starts. Each result says how it
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +39,7 @@ class Equilibrium(Mapping):
     model : LinearModel | None
         Numeric linear model about it; None where a value is missing.
     nonlinear : bool
+    own_names : {state name: the user's own name for it}
     """
 
     values: Mapping[sympy.Symbol, sympy.Expr]
@@ -47,6 +48,7 @@ class Equilibrium(Mapping):
     how: str = "exact"
     model: LinearModel | None = None
     nonlinear: bool = False
+    own_names: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> sympy.Expr:
         import sympy as sp
@@ -124,7 +126,8 @@ def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = Non
 def _finished(system, root: Root, at_rest, given, nonlinear: bool) -> Equilibrium:
     values = {x: at_rest.get(x, root.values.get(x, x)) for x in system.states}
     free = tuple(x for x in system.states if values[x] == x)
-    return Equilibrium(values, free, root.conditions, root.how, _model(system, values, given), nonlinear)
+    model = _model(system, values, given)
+    return Equilibrium(values, free, root.conditions, root.how, model, nonlinear, system.own_names)
 
 
 def _model(system: SymbolicSystem, values, given) -> LinearModel | None:

@@ -72,7 +72,7 @@ class SymbolicMethods:
         ----------
         at : where: a time of the default run, a point {name: value} of states (an `Equilibrium` is one) and inputs;
             by default the equilibrium
-        symbolic : matrices in symbols
+        symbolic : matrices in symbols; otherwise in numbers, for a scene of any size
         inputs : constant values of the inputs at the equilibrium, {name: value}
         outputs : names of variables; by default the scene's outputs, else its states
 
@@ -81,20 +81,59 @@ class SymbolicMethods:
         ModelError
             E0660, E0661 as above, E0662 a parameter without a value, E0663 several equilibria or none to choose.
         """
+        if symbolic:
+            return self._linearize_in_symbols(at, inputs or {}, outputs, parameters)
+        from lmoc.symbolic.numeric import NumericSystem, linearize_numerically, variable
+
+        scene, reduced, values, _ = self.prepared(parameters or {})
+        shown = list(outputs if outputs is not None else scene.outputs or reduced.state_names)
+        system = NumericSystem(reduced, values, [variable(reduced, name) for name in shown])
+        time = float(at) if isinstance(at, (int, float)) else 0.0
+        point = self._numeric_point(system, at, inputs or {}, parameters)
+        return linearize_numerically(reduced, values, point, shown, time, system)
+
+    def _numeric_point(self, system, at, inputs: Point, parameters: Point | None) -> dict[str, float]:
+        if isinstance(at, (int, float)):
+            times = sorted({0.0, float(at)})
+            run = self.simulate(times=times, parameters=parameters)
+            return {name: float(run[name][times.index(float(at))]) for name in (*system.states, *system.inputs)}
+        given = {**(at or {}), **inputs}
+        _check_names(given, (*system.states, *system.inputs))
+        if at is not None:
+            return self._numbers({name: value for name, value in given.items() if value is not None})
+        if system.is_linear():
+            import numpy as np
+
+            u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
+            rest = system.rest(u)
+            found = {} if rest is None else dict(zip(system.states, rest.tolist(), strict=True))
+            return {**found, **inputs}
+        only = only_equilibrium(self.symbolic(parameters=parameters), inputs)
+        return self._numbers({symbol.name: value for symbol, value in only.items()}, parameters)
+
+    def _numbers(self, point: Point, parameters: Point | None = None) -> dict[str, float]:
+        """Expressions in parameters as numbers."""
+        _, _, values, _ = self.prepared(parameters or {})
+        result = {}
+        for name, value in point.items():
+            if hasattr(value, "free_symbols"):
+                known = {s: float(values[self.flat.find(s.name)[0]]) for s in value.free_symbols if s.name != name}
+                value = value.subs(known)
+                value = 0.0 if value.free_symbols else value  # a free state of a family stands for itself
+            result[name] = float(value)
+        return result
+
+    def _linearize_in_symbols(self, at, inputs: Point, outputs, parameters) -> LinearModel:
         from lmoc.symbolic.linearize import linearize
 
         system = self.symbolic(tuple(outputs or ()), parameters)
         if outputs is not None:
             system = replace(system, outputs={name: system.variables[name] for name in outputs})
         if isinstance(at, (int, float)):
-            at = self._point_at(float(at), system, parameters)
-        point = _point(system, at, inputs or {}, symbolic)
-        return linearize(system, point, symbolic)
-
-    def _point_at(self, time: float, system: SymbolicSystem, parameters: Point | None) -> dict[str, float]:
-        times = sorted({0.0, time})
-        run = self.simulate(times=times, parameters=parameters)
-        return {s.name: float(run[s.name][times.index(time)]) for s in (*system.states, *system.inputs)}
+            raise ModelError(
+                [Diagnostic("E0663", "a point of a run has numbers: a model in symbols needs an equilibrium or names")]
+            )
+        return linearize(system, symbolic_point(system, at, inputs), symbolic=True)
 
     def transfer_function(self, u: str, y: str, parameters: Point | None = None) -> TransferFunction:
         """Transfer function from an input to any variable, a rational expression in ``Symbol("s")``.
@@ -118,7 +157,7 @@ class SymbolicMethods:
 
         system = self.symbolic((y,), parameters)
         system = replace(system, outputs={y: system.variables[y]})
-        return system, linearize(system, _point(system, None, {}, True), symbolic=True)
+        return system, linearize(system, symbolic_point(system, None, {}), symbolic=True)
 
     def equivalent(self, port: str, other: str | None = None, parameters: Point | None = None) -> Equivalent:
         """Equivalent stiffness, damping and inertia seen at a port, against another one or the ground."""
@@ -128,29 +167,40 @@ class SymbolicMethods:
         return equivalent(scene.flat, values, port, other)
 
 
-def _point(system: SymbolicSystem, at: Point | None, inputs: Point, symbolic: bool) -> dict:
-    """States and inputs about which to be linear."""
+def _check_names(given: Point, known: Sequence[str]) -> None:
+    for name in given:
+        if name not in known:
+            hint = nearest(name, known)
+            raise ModelError([Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=hint)])
+
+
+def symbolic_point(system: SymbolicSystem, at: Point | None, inputs: Point) -> dict:
+    """States and inputs about which to be linear; empty where the equations are linear anyway."""
     import sympy as sp
 
     known = {s.name: s for s in (*system.states, *system.inputs)}
     given = {**(at or {}), **inputs}
-    for name in given:
-        if name not in known:
-            raise ModelError(
-                [Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=nearest(name, known))]
-            )
-    if at is None and not _is_linear(system):
-        return _only_equilibrium(system, inputs, symbolic)
+    _check_names(given, list(known))
+    if at is None and not is_linear(system):
+        return only_equilibrium(system, inputs)
     return {known[name]: sp.sympify(value) for name, value in given.items()}
 
 
-def _is_linear(system: SymbolicSystem) -> bool:
+def is_linear(system: SymbolicSystem) -> bool:
+    """Rates and outputs are linear in states, inputs and their derivatives."""
     moving = {*system.states, *(j for u in system.inputs for j in system.jets(u))}
     expressions = (*system.derivatives, *system.outputs.values())
     return all(not e.diff(x).free_symbols & moving for e in expressions for x in e.free_symbols & moving)
 
 
-def _only_equilibrium(system: SymbolicSystem, inputs: Point, symbolic: bool) -> dict:
+def only_equilibrium(system: SymbolicSystem, inputs: Point) -> dict:
+    """The one isolated equilibrium, inputs not given at zero.
+
+    Raises
+    ------
+    ModelError
+        E0663 where there is not exactly one.
+    """
     import sympy as sp
 
     from lmoc.symbolic.equilibria import equilibria

@@ -88,7 +88,7 @@ class LinearModel:
         values = np.linalg.eigvals(self._numeric_A)
         real = np.abs(values.imag) < 1e-12 * (1.0 + np.abs(values))
         values = np.where(real, values.real, values)
-        return values[np.lexsort((values.imag, values.real, np.round(np.abs(values), 9)))]
+        return values[np.lexsort((-values.imag, values.real, np.round(np.abs(values), 9)))]
 
     @cached_property
     def _numeric_A(self) -> np.ndarray:
@@ -203,17 +203,17 @@ def stability(eigenvalues: np.ndarray, A: np.ndarray) -> str:
         return "asymptotically stable"
     critical = eigenvalues[eigenvalues.real > -1e-6 * size]
     for value in critical:
-        same = int(np.sum(np.abs(critical - value) < 1e-4 * size))
+        same = int(np.sum(np.abs(critical - value) < 1e-5 * size))
         rank = np.linalg.matrix_rank(A - value * np.eye(len(A)), tol=1e-6 * max(1.0, float(np.linalg.norm(A))))
         if same > len(A) - rank:
             return "unstable"
-    return "neutral" if np.any(np.abs(critical) < 1e-4 * size) else "stable"
+    return "neutral" if np.any(np.abs(critical) < 1e-6 * size) else "stable"
 
 
 def _simple_roots(critical: np.ndarray, A: np.ndarray, size: float) -> bool:
     """Roots apart from each other: what their real parts show is not the rounding of a multiple root."""
     distance = np.abs(critical[:, None] - critical[None, :]) + np.eye(len(critical)) * size
-    return bool(distance.min(initial=size) > 1e-4 * size)
+    return bool(distance.min(initial=size) > 1e-5 * size)
 
 
 def linearize(

@@ -155,7 +155,7 @@ def _virtual_power(interpreter: Interpreter, system: SymbolicSystem, forces: boo
     residuals = [_without(sp.Add(*power[q]), set(unknowns.values())) for q in rates]
     if any(r is None for r in residuals):
         return None
-    found, own = _reactions(laws) if forces else ({}, {})
+    found, own = _reactions(laws, set(interpreter.reduced.undetermined.tolist())) if forces else ({}, {})
     return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), tuple(residuals), found, True, own)
 
 
@@ -180,15 +180,18 @@ def _without(power: sympy.Expr, reactions: set) -> sympy.Expr | None:
     return power.xreplace({r: sp.S.Zero for r in reactions})
 
 
-def _reactions(laws: PartLaws) -> tuple[dict[str, sympy.Expr], dict[str, str]]:
-    """Internal forces of ideal parts in jets of the coordinates, and the user's own names for them."""
+def _reactions(laws: PartLaws, undetermined: set[int]) -> tuple[dict[str, sympy.Expr], dict[str, str]]:
+    """Internal forces of ideal parts in jets of the coordinates, and the user's own names for them.
+
+    Those that a redundant loop leaves undetermined are left out.
+    """
     import sympy as sp
 
     flat = laws.flat
     elimination, unknowns, right = laws.solve_relations(balances=True)
     parts: dict[int, list[int]] = {}
     for v in sorted(laws.unknown & elimination.solution.keys()):
-        if not elimination.by_free[v]:
+        if not elimination.by_free[v] and v not in undetermined:
             parts.setdefault(flat.block_at(v).part, []).append(v)
     own = {}
     for v in parts.pop(0, []):  # the scene's own variables are other names for forces of parts

@@ -23,7 +23,8 @@ def short_names(names: Iterable[str], given: Mapping[str, str] | None = None) ->
     For the others:
 
     The last component (``q``); else with the number of its part (``mass1.q`` → ``q1``, ``m[3].q`` → ``q3``); else
-    with the part's name (``q_left``); else the whole name. All names with the same last component take the same form.
+    with the part's name (``q_left``), or its connector's (``tau_a``); else the whole name. All names with the same
+    last component take the same form.
     """
     full = list(dict.fromkeys(names))
     given = {name: short for name, short in (given or {}).items() if name in full and short not in full}
@@ -57,6 +58,11 @@ def _numbered(name: str) -> str | None:
     return (last if parent else last[: found.start()]) + number if not last[-1].isdigit() else None
 
 
+def _with_first(name: str) -> str | None:
+    parts = name.split(".")
+    return f"{parts[-1]}_{parts[0]}" if len(parts) > 2 and "[" not in parts[-1] + parts[0] else None
+
+
 def _with_part(name: str) -> str | None:
     parts = name.split(".")
     return f"{parts[-1]}_{parts[-2]}" if len(parts) > 1 and "[" not in parts[-1] + parts[-2] else None
@@ -66,4 +72,4 @@ def _whole(name: str) -> str:
     return name
 
 
-_FORMS: tuple[Callable[[str], str | None], ...] = (_last, _numbered, _with_part, _whole)
+_FORMS: tuple[Callable[[str], str | None], ...] = (_last, _numbered, _with_first, _with_part, _whole)

@@ -52,8 +52,8 @@ class Notation:
     def text(self, value: sympy.Expr, style: Style = UNICODE) -> str:
         return Formula(self, style).sum(value)
 
-    def polynomial(self, value: sympy.Expr, variable: str, style: Style = UNICODE) -> str:
-        """A polynomial by falling powers of its variable, in brackets where it has several terms."""
+    def polynomial(self, value: sympy.Expr, variable: str, style: Style = UNICODE, bare: bool = False) -> str:
+        """A polynomial by falling powers of its variable, in brackets where it has several terms, unless `bare`."""
         import sympy as sp
 
         x = sp.Symbol(variable)
@@ -61,7 +61,7 @@ class Notation:
         terms = sp.Poly(value, x).terms() if value.has(x) else [((0,), value)]
         parts = [formula.term(sp.factor_terms(c), x**n if n else None) for (n,), c in terms]
         text = join_terms(parts, style)
-        return style.brackets(text) if len(parts) > 1 else text
+        return style.brackets(text) if len(parts) > 1 and not bare else text
 
     @property
     def abbreviations(self) -> dict[str, str]:

@@ -128,7 +128,7 @@ def symbolic_system(
         raise refuse(
             f"{flat.name or 'the model'} has {flat.equation_count} equations and {len(reduced.states)} states: "
             "too many for equations in symbols",
-            hint="use the numeric form (`linearize --numeric`, `run`)",
+            hint="a linear model in numbers has no such limit: `lmoc linearize`",
         )
     interpreter = Interpreter(reduced, reduced.values if values is None else values)
     interpreter.run(reduced.parameter_program)
@@ -256,7 +256,7 @@ class Interpreter:
         names = ", ".join(self.reduced.register_name(r) for r in unknowns[:4])
         return refuse(
             f"the implicit equations for {names} have no solution in closed form",
-            hint="mark other coordinates (stateSelect, --states), or use the numeric form (`linearize --numeric`)",
+            hint="prefer other coordinates (stateSelect, --states); `lmoc linearize` works in numbers",
         )
 
 

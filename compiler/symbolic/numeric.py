@@ -1,0 +1,189 @@
+"""Linear models in numbers, for scenes of any size: derivatives of the programs, without SymPy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.numerics.evaluate import Interpreter
+from lmoc.numerics.jacobian import Jacobian
+from lmoc.semantics.flat import Kind
+from lmoc.structure.program import needed_steps, read
+from lmoc.structure.reduced import Reduced
+from lmoc.symbolic.linearize import LinearModel, no_value
+
+NEWTON_STEPS = 60
+
+
+class NumericSystem:
+    """Rates of the states, outputs, and their Jacobians at any point.
+
+    Parameters
+    ----------
+    reduced : Reduced
+    values : (flat.count,)
+        Parameter values.
+    outputs : (p,) flat variables
+
+    Attributes
+    ----------
+    states, inputs : names
+    jets : (3, k)
+        As `Reduced.inputs`: registers of the inputs and their derivatives.
+    """
+
+    def __init__(self, reduced: Reduced, values: np.ndarray, outputs: Sequence[int]):
+        flat, count = reduced.flat, reduced.registers.count
+        self.reduced = reduced
+        self.outputs = np.asarray(outputs, int)
+        self.states = reduced.state_names
+        self.input_variables = np.flatnonzero(flat.kind == Kind.INPUT)
+        self.inputs = [flat.variable_name(int(v)) for v in self.input_variables]
+        self.jets = reduced.inputs
+        seen = reduced.register_of[self.outputs]
+        self.targets = np.concatenate([reduced.derivatives, seen[seen >= 0]]).astype(int)
+        self._shown = np.flatnonzero(seen >= 0)
+        program = reduced.rhs + needed_steps(reduced.observe, seen[seen >= 0], count)
+        self._interpreter = Interpreter(program, count)
+        self._sources = np.concatenate([reduced.states, self.jets[0]]).astype(int)
+        self._jacobian = Jacobian(program, self._sources, self.targets, count)
+        self._w = np.full(count, np.nan)
+        self._w[reduced.known[0]] = values[reduced.known[1]]
+        self._check_values()
+        Interpreter(reduced.parameter_program, count).run(self._w, np.nan)
+        self._w[self.jets[0]] = 0.0
+
+    def _check_values(self) -> None:
+        """Every parameter that the programs read has a value."""
+        known, used = self.reduced.known, np.zeros(len(self._w), bool)
+        for step in (*self.reduced.parameter_program, *self._interpreter.program):
+            used[read(step)] = True
+        missing = known[1][np.isnan(self._w[known[0]]) & used[known[0]]]
+        if len(missing):
+            raise no_value(sorted({self.reduced.flat.variable_name(int(v)) for v in missing[:12]}))
+
+    def _place(self, x: np.ndarray, u: np.ndarray, time: float) -> None:
+        self._w[self.reduced.states] = x
+        orders, variables = self.jets[2], self.jets[1]
+        at = np.searchsorted(self.input_variables, variables)
+        self._w[self.jets[0]] = np.where(orders == 0, u[at], 0.0) if len(variables) else 0.0
+        self._interpreter.run(self._w, time)
+
+    def rates(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """(n,) derivatives of the states; the inputs' derivatives are zero."""
+        self._place(x, u, time)
+        return self._w[self.reduced.derivatives].copy()
+
+    def matrices(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Values (n + p,) of rates and outputs, and their Jacobian by states and input jets."""
+        self._place(x, u, time)
+        dense = np.zeros((len(self.targets), len(self._sources)))
+        dense[self._jacobian.rows, self._jacobian.columns] = self._jacobian.values(self._w, time)
+        n, p = len(self.states), len(self.outputs)
+        full = np.zeros((n + p, dense.shape[1]))
+        full[:n], full[n + self._shown] = dense[:n], dense[n:]
+        values = np.full(n + p, np.nan)
+        values[:n], values[n + self._shown] = self._w[self.targets[:n]], self._w[self.targets[n:]]
+        return values, full
+
+    def is_linear(self) -> bool:
+        """The Jacobians at two points are the same."""
+        generator = np.random.default_rng(3)
+        points = [generator.uniform(-1, 1, len(self.states) + len(self.inputs)) for _ in range(2)]
+        n = len(self.states)
+        first, second = (self.matrices(p[:n], p[n:], time)[1] for p, time in zip(points, (0.3, 0.7), strict=True))
+        size = max(1.0, float(np.abs(first).max(initial=0.0)))
+        return bool(np.allclose(first, second, rtol=1e-9, atol=1e-12 * size))
+
+    def rest(self, u: np.ndarray, start: np.ndarray | None = None) -> np.ndarray | None:
+        """A state of rest by Newton's method, the shortest step where there is a choice; None where none is found."""
+        x = np.zeros(len(self.states)) if start is None else start.copy()
+        n = len(x)
+        for _ in range(NEWTON_STEPS):
+            values, jacobian = self.matrices(x, u)
+            if not np.all(np.isfinite(values[:n])):
+                return None
+            step = np.linalg.lstsq(jacobian[:n, :n], values[:n], rcond=1e-12)[0]
+            x = x - step
+            if np.abs(step).max(initial=0.0) <= 1e-12 * (1.0 + np.abs(x).max(initial=0.0)):
+                break
+        scale = 1.0 + np.abs(jacobian[:n, :n]).sum(axis=1) * (1.0 + np.abs(x).max(initial=0.0)) if n else 1.0
+        return x if np.all(np.abs(self.rates(x, u)) <= 1e-9 * scale) else None
+
+
+def linearize_numerically(
+    reduced: Reduced,
+    values: np.ndarray,
+    point: Mapping[str, float],
+    outputs: Sequence[str],
+    time: float = 0.0,
+    system: NumericSystem | None = None,
+) -> LinearModel:
+    """Linear model about a point.
+
+    Parameters
+    ----------
+    point : {state or input name: number}
+        Zero where nothing is given.
+    outputs : names of variables
+
+    Raises
+    ------
+    ModelError
+        E0662 a parameter without a value.
+    """
+    system = system or NumericSystem(reduced, values, [variable(reduced, name) for name in outputs])
+    n, p = len(system.states), len(outputs)
+    x = np.array([float(point.get(name, 0.0)) for name in system.states])
+    u = np.array([float(point.get(name, 0.0)) for name in system.inputs])
+    found, jacobian = system.matrices(x, u, time)
+    orders = system.jets[2]
+    highest = int(orders.max(initial=0)) + 1
+    Bs = [np.zeros((n, len(u))) for _ in range(highest)]
+    Ds = [np.zeros((p, len(u))) for _ in range(highest)]
+    for column, (v, order) in enumerate(zip(system.jets[1], orders, strict=True)):
+        at = int(np.searchsorted(system.input_variables, v))
+        Bs[order][:, at], Ds[order][:, at] = jacobian[:n, n + column], jacobian[n:, n + column]
+    return LinearModel(
+        states=tuple(system.states),
+        inputs=tuple(system.inputs),
+        outputs=tuple(outputs),
+        A=jacobian[:n, :n],
+        Bs=tuple(Bs),
+        C=jacobian[n:, :n],
+        Ds=tuple(Ds),
+        point={
+            **dict(zip(system.states, x.tolist(), strict=True)),
+            **dict(zip(system.inputs, u.tolist(), strict=True)),
+        },
+        drift=found[:n],
+        output_values=found[n:],
+        coordinates=coordinates(reduced),
+    )
+
+
+def variable(reduced: Reduced, name: str) -> int:
+    """Index of one variable by name.
+
+    Raises
+    ------
+    ModelError
+        E0661 where there is no such variable.
+    """
+    flat = reduced.flat
+    found = flat.find(name)
+    if found is None or len(found) != 1:
+        hint = nearest(name, flat.names()) if flat.count < 5000 else ""
+        raise ModelError([Diagnostic("E0661", f"there is no variable '{name}'", hint=hint)])
+    return int(found[0])
+
+
+def coordinates(reduced: Reduced) -> tuple[tuple[int, int], ...]:
+    """(position, velocity) as indices of states, as `SymbolicSystem.coordinates`."""
+    place = {int(r): i for i, r in enumerate(reduced.states)}
+    velocity = {i: place[int(d)] for i, d in enumerate(reduced.derivatives) if int(d) in place}
+    seen = set(velocity.values())
+    found = [(i, velocity.get(i, -1)) for i in range(len(reduced.states)) if i not in seen]
+    return tuple(sorted(found, key=lambda pair: pair[1] < 0))
