@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.semantics.flat import FlatDAE, Group
@@ -61,10 +62,10 @@ def measure(run: Trajectory) -> Energy:
 def exchanged_energy(run: Trajectory) -> float:
     """Half of Σ |term - term at the start| over the terms of all stored energies, at its largest."""
     flat = run.observer.flat
-    rows = np.unique(np.linspace(0, len(run.time) - 1, min(_SAMPLES, len(run.time))).astype(int))
+    rows = distinct(np.linspace(0, len(run.time) - 1, min(_SAMPLES, len(run.time))).astype(int))
     total = np.zeros(len(rows))
     for group, expression, own in _energy_groups(flat):
-        used = np.unique(group.slots[own])
+        used = distinct(group.slots[own])
         values = run.observer(used, run.time[rows], run.table[rows])
         columns = np.searchsorted(used, group.slots[own])
         for term in _terms(expression):

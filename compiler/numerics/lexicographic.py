@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.distinct import distinct
+
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
 
 
@@ -44,12 +46,12 @@ class Components:
     def connected(self, rows: np.ndarray) -> list[np.ndarray]:
         """Rows sorted into parts."""
         parts = self.part_of_row[rows]
-        return [rows[parts == p] for p in np.unique(parts)]
+        return [rows[parts == p] for p in distinct(parts)]
 
     def dependent(self, jacobian, rows: np.ndarray) -> bool:
         """Whether the rows are linearly dependent, so that their values cannot be chosen freely."""
         lookup = _Lookup(jacobian, self.states)
-        columns = np.unique(jacobian[1][np.isin(jacobian[0], rows)])
+        columns = distinct(jacobian[1][np.isin(jacobian[0], rows)])
         if not len(columns):
             return True
         block = lookup.blocks(rows[None], columns[None])[0]
@@ -91,7 +93,7 @@ def split(jacobian, hard: np.ndarray, states: int) -> Components:
     sets: dict[tuple[int, int, int], list] = {}
     members = [_members(row_label, np.flatnonzero(hard)), _members(row_label, np.flatnonzero(~hard))]
     members.append(_members(state_label, np.arange(states)))
-    for part in np.unique(row_label).tolist():
+    for part in distinct(row_label).tolist():
         own = [m.get(part, np.zeros(0, int)) for m in members]
         if len(own[2]):
             sets.setdefault(tuple(map(len, own)), []).append(own)

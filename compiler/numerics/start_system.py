@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.diagnostics import Report
+from lmoc.distinct import distinct
 from lmoc.expression.dag import Expr
 from lmoc.expression.dag import slots as slots_of
 from lmoc.numerics.evaluate import Interpreter
@@ -121,7 +122,7 @@ class _InitialEquations:
 
         kind = self.plan.reduced.flat.kind
         for group in groups:
-            for v in np.unique(group.slots).tolist():
+            for v in distinct(group.slots).tolist():
                 if kind[v] in (Kind.PARAMETER, Kind.CONSTANT) and v not in self.constants:
                     self.constants[v] = self.plan.count + len(self.parameters)
                     self.parameters.append(v)

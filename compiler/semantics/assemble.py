@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.diagnostics import Report
+from lmoc.distinct import distinct
 from lmoc.expression import dag
 from lmoc.expression.text import number_text
 from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft
@@ -110,7 +111,7 @@ def pool_literals(columns: Sequence[Column], offset: int) -> Literals | None:
     numbers = [np.atleast_1d(np.asarray(index, float)) for variable, index in columns if variable is None]
     if not numbers:
         return None
-    values = np.unique(np.concatenate(numbers))
+    values = distinct(np.concatenate(numbers))
     path = (("literal", (len(values),)),)
     return Literals(path, offset, len(values), Kind.CONSTANT, protected=True, values=values)
 
@@ -191,7 +192,7 @@ def in_order(bindings: list[Assignments], count: int, blocks: list[Block], repor
     owner = np.full(count, -1)
     for k, a in enumerate(bindings):
         owner[a.target] = k
-    needs = [sorted(set(np.unique(owner[a.slots]).tolist()) - {-1}) if a.slots.size else [] for a in bindings]
+    needs = [sorted(set(distinct(owner[a.slots]).tolist()) - {-1}) if a.slots.size else [] for a in bindings]
     state = [0] * len(bindings)  # 0 not seen, 1 open, 2 done
     order: list[int] = []
     for start in range(len(bindings)):

@@ -14,6 +14,7 @@ from math import prod
 import numpy as np
 
 from lmoc.diagnostics import Report
+from lmoc.distinct import distinct
 from lmoc.semantics.connect import Connections, Edges, components
 from lmoc.semantics.draft import Drafts
 from lmoc.semantics.flat import Kind
@@ -107,10 +108,10 @@ def _count_connections(counts: dict[int, _Count], connections: Connections) -> N
     edges = connections.through
     for ends in (edges.left, edges.right):
         inside = ends >= connections.count
-        for k in np.unique(edges.connect[inside]):
+        for k in distinct(edges.connect[inside]):
             flows[owner[k]].append(ends[inside & (edges.connect == k)])
     for node, ends in flows.items():
-        counts[node].equations += len(np.unique(np.concatenate(ends)))
+        counts[node].equations += len(distinct(np.concatenate(ends)))
     signals = defaultdict(list)
     for k, left, right in _signal_edges(connections):
         signals[owner[k]].append((left, right, k))

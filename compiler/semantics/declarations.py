@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.expression import dag
 from lmoc.semantics.context import Context
 from lmoc.semantics.draft import AssignmentDraft, Column, Drafts, GroupDraft, compact, spread
@@ -124,7 +125,7 @@ def _state_select(model: Elaboration, variable: Variable, binding: Binding) -> S
     if value.type != "StateSelect":
         raise Wrong("E0301", "stateSelect must be a literal of StateSelect", span, expected="StateSelect.prefer",
                     found=value.type)  # fmt: skip
-    numbers = np.unique(context.known(value, span, "stateSelect"))
+    numbers = distinct(context.known(value, span, "stateSelect"))
     if len(numbers) > 1:
         raise Wrong("E0220", "stateSelect differs between the elements of an array", span)
     return StateSelect(int(numbers[0]) - 1)

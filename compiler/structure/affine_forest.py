@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from lmoc.structure.distinct import distinct, first_of_each
+from lmoc.distinct import distinct, first_of_each
 
 # up to here the graph is walked in Python: it costs less than importing scipy
 SMALL = 3000

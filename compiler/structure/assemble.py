@@ -7,9 +7,9 @@ from math import prod
 
 import numpy as np
 
+from lmoc.distinct import first_of_each
 from lmoc.expression.dag import slots
 from lmoc.structure.coefficients import INPUT, UNKNOWN
-from lmoc.structure.distinct import first_of_each
 from lmoc.structure.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
 from lmoc.structure.program import Apply, Program, Registers, Role, Solve, Step, read
 from lmoc.structure.reduced import Reduced

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.expression.dag import Expr
 from lmoc.structure.blocks import Blocks, blocks_of
-from lmoc.structure.distinct import distinct
 from lmoc.structure.explicit import as_formula
 from lmoc.structure.incidence import Incidence, ranges
 from lmoc.structure.system import Batch, SumBatch

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.evaluate import evaluate
 from lmoc.semantics.flat import StateSelect
 from lmoc.structure.coefficients import is_constant
-from lmoc.structure.distinct import distinct
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.matching import maximum_matching
 from lmoc.structure.system import Sample, System

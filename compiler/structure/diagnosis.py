@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic, Label, Report
+from lmoc.distinct import distinct
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice, Tied
-from lmoc.structure.distinct import distinct
 from lmoc.structure.dulmage_mendelsohn import components, decompose
 from lmoc.structure.equations import Equations
 from lmoc.structure.layout import Layout

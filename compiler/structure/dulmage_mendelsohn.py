@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmoc.structure.distinct import distinct
+from lmoc.distinct import distinct
 from lmoc.structure.incidence import Incidence, pointers, ranges
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.distinct import first_of_each
 from lmoc.expression.dag import ONE, ZERO, slots
 from lmoc.semantics.flat import FlatDAE, Kind, StateSelect
 from lmoc.structure.affine import Affine, codes, composed, resolve
 from lmoc.structure.affine_forest import UNUSED, orient
 from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of
 from lmoc.structure.derived import NONE, DerivedParameters
-from lmoc.structure.distinct import first_of_each
 from lmoc.structure.equations import Equations, Loops
 from lmoc.structure.substitution import Rows, equal_columns_merged, merged, substituted
 from lmoc.structure.sum_rows import SumRows, as_groups, view

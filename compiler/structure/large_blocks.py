@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.block_equations import BatchRows, SquareSystem, SumRows
 from lmoc.structure.coefficients import is_constant
-from lmoc.structure.distinct import distinct
 from lmoc.structure.explicit import as_formula, jointly_linear, pivot, solved
 from lmoc.structure.program import Apply, Solve, Step, Total
 from lmoc.structure.small_blocks import SingularBlocks

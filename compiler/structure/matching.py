@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.structure.distinct import distinct, first_of_each
+from lmoc.distinct import distinct, first_of_each
 from lmoc.structure.incidence import Incidence
 
 # entries up to which a search in Python costs less than importing SciPy

@@ -11,12 +11,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic, Label, Report, nearest
+from lmoc.distinct import distinct
 from lmoc.expression.dag import ZERO, slot, sub
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.affine import Affine
 from lmoc.structure.coefficients import KNOWN, UNKNOWN, is_constant
 from lmoc.structure.derived import DerivedParameters
-from lmoc.structure.distinct import distinct
 from lmoc.structure.elimination import Elimination
 from lmoc.structure.equations import Loops
 from lmoc.structure.normalized import JetGroup, LongSums, Normalized

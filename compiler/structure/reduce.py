@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from lmoc.diagnostics import Report
+from lmoc.distinct import distinct
 from lmoc.semantics.flat import FlatDAE, Kind, StateSelect
 from lmoc.structure import coordinates, diagnosis
 from lmoc.structure.assemble import assemble
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice
-from lmoc.structure.distinct import distinct
 from lmoc.structure.layout import Layout
 from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized

@@ -14,13 +14,13 @@ from functools import cache
 
 import numpy as np
 
+from lmoc.distinct import distinct, numbered
 from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ZERO, Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.coefficients import UNKNOWN, Kinds, is_constant, leaves_of, linear_form, value_and_size
 from lmoc.structure.dependence import Vector, as_vectors, dependencies, peel
 from lmoc.structure.derived import DerivedParameters
-from lmoc.structure.distinct import distinct, numbered
 from lmoc.structure.substitution import Rows
 from lmoc.structure.sum_rows import SumRows
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.structure.distinct import distinct
+from lmoc.distinct import distinct
 from lmoc.structure.dulmage_mendelsohn import decompose
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.matching import forced_pairs, maximum_matching

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.expression.dag import Expr, postorder, slot, substitute
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coefficients import Kinds, is_constant
-from lmoc.structure.distinct import distinct
 from lmoc.structure.explicit import as_formula, jointly_linear, pivot, solve_pair, solved
 from lmoc.structure.program import Apply, Solve, Step
 from lmoc.structure.substitution import partition

@@ -6,8 +6,8 @@ import numpy as np
 
 
 def distinct(values: np.ndarray) -> np.ndarray:
-    """The distinct values, ascending."""
-    ordered = np.sort(values)
+    """The distinct values of an array of any shape, ascending."""
+    ordered = np.sort(values, axis=None)
     return ordered[_starts(ordered)]
 
 
