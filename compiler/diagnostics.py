@@ -103,27 +103,14 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
 
 def render(d: Diagnostic) -> str:
     """A diagnostic as text: headline, place, the line with a mark under it, expected, found, hint."""
+    from lmoc.excerpt import Mark, by_source, excerpt
+
     lines = [f"{d.severity}[{d.code}]: {d.message}"]
-    if d.span is not None:
-        lines += _excerpt(d.span, "")
-    for label in d.labels:
-        lines += _excerpt(label.span, label.text)
+    marks = [Mark(d.span, "^", "")] if d.span is not None else []
+    marks += [Mark(label.span, "-", label.text) for label in d.labels]
+    for group in by_source(marks):
+        lines += excerpt(group)
     for title, text in (("expected", d.expected), ("found", d.found), ("hint", d.hint)):
         if text:
             lines.append(f"  = {title}: {text}")
     return "\n".join(lines)
-
-
-def _excerpt(span: Span, text: str) -> list[str]:
-    number, column = span.source.position(span.start)
-    line = span.source.line(number)
-    gutter = " " * len(str(number))
-    width = max(1, min(span.end - span.start, len(line) - column + 1))
-    lead = "".join("\t" if c == "\t" else " " for c in line[: column - 1])
-    mark = "^" * width + (f" {text}" if text else "")
-    return [
-        f"{gutter}--> {span.source.name}:{number}:{column}",
-        f"{gutter} |",
-        f"{number} | {line}",
-        f"{gutter} | {lead}{mark}",
-    ]

@@ -38,7 +38,7 @@ def _painted(text: str, severity: str) -> str:
     if not coloured(sys.stderr):
         return text
     text = re.sub(r"^\w+\[\w+\]", lambda m: f"\x1b[1;{_COLOUR[severity]}m{m[0]}\x1b[0m", text)
-    return re.sub(r"(?m)^( *\d* *\|.*?)(\^+)", lambda m: f"{m[1]}\x1b[{_COLOUR[severity]}m{m[2]}\x1b[0m", text)
+    return re.sub(r"(?m)^( +\|.*?)(\^+)", lambda m: f"{m[1]}\x1b[{_COLOUR[severity]}m{m[2]}\x1b[0m", text)
 
 
 def failure(message: str) -> None:
