@@ -46,9 +46,7 @@ def test_states_are_minimal(name):
 
 @pytest.mark.parametrize("name", STARTS)
 def test_energy_is_balanced(name):
-    # H28 loses half of all energy in its first microseconds, and the ledger takes no part in the error test
-    rtol = 1e-8 if name == "H28" else 1e-6
-    assert compiled(name).simulate(rtol=rtol).energy.balance < 100 * 1e-6
+    assert compiled(name).simulate().energy.balance < 100 * 1e-6
 
 
 def test_torques_of_a_gear_loop_are_said_to_be_not_unique():
