@@ -13,13 +13,14 @@ from math import prod
 
 import numpy as np
 
-from lmoc.diagnostics import Report
+from lmoc.diagnostics import Label, Report
 from lmoc.distinct import distinct
 from lmoc.semantics.connect import Connections, Edges, components
 from lmoc.semantics.draft import Drafts
 from lmoc.semantics.flat import Kind
 from lmoc.semantics.instance import Instance, Variable
 from lmoc.semantics.scope import Scope
+from lmoc.source import Span
 
 
 def check_connectors(instances: Sequence[Instance], report: Report) -> None:
@@ -50,6 +51,7 @@ class _Count:
         self.unknowns = 0
         self.equations = 0
         self.used: set[int] = set()  # ids of variables that its equations mention
+        self.given_outside: list[Span] = []  # values that the part around gives to its variables
 
 
 def check_balance(
@@ -98,6 +100,10 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
         if draft.origin == "binding" and _is_input(draft.columns[0][0]):
             continue  # given from outside, like the input itself
         count.equations += draft.rows
+        if draft.origin == "binding" and draft.span is not None:
+            binding = draft.columns[0][0].value
+            if binding.node is not None and binding.node is not draft.node:
+                count.given_outside.append(draft.span)
         count.used.update(id(v) for v, _ in draft.columns if v is not None)
 
 
@@ -168,6 +174,7 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
         hint = f"{names} {'stands' if len(unused) == 1 else 'stand'} in no equation of the class"
     elif few and flows:
         hint = f"{flows:g} of the equations {'comes' if flows == 1 else 'come'} from its connections, one for each flow"
+    labels = tuple(Label(span, "this is an equation more") for span in count.given_outside[:3] if not few)
     what = "model" if part.parent is None else "part"
     report.error(
         "E0307",
@@ -176,4 +183,5 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
         cls.definition.name_span,
         expected="as many equations as unknowns",
         hint=hint,
+        labels=labels,
     )

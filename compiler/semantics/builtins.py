@@ -12,6 +12,7 @@ from lmoc.expression.calculus import total_derivative
 from lmoc.semantics.context import Context
 from lmoc.semantics.translate import (
     LARGE,
+    changes,
     choose,
     column_of_numbers,
     comprehension,
@@ -335,6 +336,8 @@ def _to_string(context: Context, call: tree.Call) -> Value:
         return x
     if x.type == "Boolean":
         return text("true" if context.alike(x, call.span, "a text") else "false")
+    if changes(context, x):
+        return text(f"({call.arguments[0].span.text})")  # its value is not known when the text is made
     return text(f"{float(context.alike(x, call.span, 'a text')):g}")
 
 

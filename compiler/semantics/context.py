@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from lmoc.semantics.instance import Instance
 from lmoc.semantics.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.scope import Scope
 from lmoc.semantics.value import Arrays, Value
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NotAlike, Wrong
 from lmoc.source import Span
 
 if TYPE_CHECKING:
@@ -45,9 +46,12 @@ class Context:
     leaves : the columns of the group in the making
     names : iteration variables and, in a function, its variables
     quiet : how many noEvent() or smooth() stand around: kinks are intended
+    choices : branches that these rows take, by the identity of the if-expression
+    depth : of function calls
+    end : what `end` means in the subscript being read
     """
 
-    __slots__ = ("model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "end", "depth")
+    __slots__ = ("model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "choices", "depth", "end")
 
     def __init__(
         self,
@@ -67,8 +71,9 @@ class Context:
         self.names = {} if names is None else names
         self.arrays = Arrays(self.leaves, self.space.rank)
         self.quiet = quiet
-        self.depth = 0  # of function calls
-        self.end: int | None = None  # what `end` means in the subscript being read
+        self.choices: dict[int, int] = {}
+        self.depth = 0
+        self.end: int | None = None
 
     def value(self, expression: tree.Expression) -> Value:
         """The meaning of an expression here."""
@@ -77,7 +82,7 @@ class Context:
     def within(self, space: Space, names: dict[str, Value]) -> Context:
         """The same place with another space and further names."""
         inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
-        inner.depth = self.depth
+        inner.depth, inner.choices = self.depth, self.choices
         return inner
 
     def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
@@ -109,9 +114,9 @@ class Context:
         if numbers.ndim <= len(value.dims) and self.space.rank == 0:
             return np.broadcast_to(numbers, value.dims)
         numbers = numbers.reshape(numbers.shape + (1,) * (self.space.rank + len(value.dims) - numbers.ndim))
-        flat = numbers.reshape((-1, *numbers.shape[self.space.rank :]))
+        flat = numbers.reshape((prod(numbers.shape[: self.space.rank]), *numbers.shape[self.space.rank :]))
         if len(flat) and np.any(flat != flat[0]):
-            raise Wrong("E0220", f"{what} differs between the elements of an array", span)
+            raise NotAlike(what, span)
         if not len(flat):
             raise Wrong()
         return np.broadcast_to(flat[0], value.dims)

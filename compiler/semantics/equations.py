@@ -11,9 +11,9 @@ from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equa
 from lmoc.semantics.functions import call_all
 from lmoc.semantics.instance import Instance, Node, Variable
 from lmoc.semantics.reference import element_index, find_start, locate, unknown_name
-from lmoc.semantics.translate import LARGE, dims_text, iteration, sizes_differ
+from lmoc.semantics.translate import LARGE, MAX_UNROLLED, dims_text, iteration, sizes_differ
 from lmoc.semantics.value import Value, number
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NotOneGroup, RowsDiffer, Wrong
 from lmoc.syntax import tree
 
 
@@ -25,17 +25,23 @@ class EquationSection:
         self.node = node
         self.groups = drafts.initial if initial else drafts.groups
         self.initial = initial
+        self.trying = 0  # loops around that can be unrolled if their rows do not make one group
 
     def add(self, context: Context, equation: tree.Equation) -> None:
         """Translate one equation; what is wrong with it is reported, and it is left out."""
         try:
             _KINDS[type(equation)](self, context, equation)
+        except NotOneGroup as wrong:
+            if self.trying:
+                raise
+            wrong.put_into(context.model.report)
         except Wrong as wrong:
             wrong.put_into(context.model.report)
 
     def _fresh(self, context: Context) -> Context:
         """The same place with columns of its own, the iteration variables among them."""
         fresh = Context(context.model, context.node, context.scope, context.space)
+        fresh.choices = context.choices
         for name, value in context.names.items():
             if value.expr.op == "slot":
                 leaf = context.leaves[value.expr.value[0]]
@@ -50,7 +56,15 @@ class EquationSection:
         if isinstance(e.left, tree.Tuple):
             self._several(context, e)
             return
-        left, right = context.value(e.left), context.value(e.right)
+        try:
+            left, right = context.value(e.left), context.value(e.right)
+        except RowsDiffer as differ:
+            for k, rows in enumerate(differ.rows):
+                if len(rows):
+                    inner = self._selected(outer, rows)
+                    inner.choices = {**outer.choices, id(differ.expression): k}
+                    self.equality(inner, e)
+            return
         self._equate(context, left, right, e)
 
     def _equate(self, context: Context, left: Value, right: Value, e: tree.Equality) -> None:
@@ -85,13 +99,36 @@ class EquationSection:
         index = e.indices[k]
         numbers, type_ = iteration(context, index)
         if len(numbers) <= LARGE:
-            for x in numbers:
-                inner = context.within(context.space, {index.name: number(x, type_)})
-                self._loop(inner, e, k + 1)
+            self._unrolled(context, e, k, numbers, type_)
             return
+        try:
+            self._at_once(context, e, k, numbers, type_)
+        except NotOneGroup as wrong:
+            if len(numbers) > MAX_UNROLLED:
+                wrong.put_into(context.model.report)
+                return
+            self._unrolled(context, e, k, numbers, type_)
+
+    def _unrolled(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
+        for x in numbers:
+            self._loop(context.within(context.space, {e.indices[k].name: number(x, type_)}), e, k + 1)
+
+    def _at_once(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
+        """All rounds of a loop as rows of the same groups; nothing is left behind where that fails."""
+        drafts, report = self.drafts, context.model.report
+        lists = (drafts.groups, drafts.initial, drafts.checks, drafts.connects, report.diagnostics)
+        before = [len(items) for items in lists]
         axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
         value = Value(context.leaves.slot(None, axis), (), type_)
-        self._loop(context.within(context.space.with_axis(len(numbers)), {index.name: value}), e, k + 1)
+        self.trying += 1
+        try:
+            self._loop(context.within(context.space.with_axis(len(numbers)), {e.indices[k].name: value}), e, k + 1)
+        except NotOneGroup:
+            for items, length in zip(lists, before):
+                del items[length:]
+            raise
+        finally:
+            self.trying -= 1
 
     def branch(self, outer: Context, e: tree.IfEquation) -> None:
         """Conditions are known when compiling; where they differ between rows, the rows go their own ways."""
@@ -129,14 +166,18 @@ class EquationSection:
         if len(rows) == prod(context.space.shape):
             self._all(context, body)
             return
+        self._all(self._selected(context, rows), body)
+
+    def _selected(self, context: Context, rows: np.ndarray) -> Context:
+        """The same place, for the rows with these flat positions only."""
         inner = Context(context.model, context.node, context.scope, context.space.selected(rows))
+        inner.choices = context.choices
         for name, value in context.names.items():
             if value.expr.op == "slot":
                 leaf = context.leaves[value.expr.value[0]]
-                picked = context.space.pick(leaf.index, rows)
-                value = Value(inner.leaves.slot(leaf.variable, picked), (), value.type)
+                value = Value(inner.leaves.slot(leaf.variable, context.space.pick(leaf.index, rows)), (), value.type)
             inner.names[name] = value
-        self._all(inner, body)
+        return inner
 
     # ------------------------------------------------------------------------- connect
 

@@ -13,7 +13,7 @@ from lmoc.semantics.instance import Absent, Broken, Instance, Node, Variable
 from lmoc.semantics.rows import Index, align, positions
 from lmoc.semantics.scope import Builtin, Member, Scope, resolve
 from lmoc.semantics.value import Value, number, stack
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NotAlike, Wrong
 from lmoc.source import Span
 from lmoc.syntax import tree
 
@@ -292,7 +292,7 @@ def _select(context: Context, value: Value, part: tree.RefPart, k: int) -> Value
     where = subscript(context, expression, value.dims[0], part.name)
     if isinstance(where, Slice):
         if where.index.ndim > 1:
-            raise Wrong("E0220", "a subscript here must be the same in all rows", expression.span)
+            raise NotAlike("a subscript", expression.span)
         items = [_select(context, context.arrays.element(value, int(j)), part, k + 1) for j in where.index]
         return stack(items, type=value.type)
     if isinstance(where, np.ndarray):
@@ -306,6 +306,6 @@ def _select_by_row(context: Context, value: Value, part: tree.RefPart, k: int, w
     """An array of numbers indexed by an iteration variable: a column of numbers."""
     span = part.subscripts[k].span
     if len(value.dims) != 1:
-        raise Wrong("E0220", "a subscript here must be the same in all rows", span)
+        raise NotAlike("a subscript", span)
     numbers = context.alike(value, span, f"'{part.name}'")
     return Value(context.leaves.slot(None, numbers[where]), (), value.type)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import prod
 
 import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.semantics.context import Context, translates
+from lmoc.semantics.rows import align
 from lmoc.semantics.value import Value, common_type, number, stack, text
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong
 from lmoc.source import Span
 from lmoc.syntax import tree
 
@@ -19,7 +21,8 @@ ARITHMETIC: dict[str, Callable[[Expr, Expr], Expr]] = {
     ".+": dag.add, ".-": dag.sub, ".*": dag.mul, "./": dag.div, ".^": dag.power,
 }  # fmt: skip
 RELATION = {"<": "lt", "<=": "le", ">": "gt", ">=": "ge", "==": "eq", "<>": "ne"}
-LARGE = 16  # an array of so many numbers becomes a column of them rather than a shape each
+LARGE = 16  # a longer array of numbers becomes a column of them rather than a shape each
+MAX_UNROLLED = 10_000  # a longer loop must be one group
 
 
 # ------------------------------------------------------------------------- literals
@@ -217,26 +220,56 @@ def warn_kink(context: Context, what: str, span: Span, *values: Value) -> None:
 
 @translates(tree.If)
 def _if(context: Context, e: tree.If) -> Value:
-    branches: list[tuple[Value, Value]] = []
-    otherwise: Value | None = None
-    for condition_tree, value_tree in e.branches:
+    values = [*(value for _, value in e.branches), e.otherwise]
+    chosen = context.choices.get(id(e))
+    if chosen is not None:
+        return context.value(values[chosen])
+    conditions: list[Value] = []
+    for condition_tree, _ in e.branches:
         condition = context.value(condition_tree)
         _need(condition, "Boolean", condition_tree.span)
         if condition.dims:
             raise Wrong("E0301", "a condition must be true or false, not an array", condition_tree.span)
-        if condition.expr.is_const:
-            if not condition.expr.value:
-                continue
-            otherwise = context.value(value_tree)
-            break
         warn_kink(context, "this if-expression", e.span, condition)
-        branches.append((condition, context.value(value_tree)))
-    if otherwise is None:
-        otherwise = context.value(e.otherwise)
-    result = otherwise
-    for condition, value in reversed(branches):
-        result = choose(context, condition, value, result, e.span)
+        conditions.append(condition)
+        if condition.expr.is_const and condition.expr.value:
+            break
+    open_ones = [k for k, c in enumerate(conditions) if not c.expr.is_const]
+    last = len(conditions) - 1 if conditions[-1].expr.is_const and conditions[-1].expr.value else len(e.branches)
+    try:
+        result = context.value(values[last])
+        for k in reversed(open_ones):
+            result = choose(context, conditions[k], context.value(values[k]), result, e.span)
+    except Wrong as wrong:
+        if wrong.code != "E0215" or any(changes(context, conditions[k]) for k in open_ones):
+            raise
+        return _by_rows(context, e, conditions, last, wrong)
     return result
+
+
+def _by_rows(context: Context, e: tree.If, conditions: list[Value], last: int, wrong: Wrong) -> Value:
+    """A subscript is out of range in a branch that not all rows take: take only those branches that are needed."""
+    rows = _rows_of_branches(context, e, conditions, last)
+    taken = [k for k, own in enumerate(rows) if len(own)]
+    if len(taken) > 1:
+        raise RowsDiffer(e, rows, wrong) from None
+    if not taken:
+        raise wrong
+    return context.value([*(value for _, value in e.branches), e.otherwise][taken[0]])
+
+
+def _rows_of_branches(context: Context, e: tree.If, conditions: list[Value], last: int) -> list[np.ndarray]:
+    """For each branch, the flat positions of the rows that take it."""
+    shape = context.space.shape
+    left = np.ones(prod(shape), bool)
+    rows = [np.zeros(0, int) for _ in range(len(e.branches) + 1)]
+    for k, condition in enumerate(conditions[:last] if last < len(e.branches) else conditions):
+        holds = align(np.asarray(context.known(condition, e.span)), len(shape))
+        holds = np.broadcast_to(holds, shape).reshape(-1).astype(bool)
+        rows[k] = np.flatnonzero(left & holds)
+        left &= ~holds
+    rows[last] = np.flatnonzero(left)
+    return rows
 
 
 def choose(context: Context, condition: Value, then: Value, otherwise: Value, span: Span) -> Value:
@@ -342,13 +375,23 @@ def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
         return context.value(e.element)
     index = e.indices[k]
     numbers, type_ = iteration(context, index)
-    if len(numbers) <= LARGE:
-        inner = [_comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers]
-        return stack(inner) if inner else Value(None, (0,), "Real", ())
+    if len(numbers) > LARGE:
+        try:
+            return _comprehend_at_once(context, e, k, numbers, type_)
+        except NotOneGroup:
+            if len(numbers) > MAX_UNROLLED:
+                raise
+    inner = [_comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers]
+    return stack(inner) if inner else Value(None, (0,), "Real", ())
+
+
+def _comprehend_at_once(context: Context, e: tree.Comprehension, k: int, numbers: np.ndarray, type_: str) -> Value:
+    """All elements as one shape, with the iteration variable as a column of numbers."""
+    index = e.indices[k]
     rank = context.space.rank
     leaf = context.leaves.slot(None, numbers.reshape((1,) * rank + numbers.shape))
     space = context.space.with_axis(len(numbers))
     value = _comprehend(context.within(space, {index.name: Value(leaf, (), type_)}), e, k - 1)
     if not value.uniform:
-        raise Wrong("E0230", "the elements of a long array must have one form", e.span)
+        raise NotAlike("the form", e.span)
     return Value(value.expr, (len(numbers), *value.dims), value.type)

@@ -103,7 +103,9 @@ class Arrays:
             column, order = leaf.value
             old = self.leaves[column]
             index = change(old.index)
-            if index is not old.index:
+            if old.variable is None and not isinstance(index, np.ndarray):
+                new[leaf] = const(index)
+            elif index is not old.index:
                 moved = self.leaves.slot(old.variable, index)
                 new[leaf] = moved if order == 0 else slot(moved.value[0], order)
         return substitute(expr, new) if new else expr

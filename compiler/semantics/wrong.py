@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from lmoc.diagnostics import Diagnostic, Report
 from lmoc.source import Span
 
@@ -17,7 +19,38 @@ class Wrong(Exception):
         super().__init__(message)
         self.diagnostic = Diagnostic(code, message, span, **more) if code else None
 
+    @property
+    def code(self) -> str:
+        return self.diagnostic.code if self.diagnostic else ""
+
     def put_into(self, report: Report) -> None:
         """Report it, unless the same has been said before."""
         if self.diagnostic is not None and self.diagnostic not in report.diagnostics:
             report.diagnostics.append(self.diagnostic)
+
+
+class NotOneGroup(Wrong):
+    """The rows of a group go different ways."""
+
+
+class NotAlike(NotOneGroup):
+    """Something must be the same in all rows of a group and is not; a loop can then be unrolled."""
+
+    def __init__(self, what: str, span: Span):
+        super().__init__("E0220", f"{what} differs between the elements of an array", span)
+
+
+class RowsDiffer(NotOneGroup):
+    """An if-expression over iteration variables whose branches make sense in their own rows only.
+
+    Attributes
+    ----------
+    expression : the if-expression in the syntax tree
+    rows : for each of its branches, the flat positions of the rows that take it
+    """
+
+    def __init__(self, expression: object, rows: list[np.ndarray], wrong: Wrong):
+        super().__init__()
+        self.diagnostic = wrong.diagnostic
+        self.expression = expression
+        self.rows = rows
