@@ -341,6 +341,12 @@ CATALOGUE: dict[str, Entry] = {
         "unknown state",
         "A name given as a preferred state is not a variable of the model.",
     ),
+    "E0416": Entry(
+        "a force that nothing takes",
+        "A given force or weight acts on connections without mass that no spring, damper or support holds: the forces "
+        "there cannot balance. Connect the force to a part with mass, or to something that holds it.",
+        "model A\n  Force push(f = 2);\n  Rod rod;\nequation\n  connect(push.flange, rod.a);\nend A;",
+    ),
     "N0415": Entry(
         "a constraint repeats others",
         "A loop of rigid connections gives one constraint more than there are coordinates, and they agree. It is left "
@@ -499,14 +505,32 @@ CATALOGUE: dict[str, Entry] = {
 
 
 def page() -> str:
-    """The catalogue as a page of the documentation."""
-    lines = ["# Diagnostics", "", "Made by `python -m lmoc.catalogue > docs/diagnostics.md`.", ""]
+    """The catalogue as a page of the documentation, with what is said about the examples."""
+    lines = [
+        "# Diagnostics",
+        "",
+        "Every error, warning and note of lmoc by its code; `lmoc explain CODE` shows an entry on the command line.",
+        "This page is made by `python -m lmoc.catalogue > docs/diagnostics.md`.",
+        "",
+    ]
     for code in sorted(CATALOGUE, key=lambda code: (code[1:], code[0])):
         entry = CATALOGUE[code]
         lines += [f"## {code}: {entry.title}", "", entry.explanation, ""]
         if entry.example:
             lines += ["```modelica", entry.example, "```", ""]
+            lines += [line for shown in _said(entry.example) for line in ("```text", shown, "```", "")]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _said(example: str) -> list[str]:
+    """What the parser says about a program."""
+    from lmoc.diagnostics import Report, render
+    from lmoc.source import Source
+    from lmoc.syntax.parse import parse
+
+    report = Report()
+    parse(Source("example.lmo", example), report)
+    return [render(d) for d in report.diagnostics]
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from textwrap import indent
 
 from lmoc.catalogue import CATALOGUE
 from lmoc.cli.arguments import Parser, UsageError
@@ -22,5 +23,8 @@ def execute(arguments: argparse.Namespace) -> int:
     if code not in CATALOGUE:
         hint = nearest(code, CATALOGUE) or "`lmoc explain` lists the codes"
         raise UsageError([Diagnostic("E0620", f"there is no diagnostic '{arguments.code}'", hint=hint)])
-    print(f"{code}: {CATALOGUE[code].title}\n\n{CATALOGUE[code].explanation}")
+    entry = CATALOGUE[code]
+    print(f"{code}: {entry.title}\n\n{entry.explanation}")
+    if entry.example:
+        print("\nExample:\n\n" + indent(entry.example, "    "))
     return 0
