@@ -18,7 +18,7 @@ from lmoc.semantics.flat import FlatDAE, Kind
 _CACHED = 2_000_000  # numbers of the largest result that is kept
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Observer:
     """What is needed to compute variables from states: the plan, and the parameter values and signals of the run."""
 
@@ -80,7 +80,7 @@ class Recorder:
         self.reached = max(self.reached, last)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """The result of an integration.
 

@@ -17,7 +17,7 @@ from lmoc.structure.reduced import Reduced
 LEDGER = ("ledger.work", "ledger.heat")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
     """What is integrated.
 

@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.numerics.system import System
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Problem:
     """An initial value problem and how it is to be solved.
 
