@@ -6,7 +6,7 @@ import pytest
 
 from lmoc import cache, library
 from lmoc.syntax import tables
-from lmoc.syntax.tree import alike
+from lmoc.syntax.node import alike
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from lmoc.syntax import text, tree
 from lmoc.syntax.format import format
 from lmoc.syntax.lexer import comments
 from lmoc.syntax.lines import WIDTH, broken
+from lmoc.syntax.node import alike
 from lmoc.syntax.parse import parse
-from lmoc.syntax.tree import alike
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = sorted([*ROOT.glob("stdlib/*.lmo"), *ROOT.glob("models/**/*.lmo")])

@@ -6,45 +6,8 @@ Nothing is looked up or evaluated here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 from lmoc.source import Span
-
-if TYPE_CHECKING:
-    from typing_extensions import dataclass_transform
-
-    @dataclass_transform(frozen_default=True)
-    def node(cls: type) -> type: ...
-
-else:
-
-    def node(cls: type) -> type:
-        """A dataclass with slots; nodes are never changed once made.
-
-        ``frozen=True`` and the generated methods would say so too, but they take four times as long to
-        set up: 14 ms of every start for the classes below.
-        """
-        return dataclass(eq=False, repr=False, slots=True)(cls)
-
-
-class Node:
-    """Equality, hash and printing by the fields, as dataclasses have them."""
-
-    __slots__ = ()
-
-    def __eq__(self, other: object) -> bool:
-        if type(self) is not type(other):
-            return NotImplemented
-        return all(getattr(self, name) == getattr(other, name) for name in self.__slots__)
-
-    def __hash__(self) -> int:
-        return hash((type(self), *(getattr(self, name) for name in self.__slots__)))
-
-    def __repr__(self) -> str:
-        fields = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.__slots__)
-        return f"{type(self).__name__}({fields})"
-
+from lmoc.syntax.node import Node, node
 
 # ---------------------------------------------------------------- expressions
 
@@ -52,7 +15,6 @@ class Node:
 @node
 class Number(Node):
     """``2``, ``1e-3``; `integer` where written as one."""
-
     value: float
     integer: bool
     span: Span
@@ -61,7 +23,6 @@ class Number(Node):
 @node
 class String(Node):
     """``"text"``, escapes replaced."""
-
     value: str
     span: Span
 
@@ -69,7 +30,6 @@ class String(Node):
 @node
 class Boolean(Node):
     """``true``, ``false``."""
-
     value: bool
     span: Span
 
@@ -77,7 +37,6 @@ class Boolean(Node):
 @node
 class RefPart(Node):
     """One name of a reference, with its subscripts."""
-
     name: str
     subscripts: tuple[Expression, ...]
     span: Span
@@ -86,7 +45,6 @@ class RefPart(Node):
 @node
 class Ref(Node):
     """``a.b[2].c``; `absolute` where it starts with a dot."""
-
     parts: tuple[RefPart, ...]
     absolute: bool
     span: Span
@@ -98,7 +56,6 @@ class Ref(Node):
 @node
 class Unary(Node):
     """An operator before its operand."""
-
     op: str  # "-", "+", "not"
     operand: Expression
     span: Span
@@ -107,7 +64,6 @@ class Unary(Node):
 @node
 class Binary(Node):
     """An operator between two operands."""
-
     op: str  # + - * / ^ .+ .- .* ./ .^ < <= > >= == <> and or
     left: Expression
     right: Expression
@@ -117,7 +73,6 @@ class Binary(Node):
 @node
 class If(Node):
     """``if c then a elseif d then b else e``."""
-
     branches: tuple[tuple[Expression, Expression], ...]  # (condition, value), if and elseif
     otherwise: Expression
     span: Span
@@ -126,7 +81,6 @@ class If(Node):
 @node
 class Call(Node):
     """``f(a, b, k = c)``."""
-
     function: Ref  # der, sin, initial, pre, ... are ordinary references
     arguments: tuple[Expression, ...]
     named: tuple[tuple[str, Expression], ...]
@@ -136,7 +90,6 @@ class Call(Node):
 @node
 class ForIndex(Node):
     """``i in r``; without range ``i`` alone."""
-
     name: str
     range: Expression | None
     span: Span
@@ -145,7 +98,6 @@ class ForIndex(Node):
 @node
 class Comprehension(Node):
     """``{e for i in r}``, ``sum(e for i in r)`` (then the argument of a Call)."""
-
     element: Expression
     indices: tuple[ForIndex, ...]
     span: Span
@@ -154,7 +106,6 @@ class Comprehension(Node):
 @node
 class Range(Node):
     """``a:b``, ``a:step:b``."""
-
     start: Expression
     step: Expression | None
     stop: Expression
@@ -164,7 +115,6 @@ class Range(Node):
 @node
 class Array(Node):
     """``{a, b, c}``."""
-
     items: tuple[Expression, ...]
     span: Span
 
@@ -172,7 +122,6 @@ class Array(Node):
 @node
 class Matrix(Node):
     """``[a, b; c, d]``."""
-
     rows: tuple[tuple[Expression, ...], ...]
     span: Span
 
@@ -180,21 +129,18 @@ class Matrix(Node):
 @node
 class Colon(Node):
     """A subscript ``:``."""
-
     span: Span
 
 
 @node
 class End(Node):
     """``end`` in a subscript."""
-
     span: Span
 
 
 @node
 class Tuple(Node):
     """``(a, , b)``: the left side of a call with several results; None where left out."""
-
     items: tuple[Expression | None, ...]
     span: Span
 
@@ -210,7 +156,6 @@ Expression = (
 @node
 class Modification(Node):
     """``(a = 1, b(start = 2)) = value``; either half may be absent."""
-
     arguments: tuple[Argument, ...]
     value: Expression | None
     span: Span
@@ -219,7 +164,6 @@ class Modification(Node):
 @node
 class ElementModification(Node):
     """``each final m = 2`` or ``spring(k = 3)``."""
-
     name: tuple[str, ...]
     modification: Modification | None
     each: bool
@@ -231,7 +175,6 @@ class ElementModification(Node):
 @node
 class Redeclaration(Node):
     """``redeclare Spring s(k = 3)`` or ``replaceable ...`` in a modification."""
-
     element: Component | Class
     each: bool
     final: bool
@@ -246,7 +189,6 @@ Argument = ElementModification | Redeclaration
 @node
 class Equality(Node):
     """``left = right``."""
-
     left: Expression
     right: Expression
     description: str
@@ -257,7 +199,6 @@ class Equality(Node):
 @node
 class Connect(Node):
     """``connect(left, right)``."""
-
     left: Ref
     right: Ref
     description: str
@@ -268,7 +209,6 @@ class Connect(Node):
 @node
 class For(Node):
     """``for i in r loop ... end for``."""
-
     indices: tuple[ForIndex, ...]
     body: tuple[Equation, ...]
     span: Span
@@ -279,7 +219,6 @@ class For(Node):
 @node
 class IfEquation(Node):
     """``if c then ... elseif d then ... else ... end if``."""
-
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     otherwise: tuple[Equation, ...]
     span: Span
@@ -290,7 +229,6 @@ class IfEquation(Node):
 @node
 class When(Node):
     """``when c then ... elsewhen d then ... end when``."""
-
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     span: Span
     description: str = ""
@@ -300,7 +238,6 @@ class When(Node):
 @node
 class CallEquation(Node):
     """``assert(...)``, ``terminate(...)``, ``reinit(...)``."""
-
     call: Call
     description: str
     span: Span
@@ -315,7 +252,6 @@ Equation = Equality | Connect | For | IfEquation | When | CallEquation
 @node
 class Assignment(Node):
     """``x := e`` or ``(a, b) := f(x)``."""
-
     target: Ref | Tuple
     value: Expression
     span: Span
@@ -326,7 +262,6 @@ class Assignment(Node):
 @node
 class IfStatement(Node):
     """``if c then ... elseif d then ... else ... end if``."""
-
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     otherwise: tuple[Statement, ...]
     span: Span
@@ -337,7 +272,6 @@ class IfStatement(Node):
 @node
 class ForStatement(Node):
     """``for i in r loop ... end for``."""
-
     indices: tuple[ForIndex, ...]
     body: tuple[Statement, ...]
     span: Span
@@ -348,7 +282,6 @@ class ForStatement(Node):
 @node
 class WhileStatement(Node):
     """``while c loop ... end while``."""
-
     condition: Expression
     body: tuple[Statement, ...]
     span: Span
@@ -359,7 +292,6 @@ class WhileStatement(Node):
 @node
 class WhenStatement(Node):
     """``when c then ... elsewhen d then ... end when``."""
-
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     span: Span
     description: str = ""
@@ -369,7 +301,6 @@ class WhenStatement(Node):
 @node
 class CallStatement(Node):
     """A function called for its effect: ``assert(...)``."""
-
     call: Call
     span: Span
     description: str = ""
@@ -379,7 +310,6 @@ class CallStatement(Node):
 @node
 class Return(Node):
     """``return``."""
-
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -388,7 +318,6 @@ class Return(Node):
 @node
 class Break(Node):
     """``break``."""
-
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -402,7 +331,6 @@ Statement = Assignment | IfStatement | ForStatement | WhileStatement | WhenState
 @node
 class Component(Node):
     """One declared name (``Real x, y;`` gives two)."""
-
     name: str
     type: Ref
     dimensions: tuple[Expression, ...]  # those of the type and of the name: Real[2] x[3] gives (3, 2)
@@ -428,7 +356,6 @@ class Component(Node):
 @node
 class Extends(Node):
     """``extends Base(k = 1)``."""
-
     base: Ref
     modification: Modification | None
     protected: bool
@@ -440,7 +367,6 @@ class Extends(Node):
 @node
 class Import(Node):
     """``import A.B;`` (alias "", wildcard False), ``import C = A.B;``, ``import A.*;``, ``import A.{b, c};``."""
-
     path: tuple[str, ...]
     alias: str
     wildcard: bool
@@ -453,7 +379,6 @@ class Import(Node):
 @node
 class Class(Node):
     """A class definition; a short one (``type Mass = Real(unit="kg")``) has `short` and no elements."""
-
     kind: str  # model block connector type record package function class ("operator" ones are not taken)
     name: str
     partial: bool
@@ -483,7 +408,6 @@ class Class(Node):
 @node
 class ShortClass(Node):
     """What stands after the '=' of a short class definition."""
-
     base: Ref
     dimensions: tuple[Expression, ...]
     modification: Modification | None
@@ -497,16 +421,6 @@ Element = Component | Extends | Import | Class
 @node
 class File(Node):
     """A parsed text: ``within`` and the classes it defines."""
-
     within: tuple[str, ...]
     classes: tuple[Class, ...]
     span: Span
-
-
-def alike(a: object, b: object) -> bool:
-    """Whether two trees say the same, wherever they stand."""
-    if isinstance(a, tuple) and isinstance(b, tuple):
-        return len(a) == len(b) and all(map(alike, a, b))
-    if not isinstance(a, Node):
-        return a == b or isinstance(a, Span)
-    return type(a) is type(b) and all(alike(getattr(a, name), getattr(b, name)) for name in a.__slots__)
