@@ -200,3 +200,49 @@ def test_wrong_subscripts() -> None:
     assert codes("model A Real x; equation x[1] = 1; end A;") == ["E0216"]
     assert codes("model A Real x[2]; equation x = {1, 2, 3}; end A;") == ["E0302"]
     assert codes("model A Real x[2] = {1, 2}; equation x + 1 = x; end A;") == ["E0302"]
+
+
+def test_loops_whose_rounds_differ_are_unrolled(short_is_long) -> None:
+    found = of_model("""
+        Real x[4]; Real s[4]; parameter Real c[4] = {sum(i*ones(i)) for i in 1:4};
+      equation
+        for i in 1:4 loop der(x[i]) = i; s[i] = sum(x[1:i]); end for;""")
+    assert "s[3] = x[1] + x[2] + x[3]" in found
+    assert sorted(found)[:4] == ["der(x[1]) = 1", "der(x[2]) = 2", "der(x[3]) = 3", "der(x[4]) = 4"]
+
+
+def test_ends_of_a_loop_by_if_expressions(short_is_long) -> None:
+    text = """model A
+        parameter Integer n = 5; Real x[n];
+        parameter Real d[n] = {if i == 1 then 0 else b[i - 1] for i in 1:n}; parameter Real b[n] = {1, 2, 3, 4, 5};
+      equation
+        for i in 1:n loop
+          der(x[i]) = (if i > 1 then x[i - 1] else 0) - 2*x[i] + (if i < n then x[i + 1] else 0);
+        end for;
+      end A;"""
+    dae = flat(text, library=False)
+    found = equations(dae)
+    assert "der(x[1]) = -2*x[1] + (if 1 < n then x[2] else 0)" in found
+    assert "der(x[3]) = x[2] - 2*x[3] + x[4]" in found
+    assert "der(x[5]) = x[4] - 2*x[5]" in found
+    assert sorted(g.rows for g in dae.groups if g.origin == "equation") == [1, 1, 3]
+    assert value(dae, "d") == [0, 1, 2, 3, 4]
+    assert codes(text.replace("i > 1", "i > 0")) == ["E0215"]
+
+
+def test_a_long_sum_is_a_variable_of_its_own() -> None:
+    dae = flat("""model A
+        parameter Integer n = 200; Mass m[n](each m = 2);
+        output Real E(unit = "J") = sum(m.energy);
+        output Real T = sum(m[i].m*m[i].v^2/2 for i in 1:n);
+        parameter Real total = sum(m.m);
+      end A;""")
+    found = equations(dae, "binding")
+    assert "E = sum(m.energy)" in found
+    assert value(dae, "total") == 400
+    texts = [t for t in (dae.sum_text(i) for i in range(dae.sums.rows)) if "ledger" not in t]
+    assert len(texts) == 2
+    assert texts[0].startswith("m[1].energy + m[2].energy + ") and texts[0].endswith("- sum(m.energy) = 0")
+    unknowns = sum(b.size for b in dae.blocks if b.kind == 3)
+    assert unknowns == dae.equation_count
+    assert max(g.slots.shape[1] for g in dae.groups) < 10

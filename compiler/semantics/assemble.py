@@ -39,6 +39,14 @@ class Layout:
     instances: list[Instance]
     count: int
 
+    def extended(self, variables: Sequence[Variable]) -> Layout:
+        """With further variables at the end."""
+        offset = self.count
+        for variable in variables:
+            variable.offset = offset
+            offset += variable.size
+        return Layout([*self.variables, *variables], self.instances, offset)
+
 
 def lay_out(root: Instance) -> Layout:
     """Give every variable its place and every part its number."""
@@ -57,8 +65,8 @@ def make_blocks(layout: Layout) -> list[Block]:
     """The table of variables."""
     return [
         Block(
-            v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.component.description, v.flow, v.connector,
-            v.output, _protected(v), v.structural, v.state_select, v.parent.owner.part, v.component.span,
+            v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.description, v.flow, v.connector, v.output,
+            _protected(v), v.structural, v.state_select, v.parent.owner.part, v.span,
         )
         for v in layout.variables
     ]  # fmt: skip
@@ -83,7 +91,7 @@ def make_parts(layout: Layout) -> list[Part]:
             has_ports_below[around.owner.part] = True
     return [
         Part(
-            i.path, i.cls.full_name, (i.component.description if i.component else "") or i.cls.definition.description,
+            i.path, i.cls.full_name, i.description or i.cls.definition.description,
             own, not has_ports_below[i.part], i.component.span if i.component else i.cls.definition.span,
             i.parent.owner.part if i.parent else 0,
         )

@@ -99,7 +99,7 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
         count = counts[id(draft.node)]
         if draft.origin == "binding" and _is_input(draft.columns[0][0]):
             continue  # given from outside, like the input itself
-        count.equations += draft.rows
+        count.equations += draft.rows * (draft.origin != "sum")  # each term of a long sum comes with its variable
         if draft.origin == "binding" and draft.span is not None:
             binding = draft.columns[0][0].value
             if binding.node is not None and binding.node is not draft.node:

@@ -217,23 +217,27 @@ def _transpose(context: Context, call: tree.Call) -> Value:
 # ---------------------------------------------------------------------------- reductions
 
 
-def _reduce(context: Context, call: tree.Call, function: Callable, start: dag.Expr) -> Value:
-    """``sum(array)``, ``sum(e for i in r)`` and the same for products."""
+def _reduced(context: Context, call: tree.Call) -> Value:
+    """The array in ``sum(array)``, ``sum(e for i in r)`` and the same for products."""
     if len(call.arguments) == 1 and isinstance(call.arguments[0], tree.Comprehension):
-        array = comprehension(context, call.arguments[0])
-    else:
-        (array,) = arguments(context, call, 1)
-    return Value(context.arrays.fold(function, array, start), (), array.type)
+        return comprehension(context, call.arguments[0])
+    (array,) = arguments(context, call, 1)
+    need_number(array, call.span)
+    return array
 
 
 @builtin("sum")
 def _sum(context: Context, call: tree.Call) -> Value:
-    return _reduce(context, call, dag.add, dag.ZERO)
+    array = _reduced(context, call)
+    if changes(context, array) and context.model.long_sums.fits(context, array):
+        return context.model.long_sums.add(context, array, call.span)
+    return Value(context.arrays.fold(dag.add, array, dag.ZERO), (), array.type)
 
 
 @builtin("product")
 def _product(context: Context, call: tree.Call) -> Value:
-    return _reduce(context, call, dag.mul, dag.ONE)
+    array = _reduced(context, call)
+    return Value(context.arrays.fold(dag.mul, array, dag.ONE), (), array.type)
 
 
 # -------------------------------------------------------------------------- constructors

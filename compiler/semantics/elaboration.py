@@ -6,6 +6,7 @@ Children are made when first asked for, because dimensions and conditions use ot
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from lmoc.semantics.value import Value, from_numbers
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
+if TYPE_CHECKING:
+    from lmoc.semantics.long_sums import LongSums
+
 ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
 ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
 PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})
@@ -33,12 +37,14 @@ class Elaboration:
     ----------
     root : the model
     elements : values that the caller gave to single elements of arrays
+    long_sums : sums that get a variable of their own
     said : places warned of already
     """
 
-    def __init__(self, root: Instance, report: Report, elements: ElementValues):
+    def __init__(self, root: Instance, report: Report, elements: ElementValues, long_sums: LongSums):
         self.root = root
         self.elements = elements
+        self.long_sums = long_sums
         self.report = report
         self._open: set[tuple[int, str]] = set()
         self._numbers: dict[Variable, np.ndarray] = {}

@@ -116,7 +116,8 @@ class EquationSection:
     def _at_once(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
         """All rounds of a loop as rows of the same groups; nothing is left behind where that fails."""
         drafts, report = self.drafts, context.model.report
-        lists = (drafts.groups, drafts.initial, drafts.checks, drafts.connects, report.diagnostics)
+        lists = [drafts.groups, drafts.initial, drafts.checks, drafts.connects, report.diagnostics]
+        lists += [context.model.long_sums.sums, context.model.long_sums.variables]
         before = [len(items) for items in lists]
         axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
         value = Value(context.leaves.slot(None, axis), (), type_)

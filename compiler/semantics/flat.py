@@ -142,7 +142,7 @@ class Group:
     slots: np.ndarray  # (n, columns) variable indices
     span: Span | None  # the equation as the user wrote it
     part: int = 0  # whose equation it is
-    origin: str = "equation"  # equation, binding, connection, unconnected, ledger
+    origin: str = "equation"  # equation, binding, connection, unconnected, sum, ledger
 
     @property
     def rows(self) -> int:

@@ -23,6 +23,7 @@ from lmoc.semantics.experiment import experiment_of
 from lmoc.semantics.flat import Block, FlatDAE, Group, Kind
 from lmoc.semantics.instance import Instance, Node, Variable, root_instance
 from lmoc.semantics.ledger import join_sums, ledger
+from lmoc.semantics.long_sums import LongSums
 from lmoc.semantics.overrides import Overrides
 from lmoc.semantics.unit_check import check_units, report_unknown_units
 from lmoc.semantics.wrong import Wrong
@@ -57,8 +58,10 @@ def flatten(
         wrong.put_into(report)
     report.check()
     overrides = Overrides(parameters)
-    elaboration = Elaboration(root_instance(cls, overrides.modifier()), report, overrides.elements)
-    flat = _Flattening(elaboration, overrides).run()
+    drafts = Drafts()
+    root = root_instance(cls, overrides.modifier())
+    elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
+    flat = _Flattening(elaboration, overrides, drafts).run()
     report.check()
     return flat
 
@@ -66,11 +69,11 @@ def flatten(
 class _Flattening:
     """The steps from the instance tree to the flat model."""
 
-    def __init__(self, model: Elaboration, overrides: Overrides):
+    def __init__(self, model: Elaboration, overrides: Overrides, drafts: Drafts):
         self.model = model
         self.report = model.report
         self.overrides = overrides
-        self.drafts = Drafts()
+        self.drafts = drafts
         self._unconnected: dict[Node, tuple[Variable, np.ndarray]] = {}
 
     def run(self) -> FlatDAE:
@@ -86,6 +89,7 @@ class _Flattening:
         check_units(self.drafts, self.report)
         self.connections = collect(self.drafts.connects, layout.count, self.report)
         self.report.check()  # what follows needs all equations
+        layout = layout.extended(model.long_sums.variables)
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
         assembler = Assembler(literals)
@@ -105,7 +109,7 @@ class _Flattening:
             blocks=(*blocks, *entries.blocks),
             parts=tuple(parts),
             groups=(*groups, *entries.groups),
-            sums=join_sums(self.sums, entries.sums),
+            sums=join_sums(join_sums(self.sums, model.long_sums.rows()), entries.sums),
             initial_groups=tuple(assembler.groups(self.drafts.initial)),
             bindings=ordered,
             starts=tuple(assembler.assignments(self.drafts.starts)),

@@ -62,6 +62,10 @@ class Node:
         return self.component.span if self.component else None
 
     @property
+    def description(self) -> str:
+        return self.component.description if self.component else ""
+
+    @property
     def name_span(self) -> Span | None:
         return self.component.name_span if self.component else None
 
