@@ -78,7 +78,10 @@ def _write(model: LinearModel, path: Path) -> None:
 
 
 def _about(model: LinearModel) -> str:
-    values = [f"{n} = {v if model.symbolic else shown(float(v))}" for n, v in model.point.items() if v != 0]
+    if model.symbolic:
+        values = [f"{n} = {v}" for n, v in model.point.items() if v != 0 and str(v) != n]
+        return f"about {', '.join(values)}" if values else "in symbols"
+    values = [f"{n} = {shown(float(v))}" for n, v in model.point.items() if v != 0]
     if len(values) > 8:
         values = [*values[:8], "…"]
     place = ", ".join(values) if values else "zero"

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from lmoc.structure.reduced import Reduced
 
+MOST_FACTORED = 12  # terms of a coefficient that is tried to be factored
+
 Term = tuple["sympy.Expr", "sympy.Expr"]  # coefficient, what it multiplies
 
 
@@ -70,6 +72,8 @@ class EquationsOfMotion:
         Of the symbols that occur.
     assumptions : tuple of str
         What was taken for granted about parameter values.
+    undetermined : tuple of str
+        Internal forces that a redundant loop leaves open.
     """
 
     name: str
@@ -78,6 +82,7 @@ class EquationsOfMotion:
     notation: Notation
     descriptions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -104,6 +109,8 @@ class EquationsOfMotion:
         lines = self.lines(style) or ["there is no free coordinate: all motion is given"]
         if self.forces:
             lines += ["", "internal forces:", *self.force_lines(style)]
+        if self.undetermined:
+            lines += ["", f"not determined, because of a redundant loop: {', '.join(self.undetermined)}"]
         table = [(style.symbol(short, 0), _told(full)) for short, full in self.notation.abbreviations.items()]
         if table:
             width = max(len(short) for short, _ in table)
@@ -243,7 +250,9 @@ def equations_of_motion(
     occurring = [e.residual for e in equations] + list(found.values())
     notation = Notation.of(*occurring, names=found, late=late, given=system.own_names | motion.own_names)
     descriptions = _descriptions(reduced.flat, notation.short)
-    return EquationsOfMotion(system.name, equations, found, notation, descriptions, system.assumptions)
+    flat = reduced.flat
+    open_ones = tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else ()
+    return EquationsOfMotion(system.name, equations, found, notation, descriptions, system.assumptions, open_ones)
 
 
 def _descriptions(flat, names: Iterable[str]) -> dict[str, tuple[str, str]]:
@@ -283,7 +292,7 @@ def sorted_equation(
     terms = gathered(residual, set(late))
     terms = _without_denominators(terms, clear_all)
     left = [(c, f) for c, f in terms if any(base_of(s.name)[0] in names for s in f.free_symbols)]
-    right = [(-c, f) for c, f in terms if not any(base_of(s.name)[0] in names for s in f.free_symbols)]
+    right = [(_sign_inside(-c), f) for c, f in terms if not any(base_of(s.name)[0] in names for s in f.free_symbols)]
     own = base_of(coordinate.name)[0]
 
     def rank(term: Term):
@@ -297,7 +306,7 @@ def sorted_equation(
     right.sort(key=lambda t: (t[1] == 1, -max((base_of(s.name)[1] for s in t[1].free_symbols), default=0), str(t[1])))
     leading = next((c for c, f in left if f == jet_symbol(own, order)), left[0][0] if left else sp.S.One)
     if _is_negative(leading):
-        left, right = ([(-c, f) for c, f in side] for side in (left, right))
+        left, right = ([(_sign_inside(-c), f) for c, f in side] for side in (left, right))
     return Equation(sp.Symbol(own), order, tuple(left), tuple(right))
 
 
@@ -331,13 +340,14 @@ def lowest(value: sympy.Expr) -> sympy.Expr:
         return value
     cancelled = sp.cancel(value)
     top, bottom = sp.fraction(cancelled)
+    top = sp.expand(top)
     forms = [sp.factor_terms(cancelled)]
     if top.is_Add:
         alone = [x for x in top.free_symbols if sp.degree(top, x) == 1]
-        forms.append(sp.collect(sp.expand(top), alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
-    if bottom.is_Add:
+        forms.append(sp.collect(top, alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
+    if bottom.is_Add or top.is_Add and len(top.args) <= MOST_FACTORED:
         forms.append(sp.factor(cancelled))
-    shortest = min((cancelled, *forms), key=lambda e: (e.count_ops(), not e.is_Add))
+    shortest = min((cancelled, *forms), key=lambda e: (len(sp.sstr(e)), not e.is_Add))
     return _sign_inside(shortest)
 
 

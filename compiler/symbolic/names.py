@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-_INDEX = re.compile(r"(?:\[(\d+)\]|(\d+))$")
+_SUBSCRIPT = re.compile(r"\[[^\]]*\]")
+_NUMBER = re.compile(r"\d+$")
 
 
 def base_of(name: str) -> tuple[str, int]:
@@ -24,10 +26,11 @@ def short_names(names: Iterable[str], given: Mapping[str, str] | None = None) ->
 
     The last component (``q``); else with the number of its part (``mass1.q`` → ``q1``, ``m[3].q`` → ``q3``); else
     with the part's name (``q_left``), or its connector's (``tau_a``); else the whole name. All names with the same
-    last component take the same form.
+    last component take the same form where one suits all.
     """
     full = list(dict.fromkeys(names))
     given = {name: short for name, short in (given or {}).items() if name in full and short not in full}
+    given = {name: short for name, short in given.items() if _whole_array_given(name, full, given)}
     families: dict[str, list[str]] = {}
     for name in full:
         families.setdefault(_last(name), []).append(name)
@@ -35,27 +38,50 @@ def short_names(names: Iterable[str], given: Mapping[str, str] | None = None) ->
     taken = set(result.values())
     for family in families.values():
         rest = [name for name in family if name not in result]
-        for form in _FORMS:
-            candidates = [form(name) for name in rest]
-            clash = len(set(candidates)) < len(candidates) or any(c is None or c in taken for c in candidates)
-            if not clash or form is _whole:
-                result.update(zip(rest, candidates, strict=True))
-                taken.update(candidates)
-                break
+        found = _uniform(rest, taken) or _one_by_one(rest, taken)
+        result.update(found)
+        taken.update(found.values())
     return {name: result[name] for name in full}
 
 
+def _uniform(names: list[str], taken: set[str]) -> dict[str, str] | None:
+    """The first short form that suits all of them."""
+    for form in _FORMS[:-1]:
+        candidates = [form(name) for name in names]
+        if len(set(candidates)) == len(candidates) and not any(c is None or c in taken for c in candidates):
+            return dict(zip(names, candidates, strict=True))
+    return None
+
+
+def _one_by_one(names: list[str], taken: set[str]) -> dict[str, str]:
+    """For each the first form that no other could claim."""
+    claims = Counter(form(name) for form in _FORMS for name in names)
+    result = {}
+    for name in names:
+        free = [form(name) for form in _FORMS if claims[form(name)] == 1 and form(name) not in taken]
+        result[name] = next((candidate for candidate in free if candidate is not None), name)
+    return result
+
+
+def _whole_array_given(name: str, full: list[str], given: Mapping[str, str]) -> bool:
+    """One member of an array keeps the form of the others (q1, q2, …) unless all have names of their own."""
+    pattern = _SUBSCRIPT.sub("", name)
+    return "[" not in name or all(other in given for other in full if _SUBSCRIPT.sub("", other) == pattern)
+
+
 def _last(name: str) -> str:
-    return name.rpartition(".")[2]
+    return _SUBSCRIPT.sub("", name.rpartition(".")[2])
 
 
 def _numbered(name: str) -> str | None:
+    """With the indices of the arrays on its path, else with the number that its part's name ends in."""
     parent, _, last = name.rpartition(".")
-    found = _INDEX.search(parent if parent else last)
-    if not found:
-        return None
-    number = found.group(1) or found.group(2)
-    return (last if parent else last[: found.start()]) + number if not last[-1].isdigit() else None
+    indices = [i for found in _SUBSCRIPT.findall(name) for i in found[1:-1].split(",")]
+    last = _SUBSCRIPT.sub("", last)
+    if not indices:
+        found = _NUMBER.search(parent)
+        indices = [found[0]] if found else []
+    return last + "_".join(indices) if indices and not last[-1].isdigit() else None
 
 
 def _with_first(name: str) -> str | None:

@@ -109,6 +109,7 @@ class NumericSystem:
             x = x - step
             if np.abs(step).max(initial=0.0) <= 1e-12 * (1.0 + np.abs(x).max(initial=0.0)):
                 break
+        x[np.abs(x) < 1e-14 * np.abs(x).max(initial=0.0)] = 0.0
         scale = 1.0 + np.abs(jacobian[:n, :n]).sum(axis=1) * (1.0 + np.abs(x).max(initial=0.0)) if n else 1.0
         return x if np.all(np.abs(self.rates(x, u)) <= 1e-9 * scale) else None
 

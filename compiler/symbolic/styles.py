@@ -14,15 +14,13 @@ _DOTS = {1: "˙", 2: "¨", 3: "⃛", 4: "⃜"}
 
 
 def split_name(name: str) -> tuple[str, str, str, str]:
-    """``δtheta1`` → (``δ``, ``theta``, ``1``, ````); ``q_left`` → (````, ``q``, ````, ``left``)."""
+    """``δtheta1`` → (``δ``, ``theta``, ``1``, no word); ``q_left`` → (no δ, ``q``, no number, ``left``)."""
     delta, rest = ("δ", name[1:]) if name.startswith("δ") else ("", name)
+    found = re.match(r"^([A-Za-z]+?)_?((?:\d+_)*\d*)$", rest)
+    if found:
+        return delta, found.group(1), found.group(2).replace("_", ","), ""
     word, underscore, index = rest.partition("_")
-    if underscore and not index.isdigit():
-        return delta, word, "", index
-    found = re.match(r"^([A-Za-z]+?)(\d*)$", word)
-    if found and not (underscore and found.group(2)):
-        return delta, found.group(1), found.group(2) or index, ""
-    return delta, rest, "", ""
+    return (delta, word, "", index) if underscore and word.isalpha() else (delta, rest, "", "")
 
 
 class Ascii:
