@@ -77,11 +77,12 @@ class Simulator:
         signals = bind_signals(self.reduced.flat, inputs, report)
         report.check()
         plan, system = self.system(signals, options.energy, report)
+        lowered = clock.perf_counter()
         base = plan.base(values, signals)
         _check_parameters(plan, base, report)
         report.check()
         run = _Run(plan, system, Observer(plan, values, base, signals), options, times, report, progress)
-        return run.go(initial or {}, began)
+        return run.go(initial or {}, began, lowered)
 
 
 def simulate(
@@ -110,7 +111,7 @@ class _Run:
         keep = None if options.keep is None else (*options.keep, *_ledger_names(observer))
         self.recorder = Recorder(observer, times, keep)
 
-    def go(self, initial: Mapping[str, float], began: float) -> Trajectory:
+    def go(self, initial: Mapping[str, float], began: float, lowered: float) -> Trajectory:
         plan, report = self.plan, self.report
         self.system.prepare(self.observer.base, self.observer.signals)
         start = float(self.times[0])
@@ -124,7 +125,8 @@ class _Run:
         outcome, stats = self._integrate(x)
         stats |= {
             "seconds": clock.perf_counter() - began,
-            "start_seconds": started - began,
+            "lower_seconds": lowered - began,
+            "start_seconds": started - lowered,
             "states": plan.state_count,
             "rtol": self.options.tolerance(plan.reduced.flat.experiment),
         }
