@@ -298,3 +298,9 @@ def test_ten_loops_lose_ten_reactions():
     n = reduced(text)
     assert len([r for g in n.groups if g.residual.op == "slot" for r in g.source]) == 10 and is_square(n)
     assert n.notes[-1].hint == "7 more constraints repeat others"
+
+
+def test_a_force_on_a_massless_rod():
+    text = "flow p.f r.a.f r.b.f\nvar p.size\np.f = -p.size\np.size = 2\nr.a.f = -r.b.f\nr.b.f = 0\nsum p.f + r.a.f"
+    message = errors(text)
+    assert "E0416" in message and "nothing takes the force" in message and "p" in message.split("\n")[0]

@@ -49,6 +49,10 @@ class Equations:
         found = sums.index[sums.start[row] : sums.start[row + 1]] if group < 0 else self.flat.groups[group].slots[row]
         return [v for v in dict.fromkeys(found.tolist()) if self.flat.kind[v] == Kind.UNKNOWN]
 
+    def is_balance(self, number: int) -> bool:
+        """It ties forces, not positions."""
+        return number >= self.first_sum or any(self.flat.block_at(v).flow for v in self.unknowns(number))
+
     def part(self, number: int) -> str:
         """The element that an equation describes, "" for connections and for equations of the model itself."""
         group, row = self.place(number)
@@ -70,8 +74,17 @@ class Equations:
         return [name for name in dict.fromkeys(self.part(n) for n in numbers) if name]
 
     def spans(self, numbers: Iterable[int]) -> list[Span]:
-        """Places of some equations, each once."""
-        return [s for s in dict.fromkeys(self.span(n) for n in numbers) if s is not None]
+        """Places of some equations in what the user wrote, each once: of a part's equations, where it is declared."""
+        return [s for s in dict.fromkeys(self._user_span(n) for n in numbers) if s is not None]
+
+    def _user_span(self, number: int) -> Span | None:
+        group, _ = self.place(number)
+        if group >= 0 and self.flat.groups[group].origin == "unconnected":
+            return None
+        if group >= 0 and self.part(number):
+            declared = self.flat.parts[self.flat.groups[group].part].span
+            return declared or self.span(number)
+        return self.span(number)
 
 
 class Loops:
@@ -96,5 +109,5 @@ class Loops:
     def around(self, number: int) -> list[int]:
         """The equations of the loop that this one closes, itself first."""
         paths = [self._path(v) for v in self.equations.unknowns(number)]
-        shared = set.intersection(*(set(p) for p in paths)) if paths else set()
+        shared = set.intersection(*map(set, paths)) if len(paths) > 1 else set()
         return list(dict.fromkeys([number, *(e for path in paths for e in path if e not in shared)]))

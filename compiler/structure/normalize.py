@@ -39,7 +39,7 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
     values : (flat.count,) from `FlatDAE.parameter_values`
     states : names of variables that the user wants as coordinates, best first
     report : collects E0411 (contradictory), E0412 (only rest is possible), E0413 (prescribed twice),
-        E0414 (unknown state), N0415 (redundant)
+        E0414 (unknown state), E0416 (a force that nothing takes)
 
     Raises
     ------
@@ -133,6 +133,9 @@ def _closed(work: Elimination, report: Report) -> list[int]:
 def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None:
     loops, number = work.loops, int(g.source[row])
     around = loops.around(number)
+    if any(map(loops.equations.is_balance, around)):
+        _unresisted(loops, around, report)
+        return
     parts = loops.equations.parts(around)
     who = f"{_listed(parts)} contradict each other" if len(parts) > 1 else "this equation contradicts others"
     if len(around) == 1:
@@ -141,11 +144,20 @@ def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None
     _at_loop(loops, around, report, "E0411", f"{who}: no position satisfies all of them", found=found)
 
 
+def _unresisted(loops: Loops, around: list[int], report: Report) -> None:
+    who = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(around[0])}'"
+    message = f"nothing takes the force of {who}: no mass, spring or support is there to resist it"
+    hint = "connect it to a part with mass, or to one that holds it"
+    _at_loop(loops, around, report, "E0416", message, hint=hint)
+
+
 def _prescribed_twice(loops: Loops, number: int, report: Report) -> None:
     around = loops.around(number)
-    parts = loops.equations.parts(around)
-    who = _listed(parts) or f"'{loops.equations.text(number)}'"
-    message = f"a motion is prescribed twice: {who} leave an input or a given function of time nothing to move"
+    if any(map(loops.equations.is_balance, around)):
+        _unresisted(loops, around, report)
+        return
+    who = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
+    message = f"a motion is prescribed twice, through {who}"
     _at_loop(loops, around, report, "E0413", message, hint="prescribe one of them, or put a spring between")
 
 
