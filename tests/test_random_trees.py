@@ -1,18 +1,16 @@
 """Random trees of parts against an assembly by hand.
 
-The compiler sees components and connections. The oracle sees numbers: every node of the scene is an affine function of
-some coordinates x, so the energies and the dissipation function of the elements give M x'' + D x' + K x = F directly
-(Lagrange's equations with Rayleigh's dissipation). Massless directions are taken out by null spaces, the rest is solved
-by a matrix exponential. Neither path shares a line with the other.
+The compiler sees components and connections, the oracle (`lagrange`) sees numbers. They share no line of code.
 """
 
 from dataclasses import dataclass, field
 
-import lmoc
 import numpy as np
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm, null_space
+from lagrange import Assembly, split, trajectory, well_posed
+
+import lmoc
 
 OMEGA = 2.0  # of all driving forces and torques
 TIMES = np.linspace(0, 1, 6)
@@ -23,7 +21,7 @@ TIMES = np.linspace(0, 1, 6)
 
 @dataclass
 class Scene:
-    """Parts and connections as text, and the same thing as matrices' ingredients."""
+    """Parts and connections as text, and the same as numbers."""
 
     parts: list[str] = field(default_factory=list)
     kinds: list[str] = field(default_factory=list)  # of the nodes: "line" or "turn"
@@ -219,116 +217,53 @@ def add_drive(s: Scene, node: int, amplitude: float) -> None:
 # ----------------------------------------------------------------------------------- oracle
 
 
-@dataclass
-class Assembly:
-    """M x'' + D x' + K x = F0 + F1 sin(OMEGA t) and the places of the nodes, places = P x + p."""
-
-    M: np.ndarray
-    D: np.ndarray
-    K: np.ndarray
-    F0: np.ndarray
-    F1: np.ndarray
-    P: np.ndarray
-    p: np.ndarray
-
-
-def assemble(s: Scene) -> Assembly:
-    n = s.coordinates
-    P, p = np.zeros((len(s.kinds), n)), np.array([constant for _, constant in s.places])
+def assemble(s: Scene) -> tuple[Assembly, np.ndarray, np.ndarray]:
+    """The assembly, and P, p: the places of the nodes are P x + p."""
+    P, p = np.zeros((len(s.kinds), s.coordinates)), np.array([constant for _, constant in s.places])
     for i, (row, _) in enumerate(s.places):
         P[i, list(row)] = list(row.values())
-    M, D, K, F0, F1 = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    a = Assembly(s.coordinates, OMEGA)
     for m, node, g, _ in s.masses:
-        M += m * np.outer(P[node], P[node])
-        F0 += m * g * P[node]
-    for k, a, b, offset in s.springs:
-        d = P[b] - P[a]
-        K += k * np.outer(d, d)
-        F0 -= k * (p[b] - p[a] + offset) * d
-    for c, a, b in s.dampers:
-        D += c * np.outer(P[b] - P[a], P[b] - P[a])
+        a.mass(m, P[node], g)
+    for k, left, right, offset in s.springs:
+        a.spring(k, P[right] - P[left], p[right] - p[left] + offset)
+    for c, left, right in s.dampers:
+        a.damper(c, P[right] - P[left])
     for amplitude, node in s.drives:
-        F1 += amplitude * P[node]
-    return Assembly(M, D, K, F0, F1, P, p)
-
-
-@dataclass
-class Split:
-    """Bases of the directions with inertia (R), without inertia but with damping (S), and with neither (A)."""
-
-    R: np.ndarray
-    S: np.ndarray
-    A: np.ndarray
-
-
-def split(a: Assembly) -> Split:
-    """As M and D are positive semidefinite, M [S A] = 0 and D A = 0."""
-    massless = null_space(a.M, rcond=1e-10)
-    R = null_space(massless.T, rcond=1e-10) if massless.size else np.eye(len(a.M))
-    loose = null_space(massless.T @ a.D @ massless, rcond=1e-10) if massless.size else np.zeros((0, 0))
-    damped = null_space(loose.T, rcond=1e-10) if loose.size else np.eye(massless.shape[1])
-    return Split(R, massless @ damped, massless @ loose)
-
-
-def well_posed(a: Assembly, b: Split) -> bool:
-    """Every direction is held by an inertia, a damper or a spring, and none of them too weakly to compare with."""
-    blocks = [(b.R, a.M), (b.S, a.D), (b.A, a.K)]
-    return all(np.linalg.cond(V.T @ X @ V) < 1e4 for V, X in blocks if V.shape[1])
-
-
-def trajectory(a: Assembly, b: Split, x0: np.ndarray, v0: np.ndarray) -> np.ndarray:
-    """x at TIMES as an array (times, coordinates), from the parts of x0 in R and S and of v0 in R."""
-    R, S, A = b.R, b.S, b.A
-    r, s = R.shape[1], S.shape[1]
-    # x = G z + h0 + h1 sin, with z = (r, r', s) and the force balance A' (K x - F) = 0
-    basis = np.hstack([R, np.zeros((len(R), r)), S])
-    hold = np.linalg.solve(A.T @ a.K @ A, A.T) if A.shape[1] else np.zeros((0, len(R)))
-    G, h0, h1 = basis - A @ hold @ a.K @ basis, A @ hold @ a.F0, A @ hold @ a.F1
-    rest = np.hstack([-a.K @ G, (a.F0 - a.K @ h0)[:, None], (a.F1 - a.K @ h1)[:, None]])  # F - K x over (z, 1, sin)
-    velocity = np.hstack([np.zeros((r, r)), np.eye(r), np.zeros((r, s + 2))])
-    rest = rest - a.D @ R @ velocity
-    s_rate = np.linalg.solve(S.T @ a.D @ S, S.T @ rest) if s else np.zeros((0, rest.shape[1]))
-    push = R.T @ (rest - a.D @ S @ s_rate)
-    acceleration = np.linalg.solve(R.T @ a.M @ R, push) if r else push
-    n = 2 * r + s
-    system = np.zeros((n + 3, n + 3))  # over (z, 1, sin, cos)
-    system[:n, : n + 2] = np.vstack([velocity, acceleration, s_rate])
-    system[n + 1, n + 2], system[n + 2, n + 1] = OMEGA, -OMEGA
-    start = np.concatenate([R.T @ x0, R.T @ v0, S.T @ x0, [1.0, 0.0, 1.0]])
-    states = [expm(system * t) @ start for t in TIMES]
-    return np.array([G @ z[:n] + h0 + h1 * z[n + 1] for z in states])
+        a.drive(amplitude, P[node])
+    return a, P, p
 
 
 # ------------------------------------------------------------------------------------- test
 
 
-def start_of(s: Scene, a: Assembly, b: Split, draw) -> tuple[dict[str, float], np.ndarray]:
+def start_of(s: Scene, P: np.ndarray, p: np.ndarray, R: np.ndarray, draw) -> tuple[dict[str, float], np.ndarray]:
     """Start values for as many masses as have independent coordinates, and the velocity they give along R."""
     chosen: list[int] = []
     for i, (_, node, _, _) in enumerate(s.masses):
-        rows = a.P[[s.masses[j][1] for j in chosen] + [node]] @ b.R
+        rows = P[[s.masses[j][1] for j in chosen] + [node]] @ R
         if np.linalg.matrix_rank(rows, tol=1e-8) > len(chosen):
             chosen.append(i)
     initial, rates = {}, []
     for i in chosen:
         _, node, _, name = s.masses[i]
         position, rate = ("q", "v") if s.kinds[node] == "line" else ("theta", "omega")
-        initial[f"{name}.{position}"] = draw(st.sampled_from([-0.2, 0.0, 0.1])) + a.p[node]
+        initial[f"{name}.{position}"] = draw(st.sampled_from([-0.2, 0.0, 0.1])) + p[node]
         rates.append(draw(st.sampled_from([-1.0, 0.0, 0.5])))
         initial[f"{name}.{rate}"] = rates[-1]
     if not chosen:
         return initial, np.zeros(s.coordinates)
-    rows = a.P[[s.masses[i][1] for i in chosen]] @ b.R
-    return initial, b.R @ np.linalg.solve(rows, rates)
+    rows = P[[s.masses[i][1] for i in chosen]] @ R
+    return initial, R @ np.linalg.solve(rows, rates)
 
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
 @given(trees(), st.data())
 def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
-    assembly = assemble(scene)
+    assembly, P, p = assemble(scene)
     bases = split(assembly)
     assume(well_posed(assembly, bases))
-    initial, v0 = start_of(scene, assembly, bases, data.draw)
+    initial, v0 = start_of(scene, P, p, bases.R, data.draw)
 
     dae = lmoc.compile_text(scene.text())
     r, s = bases.R.shape[1], bases.S.shape[1]
@@ -338,7 +273,7 @@ def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
     places = np.array([run[scene.potential(i)] for i in range(len(scene.kinds))]).T
     for name, value in initial.items():
         assert abs(run[name][0] - value) < 1e-9
-    x0 = np.linalg.lstsq(assembly.P, places[0] - assembly.p, rcond=None)[0]
-    expected = trajectory(assembly, bases, x0, v0) @ assembly.P.T + assembly.p
+    x0 = np.linalg.lstsq(P, places[0] - p, rcond=None)[0]
+    expected = trajectory(assembly, TIMES, x0, v0) @ P.T + p
     assert np.allclose(places, expected, rtol=0, atol=1e-6 * max(1.0, np.abs(expected).max()))
     assert run.energy.balance < 1e-6
