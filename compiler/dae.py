@@ -19,6 +19,7 @@ from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.interface import SymbolicMethods
 
 if TYPE_CHECKING:
+    from lmoc.numerics.functions import Functions
     from lmoc.numerics.simulate import Simulator
     from lmoc.report.run import Run
 
@@ -180,6 +181,7 @@ class DAE(SymbolicMethods):
         inputs: Mapping[str, object] | None = None,
         *,
         energy: bool = True,
+        keep: Sequence[str] | None = None,
         listener: Callable[[str], None] | None = None,
         progress: Callable[[float, float], None] | None = None,
     ) -> Run:
@@ -197,6 +199,7 @@ class DAE(SymbolicMethods):
         initial : {name: value}, fixing any variable at the start
         inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
         energy : integrate work and heat along, for `run.energy`
+        keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
@@ -211,7 +214,7 @@ class DAE(SymbolicMethods):
 
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
-        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy)
+        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
         return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
 
     def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
@@ -223,7 +226,10 @@ class DAE(SymbolicMethods):
 
         def result(trajectory, complete: bool) -> Run:
             said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *trajectory.notes))
-            return Run(reduced, trajectory, tuple(said), {**self.timings, **clock.seconds}, complete)
+            lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
+            spent = {**self.timings, **clock.seconds}
+            spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
+            return Run(reduced, trajectory, tuple(said), spent, complete)
 
         try:
             with clock.stage("simulate"):
@@ -246,6 +252,19 @@ class DAE(SymbolicMethods):
 
         only_start = RunOptions(times=[self.flat.experiment.start or 0.0])
         return self._run(self.reduced, self.values, only_start, None, None, (), Clock(listener), None).notes
+
+    @cached_property
+    def functions(self) -> Functions:
+        """The solved system as casadi functions: `ode`, `output`, `jacobian`, with the names of their arguments.
+
+        Raises
+        ------
+        ModelError
+            E0626 where the system is too large, or implicit and not linear.
+        """
+        from lmoc.numerics.functions import casadi_functions
+
+        return casadi_functions(self.reduced, self.values)
 
     def prepared(
         self, parameters: Mapping[str, Value], clock: Clock | None = None

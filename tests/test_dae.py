@@ -137,3 +137,20 @@ def test_a_wrong_model_raises_with_diagnostics():
         lmoc.compile_text(SPRING.replace("Spring spring(k = k)", "Sprung spring(k = k)"))
     assert "Spring" in caught.value.diagnostics[0].hint
     assert caught.value.diagnostics[0].span.line == 6
+
+
+def test_casadi_functions_follow_the_bindings(dae):
+    f = dae.functions
+    assert f.states == tuple(dae.states)
+    assert f.inputs == ("f",)
+    assert f.outputs == ("x",)
+    assert "k" in f.parameters and "spring.k" not in f.parameters
+    p = f.values.copy()
+    p[f.parameters.index("k")] = 18
+    rate = np.array(f.ode(0, [0.5, 0.25], 4, p)).ravel()
+    assert rate == pytest.approx([0.25, (4 - 18 * 0.5) / 2])
+    assert float(f.output(0, [0.5, 0.25], 4, p)) == 0.5
+    a, b, c, d = (np.array(m) for m in f.jacobian(0, [0.5, 0.25], 4, p))
+    assert a == pytest.approx(np.array([[0, 1], [-9, 0]]))
+    assert b == pytest.approx(np.array([[0], [0.5]]))
+    assert (c.tolist(), d.tolist()) == ([[1, 0]], [[0]])

@@ -37,7 +37,7 @@ def _text(arguments: argparse.Namespace) -> str:
     from lmoc.dae import DAE
 
     dae = DAE(scene, flat, clock)
-    return listing.reduced_text(dae.reduced)
+    return (listing.reduced_text if arguments.stage == "reduce" else listing.numeric_text)(dae.reduced)
 
 
 def _tree(node: object, lead: str) -> list[str]:

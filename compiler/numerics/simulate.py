@@ -180,7 +180,7 @@ class _Run:
             self.times[:reached],
             self.recorder.table[:reached],
             self.recorder.variables,
-            stats | outcome.counts | {"evaluation": self.system.kind},
+            stats | {"evaluations": self.system.evaluations} | outcome.counts | {"evaluation": self.system.kind},
             notes=tuple(dict.fromkeys(notes)),
         )
 

@@ -186,6 +186,7 @@ def reduced_text(reduced: Reduced) -> str:
         [flat.name, *(f"  {n:>9} {stage}" for stage, n in reduced.counts.items())],
         _states(reduced),
         _quadratures(reduced),
+        _program("computed once for a set of parameters", reduced, reduced.parameter_program),
         _program("the derivatives, step by step", reduced, reduced.rhs),
         ["assumed about the parameters", *(f"    {text}" for text in _unique(g.text for g in reduced.guards))],
         ["notes", *(f"    {d.message}" for d in reduced.notes)],
@@ -210,7 +211,7 @@ def _quadratures(reduced: Reduced) -> list[str]:
 
 
 def _program(title: str, reduced: Reduced, program: Program, indent: str = "    ") -> list[str]:
-    lines = [f"{title} ({len(program)} steps)"]
+    lines = [title]
     for number, step in enumerate(program, 1):
         first, *rest = step_lines(reduced, step)
         lines += [f"{indent}{number:>3}  {first}", *(f"{indent}     {line}" for line in rest)]
@@ -256,6 +257,36 @@ def _times(rows: int) -> str:
 
 def _rows(program: Program) -> int:
     return sum(step.unknowns.size if isinstance(step, Solve) else len(step.out) for step in program)
+
+
+# ----------------------------------------------------------------------------- numeric system
+
+
+def numeric_text(reduced: Reduced) -> str:
+    """How a run with the model's own signals evaluates the derivatives, and the shape of their Jacobian."""
+    from lmoc.diagnostics import Report
+    from lmoc.numerics.signals import default_signals
+    from lmoc.numerics.simulate import Simulator
+
+    report = Report()
+    plan, system = Simulator(reduced).system(default_signals(reduced.flat), True, report)
+    indptr, indices = system.pattern()
+    columns = np.repeat(np.arange(system.n), np.diff(indptr))
+    names = summarised([reduced.register_name(int(r)) for r in plan.states], 12)
+    rows = [
+        ("evaluated by", system.kind),
+        ("integrated", f"{system.n}: {', '.join(names)}"),
+        ("of which", f"{plan.state_count} states, {system.n - plan.state_count} quadratures"),
+        ("parameters", str(len(plan.parameters))),
+        ("operations", f"{plan.row_count} scalar equations in {len(plan.program)} steps"),
+        ("Jacobian", f"{len(indices)} entries, bandwidth {int(np.abs(indices - columns).max(initial=0))}"),
+    ]
+    function = getattr(system, "function", None)
+    if function is None or plan.row_count > 500:
+        program = _program("steps", reduced, plan.program)
+    else:
+        program = ["casadi function", *(f"    {line}" for line in function.str(True).splitlines())]
+    return "\n".join([reduced.flat.name, *_aligned(rows), "", *program])
 
 
 # --------------------------------------------------------------------------------- layout

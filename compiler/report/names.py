@@ -88,22 +88,22 @@ def _listed(names: list[str], last: str = ", ", most: int = 4) -> str:
 def summarised(names: list[str], most: int = 12) -> list[str]:
     """Names with the members of an array put together: ``m[1].q, m[2].q, m[3].q`` → ``m[1:3].q``.
 
-    Only runs of neighbours whose single differing index counts up by one are put together.
+    Members need not stand side by side, but their single differing index counts up by one.
     """
+    families: dict[str, list[list[str]]] = {}  # by the name without indices: runs of consecutive members
+    for name in names:
+        runs = families.setdefault(_SUBSCRIPT.sub("[]", name), [])
+        if runs and _follows(runs[-1][-1], name):
+            runs[-1].append(name)
+        else:
+            runs.append([name])
     result: list[str] = []
-    run: list[str] = []
-    for name in [*names, ""]:
-        if run and _follows(run[-1], name):
-            run.append(name)
-            continue
+    for run in (run for runs in families.values() for run in runs):
         result += run if len(run) < 3 else [_span_name(run[0], run[-1])]
-        run = [name] if name else []
     return result if len(result) <= most else [*result[: most - 1], f"… ({len(names)} in all)"]
 
 
 def _follows(first: str, second: str) -> bool:
-    if _SUBSCRIPT.sub("[]", first) != _SUBSCRIPT.sub("[]", second):
-        return False
     differ = [(x, y) for x, y in zip(_indices(first), _indices(second), strict=True) if x != y]
     return len(differ) == 1 and int(differ[0][1]) == int(differ[0][0]) + 1
 

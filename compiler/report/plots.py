@@ -135,7 +135,8 @@ def _family(axis: Axes, run: Run, names: list[str], total: int) -> None:
     colours = colormaps["viridis"]
     for k, name in enumerate(names):
         axis.plot(run.time, run[name], color=colours(0.95 * k / (len(names) - 1)), linewidth=0.8, alpha=0.8)
-    scale = axis.figure.colorbar(ScalarMappable(Normalize(0, 1), colours), ax=axis, pad=0.01, aspect=12)
+    beside = axis.inset_axes((1.012, 0.05, 0.012, 0.9))
+    scale = axis.figure.colorbar(ScalarMappable(Normalize(0, 1), colours), cax=beside)
     scale.set_ticks([0.01, 0.99], labels=[names[0], names[-1]])
     scale.outline.set_visible(False)
     scale.ax.tick_params(length=0)

@@ -99,13 +99,8 @@ def _cost(run: Run) -> str:
         for key, word in (("steps", "steps"), ("evaluations", "evaluations"))
         if key in stats
     ]
-    compile_ms = sum(1e3 * s for stage, s in run.timings.items() if stage != "simulate")
-    times = [f"compile {_milliseconds(compile_ms)}"]
-    if "simulate" in run.timings:
-        times.append(f"run {_milliseconds(1e3 * run.timings['simulate'])}")
-    slowest = sorted(run.timings.items(), key=lambda item: -item[1])[:3]
-    detail = ", ".join(f"{stage} {_milliseconds(1e3 * s)}" for stage, s in slowest)
-    return "; ".join([", ".join(counted), f"{', '.join(times)} (most: {detail})"] if counted else times)
+    times = [f"{stage} {_milliseconds(1e3 * s)}" for stage, s in run.timings.items() if s >= 5e-4]
+    return "; ".join(filter(None, [", ".join(counted), ", ".join(times)]))
 
 
 def energy_text(run: Run) -> str:
@@ -126,9 +121,15 @@ def final_rows(run: Run) -> list[tuple[str, float, str, str]]:
     """(name, value, unit, description) of the outputs, then of the states that are not outputs already."""
     outputs = {int(run.reduced.register_of[b.offset + i]) for b in run.flat.blocks if b.output for i in range(b.size)}
     names = list(run.outputs)
+    if len(names) + len(run.states) > _MOST_ROWS and names:
+        return [_final_row(run, name) for name in names[:_MOST_ROWS]]
     names += [n for n, r in zip(run.states, run.reduced.states.tolist(), strict=True) if r not in outputs]
     shown = names if len(names) <= _MOST_ROWS else [*names[: _MOST_ROWS - 4], *names[-3:]]
-    return [(name, float(run[name][-1]), run.unit(name), _description(run, name)) for name in shown]
+    return [_final_row(run, name) for name in shown]
+
+
+def _final_row(run: Run, name: str) -> tuple[str, float, str, str]:
+    return name, float(run[name][-1]), run.unit(name), _description(run, name)
 
 
 def _description(run: Run, name: str) -> str:

@@ -82,7 +82,8 @@ class Frame:
 
     def outcome(self, result) -> Outcome:
         """From what the native loop returns."""
-        counts = {"steps": result.steps, "jacobians": result.jacobian_evaluations}
+        calls = result.rhs_evaluations
+        counts = {"steps": result.steps, "evaluations": calls, "jacobians": result.jacobian_evaluations}
         failure = NOT_FINITE if "no finite value" in result.failure else result.failure
         return Outcome(result.time, self.restore(result.x).copy(), self.reached, failure, False, counts)
 

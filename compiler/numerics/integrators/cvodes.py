@@ -22,7 +22,8 @@ def integrate(problem: Problem) -> Outcome:
     if len(times) == 1:
         return start
     try:
-        result = _solver(problem)(x0=problem.x, p=problem.system.p)
+        solver = _solver(problem)
+        result = solver(x0=problem.x, p=problem.system.p)
     except RuntimeError as error:
         start.failure = "too many steps" if "TOO_MUCH_WORK" in str(error) else "CVODES did not reach the end"
         return start
@@ -32,7 +33,9 @@ def integrate(problem: Problem) -> Outcome:
     if reached:
         problem.sink(1, states[:reached])
     last = states[reached - 1] if reached else problem.x
-    return Outcome(float(times[reached]), last, reached + 1, "" if finite.all() else NOT_FINITE)
+    cost = solver.stats()
+    counts = {"steps": cost["nsteps"], "evaluations": cost["nfevals"], "jacobians": cost["nlinsetups"]}
+    return Outcome(float(times[reached]), last, reached + 1, "" if finite.all() else NOT_FINITE, False, counts)
 
 
 def _solver(problem: Problem):
