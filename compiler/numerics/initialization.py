@@ -14,9 +14,10 @@ import numpy as np
 
 from lmoc.diagnostics import Report, nearest
 from lmoc.numerics.lexicographic import Components, split
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan import Plan, walk
 from lmoc.numerics.start_system import StartSystem
 from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.structure.program import Solve
 
 _ITERATIONS = 40
 _MET = 1e-9  # of the size of the values: a fixed value counts as met
@@ -69,7 +70,7 @@ def initial_state(
     signals: Mapping,
     values: np.ndarray,
     time: float,
-    initial: Mapping[str, float],
+    wanted: Targets,
     report: Report,
 ) -> np.ndarray:
     """States and quadratures at the start.
@@ -77,6 +78,7 @@ def initial_state(
     Parameters
     ----------
     base : registers that do not change during the run (`Plan.base`)
+    wanted : from `targets`
 
     Returns
     -------
@@ -84,7 +86,6 @@ def initial_state(
     where no solution was found, W0533 for start values that cannot be met.
     """
     flat = plan.reduced.flat
-    wanted = targets(flat, values, initial, report)
     x = np.zeros(len(plan.states))
     position = np.full(plan.count, -1)
     position[plan.states] = np.arange(len(x))
@@ -104,7 +105,18 @@ def initial_state(
     system = StartSystem(plan, base, signals, values, time, kept, report)
     if not report.errors:
         _solve(system, x, report)
+        own = direct & wanted.hard
+        x[at[own]] = wanted.value[own]  # to the last digit
     return x
+
+
+def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
+    """Let Newton's method begin at the values wanted for the unknowns of nonlinear blocks."""
+    solved = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
+    if solved:
+        register = plan.reduced.register_of[wanted.variable]
+        own = np.isin(register, np.concatenate(solved))
+        base[register[own]] = wanted.value[own]
 
 
 def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:

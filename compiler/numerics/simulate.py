@@ -11,7 +11,7 @@ from lmoc.diagnostics import Diagnostic, Report, SimulationError
 from lmoc.numerics import integrators
 from lmoc.numerics.checks import run_checks
 from lmoc.numerics.diagnosis import first_not_finite
-from lmoc.numerics.initialization import initial_state
+from lmoc.numerics.initialization import initial_state, seed_blocks, targets
 from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem
 from lmoc.numerics.observe import Observer, Recorder, Trajectory
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
@@ -113,11 +113,12 @@ class _Run:
 
     def go(self, initial: Mapping[str, float], began: float, lowered: float) -> Trajectory:
         plan, report = self.plan, self.report
-        self.system.prepare(self.observer.base, self.observer.signals)
-        start = float(self.times[0])
-        x = initial_state(
-            plan, self.observer.base, self.observer.signals, self.observer.values, start, initial, report
-        )
+        observer = self.observer
+        wanted = targets(observer.flat, observer.values, initial, report)
+        report.check()
+        seed_blocks(plan, observer.base, wanted)
+        self.system.prepare(observer.base, observer.signals)
+        x = initial_state(plan, observer.base, observer.signals, observer.values, float(self.times[0]), wanted, report)
         report.check()
         self._check_start(x)
         self.recorder(0, x[None])

@@ -1,0 +1,158 @@
+"""Consistent starts: fixed values, start values, initial equations, and what is said where they cannot hold."""
+
+import numpy as np
+import pytest
+from by_hand import Scene
+
+from lmoc.diagnostics import ModelError
+from lmoc.expression import dag
+from lmoc.expression.dag import slot
+from lmoc.numerics.options import RunOptions
+from lmoc.numerics.simulate import simulate
+from lmoc.semantics.flat import Group
+from lmoc.structure.program import Apply, Solve
+
+START = RunOptions(times=[0.0])
+
+
+def begin(scene: Scene, initial=None, **flat_more):
+    run = simulate(scene.reduced(**flat_more), options=START, initial=initial)
+    return run, {name: float(run[name][0]) for name in scene.names}
+
+
+def gears(w1: float | None, fixed1: bool, w2: float | None, fixed2: bool) -> Scene:
+    """Two meshed gears: one speed w2 is the state, w1 = 5·w2."""
+    s = Scene()
+    w2_ = s.state("gear2.w", w2, fixed2)
+    s.rate(w2_, 0.0)
+    s.begin(s.define("gear1.w", 5 * w2_), w1, fixed1)
+    return s
+
+
+def test_contradictory_fixed_values_are_named():
+    with pytest.raises(ModelError) as wrong:
+        begin(gears(10.0, True, 1.0, True))
+    (found,) = wrong.value.diagnostics
+    assert found.code == "E0531"
+    assert "gear1.w = 10" in found.message and "gear2.w = 1" in found.message and "contradict" in found.message
+
+
+def test_consistent_fixed_values_are_fine():
+    assert begin(gears(5.0, True, 1.0, True))[1]["gear2.w"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "speed"),
+    [
+        (gears(10.0, True, None, False), 2.0),  # a fixed value on what is no state
+        (gears(10.0, True, 1.0, False), 2.0),  # goes before a start value
+        (gears(10.0, False, 1.0, True), 1.0),
+        (gears(None, True, 3.0, False), 0.0),  # fixed without a value: 0
+        (gears(10.0, False, None, False), 2.0),
+        (gears(None, False, None, False), 0.0),
+    ],
+)
+def test_what_goes_before_what(scene, speed):
+    assert begin(scene)[1]["gear2.w"] == pytest.approx(speed, abs=1e-12)
+
+
+def test_start_values_that_cannot_all_hold_are_met_as_closely_as_possible():
+    run, value = begin(gears(10.0, False, 1.0, False))
+    assert 1.0 < value["gear2.w"] < 2.0
+    assert [n.code for n in run.notes] == ["W0533"]
+
+
+def test_the_caller_overrides_a_variable():
+    assert begin(gears(10.0, True, None, False), {"gear1.w": 20.0})[1]["gear2.w"] == pytest.approx(4.0)
+    assert begin(gears(10.0, False, 1.0, True), {"gear2.w": 3.0})[1]["gear2.w"] == 3.0
+    for name, code in (("gear3.w", "E0622"), ("k", "E0534")):
+        scene = gears(1.0, True, None, False)
+        scene.parameter("k", 1.0)
+        with pytest.raises(ModelError) as wrong:
+            begin(scene, {name: 1.0})
+        assert wrong.value.diagnostics[0].code == code
+
+
+def test_least_states_where_a_fixed_sum_leaves_a_choice():
+    s = Scene()
+    a, b, c = s.state("a"), s.state("b"), s.state("c", 7.0, True)
+    s.begin(s.define("total", a + 2 * b + c), 12.0, True)
+    value = begin(s)[1]
+    assert (value["a"], value["b"], value["c"]) == pytest.approx((1.0, 2.0, 7.0))
+
+
+def test_a_start_on_a_nonlinear_variable():
+    s = Scene()
+    angle = s.state("angle", 0.4)
+    s.begin(s.define("height", 2 * dag.function("sin", angle)), 1.0, True)
+    assert begin(s)[1]["angle"] == pytest.approx(np.pi / 6, abs=1e-12)
+
+
+def test_an_impossible_height():
+    s = Scene()
+    angle = s.state("angle", 0.4)
+    s.begin(s.define("height", 2 * dag.function("sin", angle)), 3.0, True)
+    with pytest.raises(ModelError) as wrong:
+        begin(s)
+    assert wrong.value.diagnostics[0].code in ("E0531", "E0532") and "height = 3" in str(wrong.value)
+
+
+def test_initial_equations():
+    s = Scene()
+    q, v = s.state("q"), s.state("v")
+    s.rate(q, v)
+    s.rate(v, 3.0 - 2 * q)
+    steady = Group(slot(0, 1), dag.ZERO, np.array([[1]]), None)  # der(v) = 0
+    twice = Group(slot(0), 2 * slot(1), np.array([[1, 0]]), None)  # v = 2 q
+    assert begin(s, initial_groups=(steady,))[1]["q"] == pytest.approx(1.5)
+    value = begin(s, initial_groups=(steady, twice))[1]
+    assert (value["q"], value["v"]) == pytest.approx((1.5, 3.0))
+    three = Group(slot(0), dag.const(5.0), np.array([[0]]), None)
+    with pytest.raises(ModelError) as wrong:
+        begin(s, initial_groups=(steady, twice, three))
+    assert "der(v) = 0" in str(wrong.value)
+
+
+def test_a_value_missing_at_the_start_is_named():
+    s = Scene()
+    q = s.state("tank.level", -1.0)
+    s.rate(q, s.define("tank.flow", dag.function("sqrt", q)))
+    with pytest.raises(ModelError) as wrong:
+        begin(s)
+    assert wrong.value.diagnostics[0].code == "E0535" and "tank.flow" in str(wrong.value)
+
+
+def test_many_equal_parts_at_once():
+    """A thousand pairs, each with a fixed sum and a wanted difference."""
+    s = Scene()
+    for i in range(1000):
+        a, b = s.state(f"p{i}.a"), s.state(f"p{i}.b")
+        s.begin(s.define(f"p{i}.sum", a + b), i, True)
+        s.begin(s.define(f"p{i}.difference", a - b), 2.0)
+    run = simulate(s.reduced(), options=START)
+    assert run.states[0, 0::2] == pytest.approx(np.arange(1000) / 2 + 1)
+    assert run.states[0, 1::2] == pytest.approx(np.arange(1000) / 2 - 1)
+
+
+def linkage(start: float) -> tuple[Scene, tuple]:
+    """cos(angle) = 1 - q by Newton: two branches, the start value of the angle chooses."""
+    s = Scene()
+    q = s.state("q", 0.5, True)
+    s.rate(q, 0.1)
+    angle = s.variable("angle")
+    s.begin(angle, start)
+    residual = len(s.names) + 1  # behind the variables and the one right-hand side
+    unknown, out = np.array([[angle.value[0]]]), np.array([[residual]])
+    slots = np.array([[angle.value[0], q.value[0]]])
+    inner = Apply(dag.function("cos", slot(0)) + slot(1) - 1, slots, out[0])
+    return s, (Solve((inner,), unknown, out, False, False),)
+
+
+@pytest.mark.parametrize(("start", "branch"), [(1.0, 1.0), (-1.0, -1.0), (5.0, None)])
+def test_newton_begins_at_the_start_value_and_keeps_to_its_branch(start, branch):
+    s, steps = linkage(start)
+    run = simulate(s.reduced(steps=steps, more_registers=1))
+    exact = np.arccos(1 - 0.5 - 0.1 * run.time)
+    assert np.cos(run["angle"]) == pytest.approx(np.cos(exact), abs=1e-9)
+    if branch:
+        assert run["angle"] == pytest.approx(branch * exact, abs=1e-9)
