@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from lmoc.expression.calculus import linear_parts
-from lmoc.expression.dag import ONE, TIME, ZERO, Expr, add, const, div, mul, neg, postorder, rebuild, slot, slots
+from lmoc.expression.dag import ONE, ZERO, Expr, add, const, div, mul, neg, postorder, rebuild, slot, slots
 from lmoc.expression.evaluate import OPERATIONS
 from lmoc.semantics.flat import Kind
 
@@ -52,11 +52,6 @@ class Form:
         others = [c for i, c in enumerate(self.coefficients) if i != child]
         sign, factor = ratio(neg(others[0]), pivot) if others else (1, ONE)
         return sign, factor, *ratio(neg(self.rest), pivot)
-
-
-def column_kinds(flat_kind: np.ndarray, variables: np.ndarray) -> Kinds:
-    """Kinds of the columns of a slot table of the flat model, by its first row."""
-    return tuple(KNOWN if k < Kind.INPUT else k for k in flat_kind[variables[0]].tolist())
 
 
 def leaves_of(shape: Expr, kinds: Kinds, *wanted: int) -> tuple[Expr, ...]:
@@ -251,7 +246,3 @@ def moved(shape: Expr, column: dict[int, int]) -> Expr:
         else:
             new[id(node)] = node
     return new[id(shape)]
-
-
-def mentions_time(shape: Expr) -> bool:
-    return any(node is TIME for node in postorder(shape))

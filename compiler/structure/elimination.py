@@ -8,11 +8,13 @@ Form", Modelica 2017; here with factors and offsets, and vectorized over the row
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lmoc.distinct import first_of_each
 from lmoc.expression.dag import ONE, ZERO, slots
-from lmoc.semantics.flat import FlatDAE, Kind, StateSelect
+from lmoc.semantics.flat import Block, FlatDAE, Kind, StateSelect
 from lmoc.structure.affine import Affine, codes, composed, resolve
 from lmoc.structure.affine_forest import UNUSED, orient
 from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of
@@ -88,6 +90,19 @@ class Elimination:
         score += 2 * ~self.differentiated[:-1]
         score[asked] = np.arange(-len(asked), 0)
         return np.append(score, 0)
+
+    def marked(self, mark: Callable[[Block], bool]) -> np.ndarray:
+        """The roots that stand for variables of marked blocks; a mask over flat variables and the constant 0."""
+        mask = np.zeros(self.flat.count + 1, bool)
+        blocks = self.flat.per_variable(mark, bool)
+        mask[self.table.root[:-1][blocks & (self.table.order[:-1] == 0)]] = True
+        mask[self.zero] = False
+        return mask
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """The roots that stand for positions of connectors or are differentiated."""
+        return self.marked(lambda b: b.connector and not b.flow) | self.differentiated
 
     # ------------------------------------------------------------------- passes
 

@@ -1,0 +1,153 @@
+"""What the loops of a scene say: constraints that repeat others, contradict them, or leave rest only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from lmoc.diagnostics import Diagnostic, Label, Report
+from lmoc.expression.dag import ZERO
+from lmoc.structure.coefficients import UNKNOWN, is_constant
+from lmoc.structure.elimination import Elimination
+from lmoc.structure.equations import Loops
+from lmoc.structure.reduced import Guard
+from lmoc.structure.redundancy import Constraints
+from lmoc.structure.substitution import Rows
+from lmoc.structure.vanishing import Missing
+
+# of a mistake made in every row of an array, this many are shown
+SHOWN = 3
+
+
+def closed(work: Elimination, report: Report) -> list[int]:
+    """Judge the equations in which no unknown is left; returns those that repeat others."""
+    repeated: list[int] = []
+    for g in work.closed:
+        if g.shape is ZERO:
+            repeated += g.source.tolist()
+        elif is_constant(g.shape, g.kinds):
+            zero = work.splitter.vanishing(g, g.shape, Missing.FITTING)
+            repeated += g.source[zero].tolist()
+            for row in np.flatnonzero(~zero)[:SHOWN].tolist():
+                _contradiction(work, g, row, report)
+        else:
+            for number in g.source[:SHOWN].tolist():
+                _prescribed_twice(work.loops, number, report)
+    return repeated
+
+
+def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None:
+    loops, number = work.loops, int(g.source[row])
+    around = loops.around(number)
+    if any(map(loops.equations.is_balance, around)):
+        _unresisted(loops, around, report)
+        return
+    parts = loops.equations.parts(around)
+    who = f"{_listed(parts)} contradict each other" if len(parts) > 1 else "this equation contradicts others"
+    if len(around) == 1:
+        who = "this equation cannot hold"
+    found = f"{work.splitter.text(g, g.shape, row)} = 0 would have to hold"
+    _at_loop(loops, around, report, "E0411", f"{who}: no position satisfies all of them", found=found)
+
+
+def _unresisted(loops: Loops, around: list[int], report: Report) -> None:
+    who = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(around[0])}'"
+    message = f"nothing takes the force of {who}: no mass, spring or support is there to resist it"
+    hint = "connect it to a part with mass, or to one that holds it"
+    _at_loop(loops, around, report, "E0416", message, hint=hint)
+
+
+def _prescribed_twice(loops: Loops, number: int, report: Report) -> None:
+    around = loops.around(number)
+    if any(map(loops.equations.is_balance, around)):
+        _unresisted(loops, around, report)
+        return
+    who = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
+    message = f"a motion is prescribed twice, through {who}"
+    _at_loop(loops, around, report, "E0413", message, hint="prescribe one of them, or put a spring between")
+
+
+def overdetermined(work: Elimination, report: Report) -> None:
+    """Loops whose ratios do not agree: an error among coordinates of a mechanism, an equation elsewhere."""
+    if not work.overdetermined:
+        return
+    potential = work.marked(lambda b: b.connector and not b.flow)
+    loops = work.loops
+    for g in work.overdetermined:
+        variable = g.slots[:, [k for k, kind in enumerate(g.kinds) if kind == UNKNOWN]][:, 0]
+        for row, v in enumerate(variable[:SHOWN].tolist()):
+            # by now it hangs on the constant that the loop has given it: look at its class as it was
+            if not (work.differentiated[v] or potential[v] or _ports(work, v)):
+                continue
+            around = loops.around(int(g.source[row]))
+            if any(map(loops.equations.is_balance, around)):
+                continue  # the position of a massless point between springs to the ground
+            parts = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(int(g.source[row]))}'"
+            message = f"{parts} form a loop whose ratios do not agree: only rest is possible"
+            _at_loop(loops, around, report, "E0412", message, found=work.splitter.text(g, g.shape, row) + " = 0")
+
+
+def _ports(work: Elimination, variable: int) -> bool:
+    """Whether a position of a connector hangs on this variable."""
+    level = np.array([variable])
+    while len(level):
+        blocks = [work.flat.block_at(v) for v in level.tolist()]
+        if any(block.connector and not block.flow for block in blocks):
+            return True
+        below = np.zeros(work.flat.count + 1, bool)
+        below[level] = True
+        parent = work.loops.parent
+        level = np.flatnonzero(below[parent] & (parent >= 0))
+    return False
+
+
+def dependent(work: Elimination, core: Constraints, guards: list[Guard], report: Report) -> list[int]:
+    """Judge the constraints between three and more coordinates; drops those that repeat others and returns them."""
+    judged = core.judged(work.derived.known, work.derived)
+    if core.depends_on_parameters:
+        derived = work.derived
+
+        def holds(values: np.ndarray) -> bool:
+            return core.judged(derived.extended(values), derived) == judged
+
+        parts = work.loops.equations.parts(core.source[core.kept].tolist())
+        guards.append(Guard(holds, f"which constraints of {_listed(parts) or 'the model'} repeat others"))
+    dropped = []
+    for number, others, consistent in judged:
+        if consistent:
+            dropped.append(number)
+            continue
+        around = [number, *others]
+        parts = _listed(work.loops.equations.parts(around)) or f"'{work.loops.equations.text(number)}'"
+        message = f"{parts} contradict each other: no position satisfies all of them"
+        _at_loop(work.loops, around, report, "E0411", message)
+    if dropped:
+        gone = np.zeros(work.flat.equation_count, bool)
+        gone[dropped] = True
+        work.groups = [g.take(np.flatnonzero(~gone[g.source])) for g in work.groups]
+    return dropped
+
+
+def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message: str, **more) -> None:
+    spans = loops.equations.spans(around)
+    labels = tuple(Label(s, "also here") for s in spans[1:])
+    report.error(code, message, spans[0] if spans else None, labels=labels, **more)
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
+
+
+def redundancy_notes(loops: Loops, repeated: list[int]) -> Iterable[Diagnostic]:
+    """What is said about constraints that were dropped."""
+    more = len(repeated) - SHOWN
+    for i, number in enumerate(repeated[:SHOWN]):
+        around = loops.around(number)
+        parts = _listed(loops.equations.parts(around))
+        where = f"; the forces in the loop {parts} are not unique" if parts else ""
+        text = loops.equations.text(number)
+        message = f"the constraint '{text}' repeats others{where}"
+        hint = f"{more} more constraints repeat others" if i == SHOWN - 1 and more > 0 else ""
+        yield Diagnostic("N0415", message, loops.equations.span(number), hint=hint)
