@@ -15,7 +15,6 @@ import numpy as np
 from lmoc.distinct import distinct
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.evaluate import evaluate
-from lmoc.semantics.flat import StateSelect
 from lmoc.structure.coefficients import is_constant
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.matching import maximum_matching
@@ -88,42 +87,6 @@ def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -
     values.append(s.coefficient[tight].astype(float))
     constants.append(np.ones(int(tight.sum()), bool))
     return Tied(*(np.concatenate(parts) for parts in (rows, columns, values, constants)))
-
-
-def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """How much each column is wanted as a state: a permutation rank, the higher the more.
-
-    What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
-    is constant, that of theta is not.
-
-    Parameters
-    ----------
-    wanted : (k,) columns the user asked for, best first
-    """
-    select = system.flat.per_variable(lambda b: b.state_select, np.int64)
-    best = np.full(len(system.kind), -1, np.int64)
-    worst = np.full(len(system.kind), int(StateSelect.default), np.int64)
-    root = system.normalized.root
-    np.maximum.at(best, root, select)
-    np.minimum.at(worst, root, select)
-    best, worst = best[system.variable], worst[system.variable]
-    curved = np.zeros(len(system.variable), bool)
-    curved[tied.column[~tied.constant]] = True
-    level = 2 + 2 * curved + inertial(system, c)
-    level = np.where(worst < StateSelect.default, worst, level)
-    level = np.where(best > StateSelect.default, best + 10, level)
-    level[wanted] = 100 + np.arange(len(wanted))[::-1]
-    rank = np.empty(len(level), np.int64)
-    rank[np.lexsort((-np.arange(len(level)), level))] = np.arange(len(level))
-    return rank
-
-
-def inertial(system: System, c: np.ndarray) -> np.ndarray:
-    """Columns whose second derivative stands in an equation that is no constraint: coordinates of inertias."""
-    i = system.incidence
-    mask = np.zeros(i.columns, bool)
-    mask[i.column[(i.order >= 2) & (c[i.row] == 0)]] = True
-    return mask
 
 
 def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wanted: np.ndarray) -> Choice:

@@ -12,8 +12,8 @@ import numpy as np
 
 from lmoc.diagnostics import Report
 from lmoc.distinct import distinct
-from lmoc.semantics.flat import FlatDAE, Kind, StateSelect
-from lmoc.structure import coordinates, diagnosis
+from lmoc.semantics.flat import FlatDAE
+from lmoc.structure import coordinates, diagnosis, preferences
 from lmoc.structure.assemble import assemble
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice
@@ -21,7 +21,7 @@ from lmoc.structure.layout import Layout
 from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized
 from lmoc.structure.reduced import Reduced
-from lmoc.structure.sigma import highest_value_transversal, offsets
+from lmoc.structure.sigma import highest_value_transversal
 from lmoc.structure.solution import Solution
 from lmoc.structure.system import Sample, System
 
@@ -60,11 +60,11 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     if match is None:
         diagnosis.structurally_singular(system, report)
         report.check()
-    wanted = _wanted(system, states)
-    c, d = _offsets(system, match, wanted)
+    wanted = preferences.asked_for(system, states)
+    c, d = preferences.offsets_with_room(system, match, wanted)
     sample = Sample(system, int(d.max(initial=0)))
     tied = coordinates.tied_entries(system, c, d, sample)
-    rank = coordinates.preference(system, tied, c, wanted)
+    rank = preferences.preference(system, tied, c, wanted)
     choice = coordinates.choose(tied, c, d, rank, wanted)
     if len(choice.singular):
         diagnosis.dependent_constraints(system, choice.singular, report)
@@ -91,35 +91,6 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     return assemble(
         system, layout, programs, state_registers, np.flatnonzero(quadrature), solution.helpers, notes
     )
-
-
-def _wanted(system: System, states: Sequence[str] | None) -> np.ndarray:
-    """Columns behind the names the user asked for, best first, each once."""
-    found = [system.flat.find(name) for name in states or ()]
-    columns = [int(c) for f in found if f is not None for c in system.column[system.normalized.root[f]]]
-    return np.array([c for c in dict.fromkeys(columns) if c >= 0], np.int64)
-
-
-def _offsets(system: System, match: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets that leave room for the preferred variables to be states.
-
-    Whoever is to be a state instead of another variable in an equation must be differentiated as often as that.
-    """
-    incidence = system.incidence
-    c, d = offsets(incidence, match, system.needed)
-    liked = np.zeros(len(system.kind), bool)
-    select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
-    liked[system.normalized.root[select]] = True
-    liked = liked[system.variable]
-    liked[wanted] = True
-    if not liked.any():
-        return c, d
-    own = liked[incidence.column]
-    reach = np.zeros(incidence.rows, np.int64)
-    np.maximum.at(reach, incidence.row[~own], d[incidence.column[~own]] - incidence.order[~own])
-    lower = system.needed.copy()
-    np.maximum.at(lower, incidence.column[own], reach[incidence.row[own]] + incidence.order[own])
-    return offsets(incidence, match, lower)
 
 
 def _matching(
@@ -168,18 +139,11 @@ def _quadratures(
     system: System, layout: Layout, square: SquareSystem, c: np.ndarray, is_state: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
     """(registers,) states that no equation reads and nobody has declared to be interested in."""
-    flat, n = system.flat, system.normalized
     registers = np.flatnonzero(is_state)
     read = np.zeros(layout.count, bool)
     read[square.states_read(square.needed_for(registers + 1))] = True
     read[(registers + 1)[is_state[registers + 1]]] = True
-    kept = coordinates.inertial(system, c)
+    kept = preferences.inertial(system, c) | preferences.declared(system)
     kept[wanted] = True
-    declared = flat.per_variable(
-        lambda b: (b.output or b.state_select > StateSelect.default) and b.kind == Kind.UNKNOWN, bool
-    )
-    roots = system.column[n.root[declared]]
-    kept[roots[roots >= 0]] = True
-    variable, _ = layout.jets()
-    column = system.column[variable]
+    column = system.column[layout.jets()[0]]
     return is_state & ~read & ~((column >= 0) & kept[column])
