@@ -144,7 +144,8 @@ def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray)
     u, rtol, atol = kind.sym("u", inputs, 16), kind.sym("rtol"), kind.sym("atol", n)
 
     def combine(weights: np.ndarray):
-        return sum(float(a) * k[j] for j, a in enumerate(weights) if a != 0.0)
+        used = np.flatnonzero(weights)
+        return ca.mtimes(ca.horzcat(*[k[j] for j in used.tolist()]), ca.DM(weights[used]))
 
     k, last = [f], x
     for i in range(1, 12):
