@@ -247,6 +247,11 @@ CATALOGUE: dict[str, Entry] = {
         "wrong kind of class",
         "A function or package cannot be a part, and a part is no class.",
     ),
+    "E0224": Entry(
+        "a value that would have to change",
+        "Parameters, constants, and start, nominal and fixed values are known before the run: they depend on\n"
+        "parameters and constants only. The default signal of an input may use time as well.",
+    ),
     "E0230": Entry(
         "not available yet",
         "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"

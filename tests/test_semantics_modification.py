@@ -136,3 +136,47 @@ def test_unknown_names_from_outside() -> None:
 def test_the_value_of_a_variable_is_an_equation() -> None:
     dae = flat("model B Real y; end B; model A Real x[2] = {1, time}; B b[2](y = {3, time}); end A;")
     assert equations(dae, "binding") == ["x[1] = 1", "x[2] = time", "b[1].y = 3", "b[2].y = time"]
+
+
+def test_redeclaration_of_a_replaceable_class() -> None:
+    text = """
+        model S1 parameter Real k = 1; end S1;
+        model S2 extends S1(k = 2); parameter Real extra = 5; end S2;
+        model B replaceable model S = S1; S s[2]; end B;
+        model C extends B(redeclare model S = S2(extra = 6)); end C;
+        model A B b(redeclare model S = S2); B plain; C c; end A;"""
+    dae = flat(text)
+    assert value(dae, "b.s.k") == value(dae, "c.s.k") == [2, 2]
+    assert value(dae, "plain.s.k") == [1, 1]
+    assert value(dae, "c.s.extra") == [6, 6]
+    assert codes(text.replace("replaceable ", "")) == ["E0206", "E0206"]
+
+
+def test_records_as_values() -> None:
+    text = """
+        record R parameter Real a = 1; parameter Real b = 2*a; end R;
+        record V Real x; Real y; end V;
+        model B parameter R r; V v; Real z = r.a + v.x; equation v.y = 0; v.x = 3; end B;
+        model A parameter R q(a = 5); B b(r = q); B c(r = R(7, b = 8)); V w;
+          equation w = b.v; end A;"""
+    dae = flat(text)
+    assert [value(dae, n) for n in ("b.r.a", "b.r.b", "c.r.a", "c.r.b")] == [5, 10, 7, 8]
+    assert "w.y = b.v.y" in equations(dae)
+
+
+def test_what_is_known_before_the_run() -> None:
+    assert codes("model A parameter Real p = time; end A;") == ["E0224"]
+    assert codes("model A parameter Real p = x; Real x = 3; end A;") == ["E0224"]
+    assert codes("model A Real y(start = x); Real x = 3; equation der(y) = 1; end A;") == ["E0224"]
+    assert codes("model A input Real u = x; Real x = 3; end A;") == ["E0224"]
+
+
+def test_values_of_a_short_class_hold_for_all_elements() -> None:
+    dae = flat("""
+        model Inner parameter Real p = 0; parameter Real w[2] = {0, 0}; end Inner;
+        model Outer Inner i; end Outer;
+        model Stiff = Outer(i(p = 5, w = {1, 2}));
+        model A Stiff s[3]; Stiff one(i(p = 6)); end A;""")
+    assert value(dae, "s.i.p") == [5, 5, 5]
+    assert value(dae, "s.i.w") == [1, 2, 1, 2, 1, 2]
+    assert value(dae, "one.i.p") == 6

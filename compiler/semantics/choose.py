@@ -122,3 +122,5 @@ def _redeclared(modification: tree.Modification | None) -> Iterator[tree.Ref]:
             yield from _redeclared(argument.modification)
         elif isinstance(argument.element, tree.Component):
             yield argument.element.type
+        elif argument.element.short is not None:
+            yield argument.element.short.base

@@ -94,6 +94,9 @@ class Context:
     def known(self, value: Value, span: Span, what: str = "this") -> np.ndarray | float:
         """The numbers of a value that must be known when compiling, over the axes of the space and then its own."""
 
+        if value.type == "String":
+            raise Wrong("E0301", f"{what} must be a number, not a text", span)
+
         def column(k: int, order: int) -> Index | float | np.ndarray:
             leaf = self.leaves[k]
             if leaf.variable is None:

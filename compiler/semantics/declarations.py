@@ -36,6 +36,8 @@ def _guarded(model: Elaboration, work) -> None:
 
 def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Binding) -> None:
     rows = list(_rows(model, variable, binding))
+    if variable.kind != Kind.UNKNOWN:
+        _require_constant(rows, variable, binding, "the value", variable.kind == Kind.INPUT)
     library = binding.scope is not None and binding.scope.library
     if variable.kind != Kind.UNKNOWN:
         drafts.bindings += [AssignmentDraft(variable, *row, binding_span(binding), library) for row in rows]
@@ -84,6 +86,17 @@ def _rows(
     yield from spread(context, value, binding, variable, lenient)
 
 
+def _require_constant(rows: list, variable: Variable, binding: Binding, what: str, signal: bool) -> None:
+    """Parameters and attributes use parameters only; the signal of an input may use time as well."""
+    for _, shape, columns in rows:
+        changing = [v for v, _ in columns if v is not None and not v.known]
+        if changing or (dag.depends_on_time(shape) and not signal):
+            found = f"'{changing[0].label}'" if changing else "time"
+            use = "time, parameters and constants" if signal else "parameters and constants"
+            raise Wrong("E0224", f"{what} of '{variable.label}' depends on {found}, which changes while it runs",
+                        binding_span(binding), expected=f"an expression in {use}")  # fmt: skip
+
+
 def _numbers_row(variable: Variable, binding: Binding) -> tuple[np.ndarray, dag.Expr, tuple[Column, ...]]:
     numbers = np.asarray(binding.expression, float)
     target = positions(variable.total).reshape(-1)
@@ -100,6 +113,8 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
             return  # a parameter's start value is a hint for forms to fill in
         type_ = "Boolean" if name == "fixed" else "Real"
         rows = _rows(model, variable, binding, True, type_)
+        rows = list(rows)
+        _require_constant(rows, variable, binding, f"'{name}'", False)
         into = {"start": drafts.starts, "nominal": drafts.nominals, "fixed": drafts.fixed}[name]
         into += [AssignmentDraft(variable, *row, span, binding.scope.library) for row in rows]
     elif name == "unit":

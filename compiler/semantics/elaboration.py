@@ -17,7 +17,8 @@ from lmoc.semantics.flat import Kind
 from lmoc.semantics.instance import Absent, Broken, Instance, Node, Variable
 from lmoc.semantics.modification import Binding, Modifier
 from lmoc.semantics.overrides import element_positions
-from lmoc.semantics.scope import Builtin, Member, Resolved, Scope, resolve
+from lmoc.semantics.records import record_fields
+from lmoc.semantics.scope import Builtin, Member, Resolved, Scope, redeclared_class, resolve
 from lmoc.semantics.value import Value, from_numbers
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
@@ -116,17 +117,32 @@ class Elaboration:
         if modifier.redeclaration is not None:
             if not component.replaceable:
                 raise Wrong("E0206", f"'{component.name}' is not replaceable", modifier.span)
-            component, scope, _ = modifier.redeclaration
+            argument, scope = modifier.redeclaration
+            if not isinstance(argument.element, tree.Component):
+                raise Wrong("E0223", f"'{component.name}' is a part, not a class", argument.span)
+            component = argument.element
         if component.condition is not None and not self._present(instance, component, scope):
             return Absent(component.name, instance, (), component, scope)
-        resolved = resolve(scope.find_class(component.type))
+        resolved = resolve(self._class_of(instance, component, scope))
         for short, where in resolved.steps:
             node = instance if where in instance.cls.lineage() else None
-            modifier = mods.merge(modifier, mods.from_tree(short.modification, node, where), component.name)
+            own = mods.of_class(mods.from_tree(short.modification, node, where))
+            modifier = mods.merge(modifier, own, component.name)
         dims = self._dimensions(instance, component, scope, resolved, modifier)
         if isinstance(resolved.base, Builtin):
             return self._variable(instance, component, member, resolved, modifier, dims)
         return self._instance(instance, component, member, resolved, modifier, dims)
+
+    def _class_of(self, instance: Instance, component: tree.Component, scope: Scope) -> Scope | Builtin:
+        """The class of a component: one that the instance has redeclared, or what its type means where it stands."""
+        name = component.type.parts[0].name
+        modifier = instance.modifier.inside.get(name)
+        own = instance.cls.table.get(name) if len(component.type.parts) == 1 and not component.type.absolute else None
+        if isinstance(own, Scope) and scope in instance.cls.lineage():
+            if modifier is not None and modifier.redeclaration is not None:
+                return redeclared_class(own, *modifier.redeclaration)
+            return own
+        return scope.find_class(component.type)
 
     def _modifier(self, instance: Instance, member: Member) -> Modifier:
         """All that is given to a component: by the part around it, by `extends`, by its declaration."""
@@ -245,7 +261,7 @@ class Elaboration:
                 raise Wrong("E0208", f"'{cls.name}' contains itself as '{component.name}'", component.span)
             around = around.parent
         if modifier.value is not None:
-            raise Wrong("E0301", f"'{component.name}' is a part and cannot be given a value", modifier.value.span)
+            modifier = record_fields(component.name, cls, modifier)
         return Instance(
             component.name, instance, dims, component, member.scope, member.protected, cls, cls.kind, modifier
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import prod
 
 import numpy as np
@@ -10,6 +11,7 @@ from lmoc.semantics.context import Context
 from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.functions import call_all
 from lmoc.semantics.instance import Instance, Node, Variable
+from lmoc.semantics.records import field_of
 from lmoc.semantics.reference import element_index, find_start, locate, unknown_name
 from lmoc.semantics.translate import LARGE, MAX_UNROLLED, dims_text, iteration, sizes_differ
 from lmoc.semantics.value import Value, number
@@ -56,6 +58,8 @@ class EquationSection:
         if isinstance(e.left, tree.Tuple):
             self._several(context, e)
             return
+        if self._records(outer, e):
+            return
         try:
             left, right = context.value(e.left), context.value(e.right)
         except RowsDiffer as differ:
@@ -66,6 +70,23 @@ class EquationSection:
                     self.equality(inner, e)
             return
         self._equate(context, left, right, e)
+
+    def _records(self, context: Context, e: tree.Equality) -> bool:
+        """Two records are equal field by field. False where the sides are no records."""
+        if not isinstance(e.left, tree.Ref) or not isinstance(e.right, tree.Ref):
+            return False
+        nodes = [find_start(context, ref) for ref in (e.left, e.right)]
+        if not all(isinstance(n, Instance) for n in nodes):
+            return False
+        left, right = (locate(context, ref, n).node for ref, n in zip((e.left, e.right), nodes))
+        if not all(isinstance(n, Instance) and n.kind == "record" for n in (left, right)):
+            return False
+        if set(left.children) != set(right.children):
+            raise Wrong("E0301", "the two records have different fields", e.span,
+                        expected=", ".join(left.children), found=", ".join(right.children))  # fmt: skip
+        for name in left.children:
+            self.equality(context, replace(e, left=field_of(e.left, name), right=field_of(e.right, name)))
+        return True
 
     def _equate(self, context: Context, left: Value, right: Value, e: tree.Equality) -> None:
         if left.dims != right.dims:

@@ -61,7 +61,10 @@ def flatten(
     drafts = Drafts()
     root = root_instance(cls, overrides.modifier())
     elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
-    flat = _Flattening(elaboration, overrides, drafts).run()
+    try:
+        flat = _Flattening(elaboration, overrides, drafts).run()
+    except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
+        wrong.put_into(report)
     report.check()
     return flat
 

@@ -47,7 +47,7 @@ class Modifier:
     value: Binding | None = None
     inside: dict[str, Modifier] = field(default_factory=dict)
     final: bool = False
-    redeclaration: tuple[tree.Component, Scope, Instance] | None = None
+    redeclaration: tuple[tree.Redeclaration, Scope] | None = None
     span: Span | None = None
 
 
@@ -71,11 +71,9 @@ def from_tree(modification: tree.Modification | None, node: Instance | None, sco
 def _argument(argument: tree.Argument, node: Instance | None, scope: Scope) -> tuple[str, Modifier]:
     if isinstance(argument, tree.Redeclaration):
         element = argument.element
-        if isinstance(element, tree.Class):
-            raise Wrong("E0230", "redeclaring a class is not available yet", argument.span)
-        redeclaration = (element, scope, node)
-        modifier = from_tree(element.modification, node, scope)
-        modifier = replace(modifier, final=argument.final, redeclaration=redeclaration, span=argument.span)
+        modification = element.modification if isinstance(element, tree.Component) else None
+        modifier = from_tree(modification, node, scope)
+        modifier = replace(modifier, final=argument.final, redeclaration=(argument, scope), span=argument.span)
         return element.name, _marked(modifier, argument.each)
     modifier = from_tree(argument.modification, node, scope)
     modifier = _marked(replace(modifier, final=argument.final, span=argument.span), argument.each)
@@ -104,6 +102,20 @@ def _beside(name: str, first: Modifier, second: Modifier) -> Modifier:
         first_place = (Label(first.span, "first here"),) if first.span else ()
         raise Wrong("E0221", f"'{name}' is modified twice", second.span, labels=first_place)
     return merge(first, second)
+
+
+def of_class(modifier: Modifier) -> Modifier:
+    """A modifier that belongs to a class (``model S = Spring(k = 2)``): alike in all elements of an array of it."""
+
+    def marked(inner: Modifier, depth: int) -> Modifier:
+        value = inner.value
+        if value is not None:
+            each = (*value.each[:depth], True, *value.each[depth + 1 :])
+            value = replace(value, each=each)
+        inside = {name: marked(m, depth + 1) for name, m in inner.inside.items()}
+        return replace(inner, value=value, inside=inside)
+
+    return replace(modifier, inside={name: marked(inner, 0) for name, inner in modifier.inside.items()})
 
 
 def merge(outer: Modifier, inner: Modifier, name: str = "") -> Modifier:

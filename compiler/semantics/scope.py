@@ -173,7 +173,16 @@ class Scope:
                 protected = found.protected or clause.protected
                 self._declare(table, Member(found.component, found.scope, outer + found.outer, protected))
             else:
-                table.setdefault(name, found)
+                table.setdefault(name, self._redeclared(found, name, layers))
+
+    def _redeclared(self, found: Scope, name: str, layers: list) -> Scope:
+        try:
+            for arguments, scope in reversed(layers):
+                for argument in arguments.get(name, ()):
+                    found = redeclared_class(found, argument, scope)
+        except Wrong as wrong:
+            wrong.put_into(self.report)
+        return found
 
     def _declare(self, table: dict, member: Member) -> None:
         name = member.component.name
@@ -248,8 +257,16 @@ class Scope:
         for name in path[1:]:
             found = found.table.get(name) if isinstance(found, Scope) else None
         if found is None:
-            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=self.suggest(path[0]))
+            hint = nearest(path[0], (*self.root.local, *(self.root.parent or self.root).local))
+            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=hint)
         return found
+
+    def _known_package(self, element: tree.Import) -> Scope | None:
+        try:
+            package = self._path(element.path, element.span)
+        except Wrong:
+            return None  # reported where a name is looked up
+        return package if isinstance(package, Scope) else None
 
     def find_class(self, ref: tree.Ref, inherited: bool = True) -> Scope | Builtin:
         """The class that a type name, a base or a function name means."""
@@ -279,13 +296,22 @@ class Scope:
                 if isinstance(element, tree.Import):
                     yield from element.names or (element.alias or element.path[-1],)
                     if element.wildcard:
-                        package = scope._path(element.path, element.span)
-                        yield from package.table if isinstance(package, Scope) else ()
+                        package = scope._known_package(element)
+                        yield from package.table if package else ()
             scope = scope.parent
         yield from BUILTINS
 
     def suggest(self, name: str) -> str:
         return nearest(name, self.visible())
+
+
+def redeclared_class(old: Scope, argument: tree.Argument, scope: Scope) -> Scope:
+    """The class that ``redeclare model M = …`` puts in the place of another one."""
+    if not isinstance(argument, tree.Redeclaration) or not isinstance(argument.element, tree.Class):
+        raise Wrong("E0205", f"'{old.name}' is a class: it can be redeclared, but not modified", argument.span)
+    if not old.definition.replaceable:
+        raise Wrong("E0206", f"the class '{old.name}' is not replaceable", argument.span)
+    return Scope(argument.element, scope, scope.report, scope.library)
 
 
 def by_name(modification: tree.Modification | None) -> dict[str, list]:
