@@ -101,3 +101,9 @@ def test_long_lines(line: str) -> None:
     pieces = broken(line)
     assert " ".join(piece.strip() for piece in pieces).replace("( ", "(") == line.strip()
     assert all(len(piece) <= WIDTH or " " not in piece.strip() for piece in pieces)
+
+
+def test_a_sum_of_thousands_of_terms() -> None:
+    total = " + ".join(f"x{i}" for i in range(5000))
+    (equation,) = read(f"model M equation {total} = 0; end M;").classes[0].equations
+    assert text.simple(equation.left) == total

@@ -1,13 +1,18 @@
 """The parser: precedence as in Modelica 3.6, every construct, and the places of nodes."""
 
 from dataclasses import is_dataclass
+from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from lmoc.diagnostics import Report, render
 from lmoc.source import Source, Span
 from lmoc.syntax import text, tree
 from lmoc.syntax.parse import parse
+
+PROGRAMS = sorted((Path(__file__).parent.parent / "models" / "notes").glob("*.lmo"))
 
 
 def read(written: str) -> tree.File:
@@ -245,3 +250,25 @@ def test_nonsense_is_reported_and_nothing_else(written: str) -> None:
     report = Report()
     parse(Source("test.lmo", written), report)
     assert report.errors and all(d.span is not None and render(d) for d in report.diagnostics)
+
+
+def test_a_string_over_several_lines_is_no_mistake() -> None:
+    assert the_class('Real x "one\ntwo"annotation(a = 1);').elements[0].description == "one\ntwo"
+
+
+PIECES = list("();{}[]=:+-*/\"'.,#\n\\ 1aθ") + ["end ", "for ", "if ", "/*", "equation ", "model "]
+
+CHANGES = st.tuples(st.integers(0, 10**4), st.integers(0, 8), st.sampled_from(PIECES))  # place, removed, put there
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(PROGRAMS), st.lists(CHANGES, max_size=4))
+def test_any_change_of_a_program_is_understood_or_reported(path: Path, changes: list) -> None:
+    written = path.read_text(encoding="utf-8")
+    for place, removed, piece in changes:
+        at = place % (len(written) + 1)
+        written = written[:at] + piece + written[at + removed :]
+    report = Report()
+    file = parse(Source("test.lmo", written), report)
+    assert all(d.span is not None and 0 <= d.span.start <= d.span.end <= len(written) for d in report.diagnostics)
+    assert all(map(render, report.diagnostics)) and isinstance(file, tree.File)

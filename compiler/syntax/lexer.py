@@ -61,16 +61,17 @@ def _scanner(tables: Tables) -> re.Pattern:
     return re.compile("|".join(f"(?P<{symbol}>{pattern})" for symbol, pattern in groups))
 
 
-def scan(source: Source, tables: Tables) -> tuple[Tokens, list[Diagnostic]]:
+def scan(source: Source, tables: Tables, doubtful: bool = False) -> tuple[Tokens, list[Diagnostic]]:
     """The tokens of a text, and what is wrong with its characters.
 
     Keywords and operators are their own symbols. What is wrong is read as what was probably meant, or left out.
+    In a `doubtful` text, one whose tokens make no sense, a string over several lines may be one that is not closed.
     """
     said: list[Diagnostic] = []
     text = source.text
     while True:
         tokens, irregular = _tokens(text, tables)
-        open_end = _first_open(text, tokens, irregular)
+        open_end = _first_open(text, tokens, irregular, doubtful)
         if open_end is None:
             break
         said.append(_not_closed(source, open_end))
@@ -82,20 +83,19 @@ def scan(source: Source, tables: Tables) -> tuple[Tokens, list[Diagnostic]]:
 
 
 def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
-    """Complain about each ``end`` that is meant as the last index but stands in no subscript."""
-    said = []
-    for at, symbol in enumerate(tokens.symbols):
-        if symbol != "INDEX_END":
-            continue
-        depth, before = 0, at
-        while before > 0 and depth <= 0 and symbol != ";":
-            before -= 1
-            symbol = tokens.symbols[before]
-            depth += (symbol == "[") - (symbol == "]")
-        if depth <= 0:
-            place = Span(source, tokens.starts[at], tokens.ends[at])
+    """Complain about each ``end`` that is meant as the last index but stands in no brackets."""
+    said: list[Diagnostic] = []
+    if "INDEX_END" not in tokens.symbols:
+        return said
+    depth = 0
+    for symbol, start, end in zip(tokens.symbols, tokens.starts, tokens.ends, strict=True):
+        if symbol == "[":
+            depth += 1
+        elif symbol == "]":
+            depth = max(0, depth - 1)
+        elif symbol == "INDEX_END" and not depth:
             hint = "as the last index it stands inside the brackets of an array: 'x[end]'"
-            said.append(Diagnostic("E0101", "'end' cannot stand here", place, hint=hint))
+            said.append(Diagnostic("E0101", "'end' cannot stand here", Span(source, start, end), hint=hint))
     return said
 
 
@@ -140,15 +140,17 @@ def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
     return tokens, irregular
 
 
-def _first_open(text: str, tokens: Tokens, irregular: list[tuple[str, int]]) -> int | None:
+def _first_open(text: str, tokens: Tokens, irregular: list[tuple[str, int]], doubtful: bool) -> int | None:
     """Where the first string or comment begins that is not closed, None if all are.
 
     Where a closing quote is missing, the next opening one closes the string, and a letter follows it at once.
     """
-    for symbol, start, end in zip(tokens.symbols, tokens.starts, tokens.ends, strict=True):
-        if symbol == "STRING" and text[end : end + 1].isalnum() and "\n" in text[start:end]:
-            return start
-    return next((at for symbol, at in irregular if symbol == "open_comment" or text[at] == '"'), None)
+    certain = next((at for symbol, at in irregular if symbol == "open_comment" or text[at] == '"'), None)
+    if certain is not None or doubtful:
+        for symbol, start, end in zip(tokens.symbols, tokens.starts, tokens.ends, strict=True):
+            if symbol == "STRING" and text[end : end + 1].isalnum() and "\n" in text[start:end]:
+                return start
+    return certain
 
 
 def _not_closed(source: Source, start: int) -> Diagnostic:

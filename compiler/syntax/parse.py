@@ -33,6 +33,7 @@ def parse(source: Source, report: Report) -> tree.File:
         # Only now is it worth to load what explains and repairs.
         from lmoc.syntax.recovery import repair
 
+        tokens, said = scan(source, tables, doubtful=True)
         found = Report()
         changes, acceptable = repair(source, tables, tokens, tuple(said))
         said += changes

@@ -81,9 +81,15 @@ def _unary(e: tree.Unary) -> tuple[int, str]:
 
 
 def _binary(e: tree.Binary) -> tuple[int, str]:
-    level, left, right = _BINARY[e.op]
-    space = "" if e.op in _TIGHT else " "
-    return level, f"{expression(e.left, left)}{space}{e.op}{space}{expression(e.right, right)}"
+    whole, parts = _BINARY[e.op][0], []
+    while True:  # along the left operands: a sum may have thousands of terms
+        _, left, right = _BINARY[e.op]
+        space = "" if e.op in _TIGHT else " "
+        parts.append(f"{space}{e.op}{space}{expression(e.right, right)}")
+        if not isinstance(e.left, tree.Binary) or _BINARY[e.left.op][0] < left:
+            break
+        e = e.left
+    return whole, expression(e.left, left) + "".join(reversed(parts))
 
 
 def _choice(e: tree.If) -> tuple[int, str]:
