@@ -108,7 +108,7 @@ def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = Non
 
     time = sp.Symbol("time")
     zero = {jet: sp.S.Zero for u in system.inputs for jet in system.jets(u)[1:]}
-    given = {sp.Symbol(name): sp.sympify(value) for name, value in (inputs or {}).items()}
+    given = {sp.Symbol(name): _exact(value) for name, value in (inputs or {}).items()}
     equations = [sp.sympify(d).xreplace(zero).xreplace(given) for d in system.derivatives]
     if any(e.has(time) for e in equations):
         raise refuse("the equations contain time itself: nothing stays at rest", hint="make the signal an input")
@@ -121,6 +121,14 @@ def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = Non
     else:
         found = _nonlinear(rest, unknowns, system, given)
     return [_finished(system, root, at_rest, given, nonlinear=not linear) for root in found]
+
+
+def _exact(value) -> sympy.Expr:
+    import sympy as sp
+
+    from lmoc.expression.to_sympy import exact
+
+    return exact(value) if isinstance(value, (int, float)) else sp.sympify(value)
 
 
 def _finished(system, root: Root, at_rest, given, nonlinear: bool) -> Equilibrium:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from html import escape
+from unicodedata import normalize
 
 _LETTERS = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
 GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθκλμνξπρστφχψω", strict=True))
@@ -69,7 +70,7 @@ class Unicode(Ascii):
         tail = digits + (f"_{index}" if index else "")
         if order and (len(letter) > 1 or order > 4):
             return f"{delta}{letter}{tail}" + "'" * order
-        return delta + letter + _ACCENTS.get(order, "") + tail
+        return delta + normalize("NFC", letter + _ACCENTS.get(order, "")) + tail
 
     def power(self, base: str, exponent: str) -> str:
         if re.fullmatch(r"-?\d+", exponent):

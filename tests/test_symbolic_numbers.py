@@ -1,0 +1,136 @@
+"""Linear models in numbers: against finite differences and against the symbolic ones, on all small models."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import lmoc
+from lmoc.diagnostics import ModelError
+from lmoc.symbolic.linearize import linearize
+from lmoc.symbolic.numeric import NumericSystem, linearize_numerically
+
+ROOT = Path(__file__).parents[1]
+MODELS = sorted(f"{folder}/{p.stem}" for folder in ("notes", "hard") for p in (ROOT / "models" / folder).glob("*.lmo"))
+MOST_STATES = 12
+every_model = pytest.mark.parametrize("name", MODELS)
+
+
+@cache
+def compiled(name: str) -> lmoc.DAE:
+    return lmoc.compile(ROOT / f"models/{name}.lmo")
+
+
+def point_of(system: NumericSystem) -> dict[str, float]:
+    generator = np.random.default_rng(5)
+    names = [*system.states, *system.inputs]
+    return dict(zip(names, generator.uniform(0.1, 0.6, len(names)), strict=True))
+
+
+@every_model
+def test_central_differences(name):
+    dae = compiled(name)
+    system = NumericSystem(dae.reduced, dae.values, ())
+    point = point_of(system)
+    model = linearize_numerically(dae.reduced, dae.values, point, ())
+    x, u = (np.array([point[n] for n in names]) for names in (system.states, system.inputs))
+    for matrix, at, rates in (
+        (model.A, x, lambda z: system.rates(z, u)),
+        (model.B, u, lambda z: system.rates(x, z)),
+    ):
+        for j in range(len(at)):
+            step = 1e-5 * np.eye(len(at))[j]
+            difference = (rates(at + step) - rates(at - step)) / 2e-5
+            assert np.allclose(matrix[:, j], difference, rtol=1e-6, atol=1e-6 * max(1.0, np.abs(matrix).max(initial=0.0)))
+
+
+@every_model
+def test_numbers_equal_symbols(name):
+    dae = compiled(name)
+    if len(dae.states) > MOST_STATES:
+        with pytest.raises(ModelError, match="too many"):
+            dae.symbolic()
+        return
+    system = dae.symbolic()
+    point = point_of(NumericSystem(dae.reduced, dae.values, ()))
+    outputs = dae.outputs or dae.states
+    numeric = linearize_numerically(dae.reduced, dae.values, point, outputs)
+    exact = linearize(system, {sp.Symbol(n): sp.Float(v, 17) for n, v in point.items()})
+    for a, b in ((numeric.A, exact.A), (numeric.B, exact.B), (numeric.C, exact.C), (numeric.D, exact.D)):
+        assert np.allclose(a, b, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(b).max(initial=0.0)))
+    assert np.allclose(
+        numeric.drift, exact.drift, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(exact.drift).max(initial=0.0))
+    )
+
+
+def test_about_the_equilibrium_by_default():
+    model = compiled("notes/ex05_suspension").linearize()
+    assert model.at_rest
+    values = compiled("notes/ex05_suspension").parameters
+    assert model.point["wheel.q"] == pytest.approx(-(values["m1"] + values["m2"]) * values["g"] / values["k1"])
+
+
+def test_about_a_time_of_the_run():
+    dae = compiled("notes/s9_lever_large_angles")
+    model = dae.linearize(at=0.5)
+    run = dae.simulate(times=[0.0, 0.5])
+    theta = run["theta"][1]
+    values = dae.parameters
+    expected = -values["k"] * values["l2"] ** 2 * np.cos(2 * theta) / values["J"]
+    damping = values["c"] * values["l1"] ** 2 * np.sin(2 * theta) * run["v_theta"][1] / values["J"]
+    assert model.A[1, 0] == pytest.approx(expected + damping, rel=1e-6)
+    assert not model.at_rest
+
+
+def test_about_a_point_by_names():
+    model = compiled("notes/s9_lever_large_angles").linearize(at={"body.theta": np.pi / 2})
+    assert model.stability == "unstable"
+
+
+def test_several_equilibria_are_not_chosen_from():
+    with pytest.raises(ModelError, match="not one equilibrium"):
+        compiled("notes/s9_lever_large_angles").linearize()
+
+
+def test_each_of_several_equilibria_is_a_point():
+    dae = compiled("notes/s9_lever_large_angles")
+    found = {dae.linearize(at=e).stability for e in dae.equilibria()}
+    assert found == {"asymptotically stable", "unstable"}
+
+
+def test_unknown_name_of_a_point():
+    with pytest.raises(ModelError, match="neither a state nor an input"):
+        compiled("notes/ex02_spring_mass_damper").linearize(at={"mass.x": 1.0})
+
+
+def test_parameters_of_one_derivation():
+    dae = compiled("notes/ex02_spring_mass_damper")
+    model = dae.linearize(parameters={"k": 200.0, "m": 2.0})
+    assert np.allclose(model.frequencies, 10.0)
+    assert np.allclose(dae.linearize().frequencies, 5.0)
+
+
+def test_a_zero_changes_the_equations():
+    dae = compiled("notes/ex02_spring_mass_damper")
+    assert dae.equations(parameters={"c": 0.0}).lines() == ["m·q̈ + k·q = f"]
+
+
+def test_files_for_other_tools(tmp_path):
+    from scipy.io import loadmat
+
+    model = compiled("notes/ex02_spring_mass_damper").linearize()
+    model.save(str(tmp_path / "model.mat"))
+    assert np.allclose(loadmat(tmp_path / "model.mat")["A"], model.A)
+    assert np.allclose(model.to_scipy().A, model.A)
+
+
+def test_large_chain_has_its_known_frequencies():
+    n = 40
+    dae = lmoc.compile(ROOT / "models/bench/chain.lmo", parameters={"N": n, "c": 0.0})
+    expected = (
+        2 * np.sqrt(dae.parameters["k"] / dae.parameters["m"]) * np.sin(np.arange(1, n + 1) * np.pi / (2 * (n + 1)))
+    )
+    found = dae.linearize().frequencies
+    assert np.allclose(np.sort(found)[::2], np.sort(expected), rtol=1e-9)
