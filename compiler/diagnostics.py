@@ -54,6 +54,25 @@ class Diagnostic:
         return render(self)
 
 
+@dataclass(frozen=True)
+class Entry:
+    """What a code means, as the catalogue tells it.
+
+    Attributes
+    ----------
+    title : str
+        The kind of mistake, in a few words.
+    explanation : str
+        Why it is one, and what to do.
+    example : str
+        A small program that gives it; empty where a program alone does not.
+    """
+
+    title: str
+    explanation: str
+    example: str = ""
+
+
 @dataclass
 class Report:
     """Collects diagnostics during a stage."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from textwrap import indent
+from textwrap import fill, indent
 
 from lmoc.catalogue import CATALOGUE
 from lmoc.cli.arguments import Parser, UsageError
@@ -24,7 +24,7 @@ def execute(arguments: argparse.Namespace) -> int:
         hint = nearest(code, CATALOGUE) or "`lmoc explain` lists the codes"
         raise UsageError([Diagnostic("E0620", f"there is no diagnostic '{arguments.code}'", hint=hint)])
     entry = CATALOGUE[code]
-    print(f"{code}: {entry.title}\n\n{entry.explanation}")
+    print(f"{code}: {entry.title}\n\n{fill(' '.join(entry.explanation.split()), 100)}")
     if entry.example:
         print("\nExample:\n\n" + indent(entry.example, "    "))
     return 0
