@@ -104,11 +104,12 @@ def _implicit(system: System, match: np.ndarray, d: np.ndarray) -> np.ndarray:
     for b in system.batches:
         for leaf in b.unknown:
             column = system.column[b.slots[:, leaf.value[0]]]
-            mine = (match[b.row] == column) & (d[column] == 0)
+            mine = (match[b.row] == column) & (leaf.value[1] == 0)
             if mine.any() and solved(b.shape, leaf) is None and _among_positions(system, b, mine):
                 others = [x for x in b.unknown if x is not leaf and pivot(b.shape, b.kinds, x) is not None]
                 for x in others:
-                    mask[column[mine & (d[system.column[b.slots[:, x.value[0]]]] > x.value[1])]] = True
+                    other = system.column[b.slots[:, x.value[0]]]
+                    mask[column[mine & (d[other] - x.value[1] > d[column])]] = True
     return mask
 
 
