@@ -6,13 +6,14 @@ stands in at most two sets, as seen from outside its part and from inside; the t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 
 import numpy as np
 
 from lmoc.diagnostics import Label, Report
+from lmoc.distinct import first_of_each, numbered
 from lmoc.expression import dag
 from lmoc.semantics.draft import ConnectDraft
 from lmoc.semantics.flat import Group, Kind, Sums
@@ -163,8 +164,11 @@ def components(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndar
     label : number of the component of each node, in the order of their first nodes
     left, right : the edges as positions in `nodes`
     """
-    nodes, where = np.unique(np.concatenate([left, right]), return_inverse=True)
-    a, b = where[: len(left)], where[len(left) :]
+    used = np.zeros(int(max(left.max(), right.max())) + 1, bool)
+    used[left] = used[right] = True
+    nodes = np.flatnonzero(used)
+    number = np.cumsum(used, dtype=np.int32) - 1
+    a, b = number[left], number[right]
     if len(left) > SMALL:
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
@@ -181,7 +185,7 @@ def components(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndar
     for x, y in zip(a.tolist(), b.tolist()):
         low, high = sorted((root(x), root(y)))
         parent[high] = low
-    return nodes, np.unique([root(x) for x in range(len(nodes))], return_inverse=True)[1], a, b
+    return nodes, numbered(np.array([root(x) for x in range(len(nodes))]))[1], a, b
 
 
 def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:
@@ -190,12 +194,13 @@ def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:
     if not len(edges.left):
         return []
     nodes, label, a, b = components(edges.left, edges.right)
-    _, first = np.unique(label, return_index=True)  # nodes ascend: the variable declared first
+    _, first = first_of_each(label)  # nodes ascend: the variable declared first
     root = nodes[first[label]]
     # a row belongs to the first connect that mentions its variable
     connect = np.empty(len(nodes), int)
+    by_place = _first_of_place(connections.connects)[edges.connect]
     for ends in (b, a):
-        connect[ends[::-1]] = edges.connect[::-1]
+        connect[ends[::-1]] = by_place[::-1]
     rows = np.flatnonzero(nodes != root)
     key = (connect[rows] * 8 + kinds[nodes[rows]]) * 8 + kinds[root[rows]]
     order = np.argsort(key, kind="stable")
@@ -208,6 +213,14 @@ def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:
         slots = np.column_stack([nodes[members], root[members]])
         groups.append(Group(dag.slot(0), dag.slot(1), slots, draft.span, draft.node.part, "connection"))
     return groups
+
+
+def _first_of_place(connects: Sequence[ConnectDraft]) -> np.ndarray:
+    """For each connect, the first one that stands at the same place (in a loop that was unrolled, say)."""
+    seen: dict[tuple, int] = {}
+    return np.array(
+        [seen.setdefault((id(c.span.source), c.span.start, c.node.part), k) for k, c in enumerate(connects)]
+    )
 
 
 def balances(connections: Connections) -> tuple[Sums, np.ndarray]:
@@ -230,9 +243,9 @@ def balances(connections: Connections) -> tuple[Sums, np.ndarray]:
     of_set = np.full(label.max() + 1, np.iinfo(int).max)
     np.minimum.at(of_set, label[a], edges.connect)
     span_of = of_set[label[order[starts[:-1]]]]
-    used, span_of = np.unique(span_of, return_inverse=True)
+    used, span_of = numbered(span_of)
     spans = tuple(connections.connects[int(k)].span for k in used)
-    sums = Sums(starts, members - count * inside, np.where(inside, -1.0, 1.0), spans, span_of.reshape(-1))
+    sums = Sums(starts, members - count * inside, np.where(inside, -1.0, 1.0), spans, span_of)
     return sums, members[~inside]
 
 
