@@ -7,12 +7,13 @@ BIN := $(VENV)/bin
 DEMO := models/notes/ex05_suspension.lmo
 PICTURE := out/suspension.png
 
-.PHONY: help demo test lint clean
+.PHONY: help demo test lint docs clean
 
 help:
 	@echo "make demo    run the suspension of the notes and draw a picture of it"
 	@echo "make test    run the tests"
 	@echo "make lint    check the style of the code"
+	@echo "make docs    write the pages that are made from the program and the library"
 	@echo "make clean   remove the environment and everything made"
 
 demo: $(VENV)/.installed
@@ -24,6 +25,10 @@ test: $(VENV)/.installed-test
 
 lint: $(VENV)/.installed-test
 	@$(BIN)/ruff check .
+
+docs: $(VENV)/.installed
+	@$(BIN)/python -m lmoc.catalogue > docs/diagnostics.md
+	@$(BIN)/python docs/make_library.py
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

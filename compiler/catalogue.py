@@ -193,6 +193,41 @@ CATALOGUE: dict[str, Entry] = {
         "further inside, the part needs a port of its own.",
     ),
     # --------------------------------------------------------- 04xx structure
+    "E0401": Entry(
+        "too many equations",
+        "More equations than unknowns: something is prescribed twice, for instance the motion of one point by two\n"
+        "parts. The equations and what they have in common are named (the over-determined part of Dulmage and\n"
+        "Mendelsohn). Take one away, or make one of the prescribed values an unknown.",
+    ),
+    "E0402": Entry(
+        "nothing fixes a position",
+        "Only differences of some positions stand in the equations, so the whole group can be anywhere. Connect\n"
+        "one of its parts to a `Fixed`, or give one a mass or an inertia.",
+    ),
+    "E0403": Entry(
+        "too few equations",
+        "Fewer equations than unknowns: what is named is not determined by anything. Often a connection or a\n"
+        "binding is missing.",
+    ),
+    "E0404": Entry(
+        "constraints that cannot be solved near the start",
+        "The positions of a mechanism do not follow from its coordinates where it starts: it stands at a dead\n"
+        "centre, or one constraint repeats others. Start elsewhere, or take the constraint away.",
+    ),
+    "E0405": Entry(
+        "equations that depend on each other",
+        "There are as many equations as unknowns, but with these parameter values they say the same thing twice.\n"
+        "Look for a parameter that is zero, or for two that cancel.",
+    ),
+    "E0406": Entry(
+        "not possible as a state",
+        "A variable asked for as a state is prescribed, or follows from others that were asked for as well.",
+    ),
+    "N0407": Entry(
+        "coordinates were chosen",
+        "Constraints leave fewer coordinates than there are positions; this tells which ones are integrated.\n"
+        "`states=[…]` or the attribute `stateSelect` choose others.",
+    ),
     "E0411": Entry(
         "constraints contradict each other",
         "Rigid connections form a loop, or end at places that are fixed, and their lengths and offsets do not add up: "
@@ -367,7 +402,8 @@ CATALOGUE: dict[str, Entry] = {
     "N0630": Entry(
         "flattened again",
         "A parameter given to this run decides about the structure of the model (the length of an array, a\n"
-        "condition), so the scene has been flattened and reduced anew. The result is kept for further runs with the same value.",
+        "condition), so the scene has been flattened and reduced anew. The result is kept for further runs with the\n"
+        "same value.",
     ),
     "N0631": Entry(
         "reduced anew",
