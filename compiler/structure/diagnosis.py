@@ -51,10 +51,13 @@ def _too_few(
     system: System, equations: Equations, rows: np.ndarray, columns: np.ndarray, also_too_many: bool, report: Report
 ) -> None:
     flat = system.flat
-    roots = system.variable[columns]
-    positions = [v for v in roots.tolist() if _is_position(flat, v) or _differentiated(system, v)]
+    # the ledger follows from the rest, and is nothing that the user wrote
+    roots = [v for v in system.variable[columns].tolist() if flat.block_at(v).path[0][0] != "ledger"]
+    if not roots:
+        return
+    positions = [v for v in roots if _is_position(flat, v) or _differentiated(system, v)]
     sources = system.source[rows].tolist()
-    if positions and not _is_force_only(flat, roots.tolist()):
+    if positions and not _is_force_only(flat, roots):
         names = _carriers(system, positions)
         message = f"nothing fixes the absolute position of {listed(names)}"
         hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
@@ -62,15 +65,17 @@ def _too_few(
             hint = "too much is prescribed where nothing gives way: leave one force open, or add a mass or inertia"
         _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, positions[0]))
         return
-    names = [flat.variable_name(v) for v in roots.tolist()]
-    missing = len(columns) - len(rows)
-    if len(rows):
-        counts = f"{_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')}"
+    if also_too_many and any(flat.block_at(v).flow for v in roots):
+        return  # reactions of what is prescribed too often: one mistake, one message
+    names = [flat.variable_name(v) for v in roots]
+    own = len(rows) - (len(columns) - len(roots))
+    if own:
+        counts = f"{_count(own, 'equation')} for {_count(len(roots), 'unknown')}"
         message = f"too few equations: {counts} ({listed(names)})"
     else:
         message = f"no equation determines {listed(names)}"
-    hint = f"{_count(missing, 'equation')} missing"
-    _at(equations, sources, report, "E0403", message, hint=hint, fallback=_span(flat, int(roots[0])))
+    hint = f"{_count(len(roots) - own, 'equation')} missing"
+    _at(equations, sources, report, "E0403", message, hint=hint, fallback=_span(flat, roots[0]))
 
 
 def _is_position(flat: FlatDAE, variable: int) -> bool:
