@@ -10,6 +10,7 @@ from lmoc.numerics.casadi_system import Lowered
 from lmoc.numerics.evaluate import Interpreter, segment_sums
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.newton import Newton
+from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.structure.program import Apply, Solve, Total
 
 sin, cos = (lambda x, n=n: dag.function(n, x) for n in ("sin", "cos"))
@@ -111,6 +112,36 @@ def test_casadi_gives_the_same(name):
     assert np.array(lowered.function()(0.3, x, [], [])).ravel() == pytest.approx(w[outputs], rel=1e-13)
     dense = Jacobian(program, np.array(inputs), np.array(outputs), count).dense(w, 0.3)
     assert np.array(lowered.jacobian()(0.3, x, [], []).full()) == pytest.approx(dense, rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_segments_give_the_same(name):
+    program, count, inputs, outputs = PROGRAMS[name]
+    assert can_segment(program)
+    segments, interpreter = SegmentedProgram(program, count), Interpreter(program, count)
+    for x in np.random.default_rng(5).uniform(0.5, 1.5, (3, len(inputs))):
+        one, two = np.full(count, np.nan), np.full(count, np.nan)
+        one[inputs] = two[inputs] = x
+        segments.run(one, 0.3)
+        interpreter.run(two, 0.3)
+        assert one[outputs] == pytest.approx(two[outputs], rel=1e-12)
+
+
+@pytest.mark.parametrize("runner", [Interpreter, SegmentedProgram])
+def test_blocks_of_many_unknowns_are_solved_numerically(runner):
+    """A Hilbert-like matrix of size 12, its right-hand side a nonlinear function of the input."""
+    size = 12
+    u, r = np.arange(1, size + 1), np.arange(size + 1, 2 * size + 1)
+    matrix = 1 / (1 + np.add.outer(np.arange(size), np.arange(size)) % 7) + 3 * np.eye(size)
+    rows = []
+    for i in range(size):
+        terms = sum((matrix[i, j] * slot(j + 1) for j in range(size)), -cos(slot(0)))
+        rows.append(Apply(terms, np.array([[0, *u]]), r[i : i + 1]))
+    for linear in (True, False):
+        w = np.full(2 * size + 1, np.nan)
+        w[0] = 0.7
+        runner((Solve(tuple(rows), u[None], r[None], linear, False),), len(w)).run(w, 0.0)
+        assert w[u] == pytest.approx(np.linalg.solve(matrix, np.full(size, np.cos(0.7))), rel=1e-12)
 
 
 @pytest.mark.parametrize("constant", [True, False])

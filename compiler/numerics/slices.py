@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmoc.numerics.casadi_system import CASADI_ROWS
 from lmoc.numerics.evaluate import Interpreter
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan import Plan, program_rows, walk
+from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.numerics.signals import Formula, Signal, Table
 from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
 
@@ -34,7 +36,7 @@ class Slice:
         new = np.full(plan.count, -1)
         new[old] = np.arange(len(old))
         self.base = base[old]
-        self.interpreter = Interpreter(tuple(renumber(step, new) for step in program), len(old))
+        self._run = _runner(tuple(renumber(step, new) for step in program), len(old))
         self.out = new[registers]
         self.state_columns = np.flatnonzero(touched[plan.states])
         self.state_registers = new[plan.states[self.state_columns]]
@@ -52,9 +54,25 @@ class Slice:
             w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
             for register, (signal, order) in zip(self.sampled, self.samplers, strict=True):
                 w[register] = sample(signal, order, t)
-            self.interpreter.run(w, t)
+            self._run(w, t)
             result[a : a + chunk] = w[self.out].T
         return result
+
+
+def _runner(program: Program, count: int):
+    """``(w, times)`` fills w (registers, times). Nonlinear blocks are followed from one time to the next."""
+    implicit = any(isinstance(s, Solve) and not s.linear for s in walk(program))
+    if not (implicit and program_rows(program) <= CASADI_ROWS and can_segment(program)):
+        return Interpreter(program, count).run
+    steps = SegmentedProgram(program, count)
+
+    def run(w: np.ndarray, times: np.ndarray) -> None:
+        rows = np.ascontiguousarray(w.T)
+        for row, t in zip(rows, times.tolist(), strict=True):
+            steps.run(row, t)
+        w[:] = rows.T
+
+    return run
 
 
 def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:

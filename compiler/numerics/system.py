@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lmoc.numerics.casadi_system import Buffered, Lowered, can_lower
+from lmoc.numerics.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
+from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.numerics.signals import Signal
 
-CASADI_ROWS = 4000  # programs with more rows are evaluated by C or numpy
 COMPILED_ROWS = 4000  # programs with more rows are worth a call of the C compiler
 
 
@@ -65,7 +65,7 @@ class System(ABC):
         """Write the entries of ∂f/∂x in the order of `pattern` into `out`."""
 
     def callback(self, order: np.ndarray | None):
-        """The right-hand side as a compiled SUNDIALS callback with its data, states in a new order; None: there is none."""
+        """The right-hand side as a compiled SUNDIALS callback with its data, states in a new order, or None."""
         return None
 
     def jacobian(self, t: float, x: np.ndarray) -> np.ndarray:
@@ -180,10 +180,22 @@ class VectorSystem(System):
         out[:] = self._derivative.values(self.w, t)[self._order]
 
 
+class SegmentedSystem(VectorSystem):
+    """A small program with blocks that casadi does not solve: casadi functions between and inside the blocks."""
+
+    kind = "casadi, blocks"
+
+    def __init__(self, plan: Plan) -> None:
+        super().__init__(plan)
+        self.interpreter = SegmentedProgram(plan.program, plan.count)
+
+
 def make_system(plan: Plan) -> System:
     """The way of evaluating that suits the size and the blocks of a plan."""
     if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
         return CasadiSystem(plan)
+    if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
+        return SegmentedSystem(plan)
     if plan.row_count > COMPILED_ROWS:
         from lmoc.numerics.native.c_code import Unsupported
         from lmoc.numerics.native.system import NativeSystem
