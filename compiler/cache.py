@@ -26,9 +26,9 @@ def folder() -> str:
 
 
 def read(name: str, key: bytes) -> bytes | None:
-    """What was kept under `name` if it was made from `key` by this version of Python and is undamaged, else None."""
+    """What was kept under `name` if it was made from `key` and is undamaged, else None."""
     try:
-        with open(os.path.join(folder(), name), "rb") as file:
+        with open(_place(name), "rb") as file:
             found = file.read()
     except OSError:
         return None
@@ -41,7 +41,7 @@ def read(name: str, key: bytes) -> bytes | None:
 
 def write(name: str, key: bytes, payload: bytes) -> None:
     """Keep `payload` under `name`; silently does nothing where that is not possible."""
-    place = os.path.join(folder(), name)
+    place = _place(name)
     partial = f"{place}.{os.getpid()}"
     kept = _head(key) + payload
     try:
@@ -54,6 +54,12 @@ def write(name: str, key: bytes, payload: bytes) -> None:
             os.remove(partial)
         except OSError:
             pass
+
+
+def _place(name: str) -> str:
+    """The file of a name: one for each installation of lmoc, so that two do not take turns in overwriting it."""
+    installation = f"{__file__} {sys.implementation.cache_tag}"
+    return os.path.join(folder(), f"{name}-{crc32(installation.encode()):08x}")
 
 
 def fingerprint(*files: str) -> bytes:
@@ -70,8 +76,7 @@ def fingerprint(*files: str) -> bytes:
 
 def _head(key: bytes) -> bytes:
     """The key as it stands in the file. All of it: comparing is faster than importing a hash function."""
-    made_by = sys.implementation.cache_tag.encode()
-    return len(key).to_bytes(8, "little") + made_by + key
+    return len(key).to_bytes(8, "little") + key
 
 
 def _check(kept: bytes) -> bytes:

@@ -24,9 +24,10 @@ def test_what_is_written_is_read(folder: Path) -> None:
 
 def test_a_damaged_file_is_not_trusted(folder: Path) -> None:
     cache.write("name", b"key", b"payload" * 10)
-    whole = (folder / "name").read_bytes()
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
     for damaged in (whole[:-1], whole[:-1] + b"?", b"", whole[:3], whole + b"more"):
-        (folder / "name").write_bytes(damaged)
+        file.write_bytes(damaged)
         assert cache.read("name", b"key") is None
 
 
@@ -40,7 +41,7 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_write_leaves_no_traces(folder: Path) -> None:
     cache.write("name", b"key", b"one")
     cache.write("name", b"key", b"two")
-    assert [p.name for p in folder.iterdir()] == ["name"] and cache.read("name", b"key") == b"two"
+    assert len(list(folder.iterdir())) == 1 and cache.read("name", b"key") == b"two"
 
 
 def test_the_library_from_the_cache_is_the_library_parsed(folder: Path) -> None:
@@ -56,7 +57,8 @@ def test_the_library_from_the_cache_is_the_library_parsed(folder: Path) -> None:
 def test_a_library_that_cannot_be_unpacked_is_parsed(folder: Path) -> None:
     parsed = library.load.__wrapped__()
     assert library._unpack(b"no pickle") is None
-    (folder / "library").write_bytes(b"nonsense")
+    for file in folder.iterdir():
+        file.write_bytes(b"nonsense")
     assert all(map(alike, parsed, library.load.__wrapped__()))
 
 
