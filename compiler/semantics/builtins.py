@@ -181,7 +181,7 @@ def _size(context: Context, call: tree.Call) -> Value:
     array, *axis = arguments(context, call, 1, 2)
     if not axis:
         return stack([number(n, "Integer") for n in array.dims], type="Integer")
-    k = int(context.alike(axis[0], call.arguments[1].span, "an axis"))
+    k = int(context.scalar(axis[0], call.arguments[1].span, "an axis"))
     if not 1 <= k <= len(array.dims):
         raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(array.dims)}")
     return number(array.dims[k - 1], "Integer")
@@ -244,7 +244,7 @@ def _product(context: Context, call: tree.Call) -> Value:
 
 
 def _whole_number(context: Context, value: Value, place: tree.Expression) -> int:
-    n = float(context.alike(value, place.span, "a size"))
+    n = context.scalar(value, place.span, "a size")
     if n != int(n) or n < 0:
         raise Wrong("E0301", "a size must be an integer of at least 0", place.span, found=f"{n:g}")
     return int(n)
@@ -319,7 +319,7 @@ def _outer_product(context: Context, call: tree.Call) -> Value:
 @builtin("cat")
 def _cat(context: Context, call: tree.Call) -> Value:
     axis, *parts = arguments(context, call, 2, 99)
-    if int(context.alike(axis, call.arguments[0].span, "an axis")) != 1:
+    if context.scalar(axis, call.arguments[0].span, "an axis") != 1:
         raise Wrong("E0230", "'cat' joins along the first axis so far", call.span)
     return stack([item for part in parts for item in context.arrays.elements(part)])
 
@@ -339,10 +339,10 @@ def _to_string(context: Context, call: tree.Call) -> Value:
     if x.type == "String":
         return x
     if x.type == "Boolean":
-        return text("true" if context.alike(x, call.span, "a text") else "false")
+        return text("true" if context.scalar(x, call.span, "a text") else "false")
     if changes(context, x):
         return text(f"({call.arguments[0].span.text})")  # its value is not known when the text is made
-    return text(f"{float(context.alike(x, call.span, 'a text')):g}")
+    return text(f"{context.scalar(x, call.span, 'a text'):g}")
 
 
 @builtin(*EVENTS)

@@ -111,6 +111,12 @@ class Context:
             raise Wrong("E0211", f"{what} must be known when compiling, but depends on time or has no value", span)
         return result
 
+    def scalar(self, value: Value, span: Span, what: str = "this") -> float:
+        """As `alike`, for a single number."""
+        if value.dims:
+            raise Wrong("E0301", f"{what} must be a single value", span, found="an array")
+        return float(self.alike(value, span, what))
+
     def alike(self, value: Value, span: Span, what: str = "this") -> np.ndarray:
         """As `known`, where it must be the same in all rows: over the value's own axes only."""
         numbers = np.asarray(self.known(value, span, what), float)

@@ -174,7 +174,7 @@ class Elaboration:
         condition = context.value(component.condition)
         require_boolean(condition, component.condition)
         what = f"the condition of '{component.name}'"
-        return bool(context.alike(condition, component.condition.span, what))
+        return bool(context.scalar(condition, component.condition.span, what))
 
     # --------------------------------------------------------------------- dimensions
 
@@ -196,7 +196,7 @@ class Elaboration:
             what = f"the size of '{component.name}'"
             if value.dims or value.type == "Boolean":
                 raise Wrong("E0301", f"{what} must be an integer", expression.span)
-            size = float(context.alike(value, expression.span, what))
+            size = context.scalar(value, expression.span, what)
             if size != int(size) or size < 0:
                 raise Wrong("E0301", f"{what} must be an integer of at least 0", expression.span, found=f"{size:g}")
             dims.append(int(size))
@@ -302,6 +302,9 @@ class Elaboration:
         rank = context.space.rank
         extra = variable.total[rank:]
         alike = (*binding.alike, *(False,) * (len(extra) - len(binding.alike)))
+        open_axes = tuple(n for n, same in zip(extra, alike) if not same)
+        if value.dims not in ((), open_axes):
+            raise Wrong()  # reported with the declaration
         numbers = numbers.reshape(numbers.shape + (1,) * (rank + len(value.dims) - numbers.ndim))
         if value.dims:
             at = tuple(np.newaxis if a else slice(None) for a in alike)

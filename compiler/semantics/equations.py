@@ -215,6 +215,8 @@ class EquationSection:
             raise sizes_differ("the ends of a connect", left_dims, right_dims, e.span)
         shape = context.space.shape + left_dims
         pair = [_spread_rows(i, shape) for i in (left_index, right_index)]
+        if left is right and np.any(pair[0] == pair[1]):
+            raise Wrong("E0314", f"'{e.left}' is connected to itself", e.span)
         self.drafts.connects.append(ConnectDraft(left, pair[0], right, pair[1], self.node, e.span))
 
     def _end(self, context: Context, ref: tree.Ref) -> tuple[Instance | Variable, object, tuple[int, ...]] | None:
@@ -257,7 +259,7 @@ class EquationSection:
         error = True
         if "level" in given:
             level = context.value(given["level"])
-            error = bool(context.alike(level, given["level"].span, "the level") == 1)
+            error = context.scalar(level, given["level"].span, "the level") == 1
         leaves, (shape,) = compact(context.leaves.items, condition.expr)
         columns = tuple(flat_column(leaf, context.space.shape) for leaf in leaves)
         rows = prod(context.space.shape)

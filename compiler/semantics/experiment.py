@@ -31,7 +31,7 @@ def experiment_of(cls: Scope, model: Elaboration) -> Experiment:
             try:
                 context = Context(model, model.root, cls)
                 value = context.value(entry.modification.value)
-                values[FIELDS[name]] = float(context.alike(value, entry.span, f"'{name}'"))
+                values[FIELDS[name]] = context.scalar(value, entry.span, f"'{name}'")
             except Wrong as wrong:
                 wrong.put_into(model.report)
     return Experiment(**values)

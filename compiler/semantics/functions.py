@@ -6,6 +6,7 @@ unrolled, an `if` over a variable becomes an if-expression for every variable th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from lmoc.diagnostics import nearest
@@ -116,12 +117,18 @@ class _Body:
         outputs = []
         for name, variable in self.declared.items():
             if variable.role == "output":
-                if name not in self.values:
+                if name not in self.values or self._has_gap(self.values[name]):
                     raise Wrong("E0222", f"the function '{self.function.name}' gives '{name}' no value",
                                 variable.member.component.span)  # fmt: skip
                 value = self.values[name]
                 outputs.append(Value(value.expr, lead + value.dims, value.type, value.items) if lead else value)
         return outputs
+
+    def _has_gap(self, value: Value) -> bool:
+        """Whether an element of an array has never been assigned."""
+        if value.items is not None:
+            return any(self._has_gap(item) for item in value.items)
+        return value.expr is not None and value.expr.is_const and math.isnan(value.expr.value)
 
     # ------------------------------------------------------------------ arguments
 
@@ -186,7 +193,7 @@ class _Body:
             sizes = [self.context.value(d) for d in component.dimensions if not isinstance(d, tree.Colon)]
             value = number(float("nan"), variable.type)  # used before it is assigned: found where it is used
             for size in reversed(sizes):
-                value = stack([value] * int(self.context.alike(size, component.span, "a size")))
+                value = stack([value] * int(self.context.scalar(size, component.span, "a size")))
             self.values[name] = value
 
     # ----------------------------------------------------------------- statements
@@ -245,7 +252,7 @@ class _Body:
             return
         places = []
         for subscript in subscripts:
-            places.append(int(self.context.alike(self.context.value(subscript), subscript.span, "a subscript")) - 1)
+            places.append(int(self.context.scalar(self.context.value(subscript), subscript.span, "a subscript")) - 1)
         self.values[name] = self._replaced(self.values[name], places, value, target)
 
     def _replaced(self, array: Value, places: list[int], value: Value, target: tree.Ref) -> Value:
@@ -321,7 +328,7 @@ class _Body:
     def _while(self, s: tree.WhileStatement) -> None:
         for _ in range(MAX_ITERATIONS):
             condition = self.context.value(s.condition)
-            if not self.context.alike(condition, s.condition.span, "the condition of 'while'"):
+            if not self.context.scalar(condition, s.condition.span, "the condition of 'while'"):
                 return
             try:
                 self._statements(s.body)

@@ -139,7 +139,7 @@ def matrix_product(context: Context, left: Value, right: Value, span: Span) -> V
 def _matrix_power(context: Context, e: tree.Binary, base: Value, exponent: Value) -> Value:
     if exponent.dims or len(base.dims) != 2 or base.dims[0] != base.dims[1]:
         raise sizes_differ("a power", base.dims, exponent.dims, e.span)
-    n = float(context.alike(exponent, e.right.span, "the exponent of a matrix"))
+    n = context.scalar(exponent, e.right.span, "the exponent of a matrix")
     if n != int(n) or n < 0:
         raise Wrong("E0301", "the exponent of a matrix must be an integer of at least 0", e.right.span)
     size = base.dims[0]
@@ -277,13 +277,13 @@ def choose(context: Context, condition: Value, then: Value, otherwise: Value, sp
     if then.dims != otherwise.dims:
         if changes(context, condition):
             raise sizes_differ("the branches of an if-expression", then.dims, otherwise.dims, span)
-        return then if context.alike(condition, span, "the condition") else otherwise
+        return then if context.scalar(condition, span, "the condition") else otherwise
     types = {then.type, otherwise.type}
     if len(types) > 1 and not types <= {"Real", "Integer"}:
         raise Wrong("E0301", "the branches of an if-expression differ in type", span,
                     expected=then.type, found=otherwise.type)  # fmt: skip
     if then.type == "String":
-        return then if context.alike(condition, span, "the condition") else otherwise
+        return then if context.scalar(condition, span, "the condition") else otherwise
     type_ = common_type((then, otherwise))
     return context.arrays.map(lambda a, b: dag.if_(condition.expr, a, b), then, otherwise, type=type_)
 
@@ -344,7 +344,7 @@ def range_numbers(context: Context, e: tree.Range) -> tuple[np.ndarray, str]:
     for value, x in zip(values, ends):
         if value.dims or value.type == "String":
             raise Wrong("E0301", "the ends of a range must be numbers", x.span)
-    a, b, *steps = (float(context.alike(v, x.span, "a range")) for v, x in zip(values, ends))
+    a, b, *steps = (context.scalar(v, x.span, "a range") for v, x in zip(values, ends))
     step = steps[0] if steps else 1.0
     if step == 0:
         raise Wrong("E0301", "the step of a range must not be zero", e.step.span)
