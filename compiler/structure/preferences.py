@@ -86,7 +86,7 @@ def offsets_with_room(system: System, match: np.ndarray, wanted: np.ndarray) -> 
     liked[wanted] = True
     if not liked.any():
         return c, d
-    own = liked[incidence.column]
+    own = liked[incidence.column] & (incidence.order == 0)
     reach = np.zeros(incidence.rows, np.int64)
     np.maximum.at(reach, incidence.row[~own], d[incidence.column[~own]] - incidence.order[~own])
     lower = system.needed.copy()
