@@ -138,6 +138,14 @@ def test_lattice_of_nodes_that_move_along_one_axis():
     assert_close(run["mass[4,1].q"], x @ node[4, 1])
 
 
+def test_many_springs_on_one_wall_swing_by_themselves():
+    dae, run = run_of("ground", N=15)
+    assert len(dae.states) == 30
+    for i in (1, 15):
+        assert_close(run[f"mass[{i}].q"], 0.01 * np.cos(np.sqrt(50 + 50 * i / 15) * TIMES))
+    assert np.allclose(run["ground.flange.f"], -sum(run[f"spring[{i}].a.f"] for i in range(1, 16)))
+
+
 @pytest.mark.parametrize("name", [p.stem for p in sorted(BENCH.glob("*.lmo"))])
 def test_energy_is_balanced(name):
     run = lmoc.compile(BENCH / f"{name}.lmo", parameters={"N": 20}).simulate(stop=2)
