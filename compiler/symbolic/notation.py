@@ -97,7 +97,7 @@ class Formula:
             return negative, self.product(coefficient)
         if isinstance(coefficient, sp.Add):
             return negative, self.style.brackets(self.sum(coefficient)) + self.style.times + self.product(factor)
-        if sp.denom(coefficient).is_Add:
+        if sp.denom(coefficient).is_Add or self.style.fills and sp.denom(coefficient) != 1:
             return negative, self.product(coefficient) + self.style.times + self.product(factor)
         return negative, self.product(sp.Mul(coefficient, factor, evaluate=False))
 

@@ -67,7 +67,7 @@ class Unicode(Ascii):
     def symbol(self, name: str, order: int) -> str:
         delta, word, digits, index = split_name(name)
         letter = GREEK.get(word, word)
-        tail = digits + (f"_{index}" if index else "")
+        tail = digits + (f"_{GREEK.get(index, index)}" if index else "")
         if order and (len(letter) > 1 or order > 4):
             return f"{delta}{letter}{tail}" + "'" * order
         return delta + normalize("NFC", letter + _ACCENTS.get(order, "")) + tail
@@ -94,7 +94,8 @@ class Latex(Ascii):
             letter = word if len(word) == 1 else rf"\mathit{{{_escaped(word)}}}"
         if order:
             letter = f"{_LATEX_ACCENTS[order]}{{{letter}}}" if order <= 4 else rf"{letter}^{{({order})}}"
-        below = rf"\mathrm{{{_escaped(index)}}}" if index else digits
+        word_below = "\\" + index if index in GREEK else rf"\mathrm{{{_escaped(index)}}}"
+        below = word_below if index else digits
         return (r"\delta " if delta else "") + letter + (f"_{{{below}}}" if below else "")
 
     def power(self, base: str, exponent: str) -> str:
@@ -139,7 +140,8 @@ class MathML(Ascii):
             dots = _DOTS.get(order, f"({order})")
             letter = f"<mover accent='true'>{letter}<mo>{dots}</mo></mover>"
         if digits or index:
-            below = f"<mn>{digits}</mn>" if digits else f"<mi mathvariant='normal'>{escape(index)}</mi>"
+            word_below = escape(GREEK.get(index, index))
+            below = f"<mn>{digits}</mn>" if digits else f"<mi mathvariant='normal'>{word_below}</mi>"
             letter = f"<msub>{letter}{below}</msub>"
         return ("<mi>δ</mi>" if delta else "") + letter
 
