@@ -9,6 +9,7 @@ from lmoc.expression import dag
 from lmoc.numerics.options import RunOptions
 from lmoc.numerics.simulate import Simulator, simulate
 from lmoc.semantics.flat import Check
+from lmoc.structure.program import Apply, Solve, Total
 
 SOLVERS = ("auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau")
 
@@ -207,3 +208,29 @@ def test_progress_is_reported():
     options = RunOptions(solver="dop853", stop=3e4, points=2)
     simulate(oscillator().reduced(), options=options, progress=lambda t, stop: told.append((t, stop)))
     assert told and all(0 < t < stop == 3e4 for t, stop in told)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_unknowns_of_a_large_block_are_algebraic_variables_of_ida(linear):
+    """(3 + cos q[i])·a[i] - a[i-1] - a[i+1] = -q[i] for 70 accelerations a: sparse, and different at every step."""
+    n, s = 70, Scene()
+    q = [s.state(f"q{i}", 0.1 * (i % 7)) for i in range(n)]
+    v = [s.state(f"v{i}") for i in range(n)]
+    a = np.array([s.variable(f"a{i}").value[0] for i in range(n)])
+    for i in range(n):
+        s.rate(q[i], v[i])
+        s.rate(v[i], dag.slot(int(a[i])))
+    first = len(s.names) + 2 * n
+    residual, product = first + np.arange(n), first + n + np.arange(n)
+    shape = (3 + dag.function("cos", dag.slot(1))) * dag.slot(0) + dag.slot(1)
+    inner = Apply(shape, np.stack([a, np.arange(n)], axis=1), product)
+    terms = [[(product[i], 1.0)] + [(a[j], -1.0) for j in (i - 1, i + 1) if 0 <= j < n] for i in range(n)]
+    index, coefficient = np.array([t for row in terms for t in row]).T
+    total = Total(np.cumsum([0, *map(len, terms)]), index.astype(int), coefficient, residual)
+    block = Solve((inner, total), a[None], residual[None], linear, False)
+    reduced = s.reduced(steps=(block,), more_registers=2 * n)
+    options = {"stop": 2.0, "points": 21, "rtol": 1e-8, "atol": 1e-11}
+    one, two = (simulate(reduced, options=RunOptions(solver=name, **options)) for name in ("dop853", "ida"))
+    assert two.stats["algebraic"] == n and "algebraic" not in one.stats
+    for name in ("q3", "v69", "a10"):
+        assert two[name] == pytest.approx(one[name], abs=1e-6)

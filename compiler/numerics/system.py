@@ -17,6 +17,7 @@ from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.numerics.signals import Signal
+from lmoc.structure.program import Program
 
 COMPILED_ROWS = 4000  # programs with more rows are worth a call of the C compiler
 
@@ -51,6 +52,10 @@ class System(ABC):
         """Values of the sampled inputs at one time."""
         for k, call in enumerate(self.samplers):
             out[k] = call(t)
+
+    def opened(self) -> System | None:
+        """The index-1 form with the unknowns of large blocks as algebraic variables; None: there are no such blocks."""
+        return None
 
     @abstractmethod
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
@@ -136,22 +141,43 @@ class VectorSystem(System):
 
     kind = "numpy"
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        program: Program | None = None,
+        inputs: np.ndarray | None = None,
+        outputs: np.ndarray | None = None,
+    ) -> None:
         super().__init__(plan)
-        self.interpreter = Interpreter(plan.program, plan.count)
+        self.program = plan.program if program is None else program
+        self.inputs = plan.states if inputs is None else inputs
+        self.outputs = plan.derivatives if outputs is None else outputs
+        self.n = len(self.inputs)
+        self.interpreter = Interpreter(self.program, plan.count)
         self.w = np.full(plan.count, np.nan)
         self._derivative: Jacobian | None = None
         self._order: np.ndarray | None = None
         self._pattern: tuple[np.ndarray, np.ndarray] | None = None
         self._u = np.zeros(len(plan.sampled))
+        self._given: tuple[np.ndarray, Mapping[int, Signal]] | None = None
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self.w[:] = base
         self.interpreter.reset()
+        self._given = base, signals
+
+    def opened(self) -> System | None:
+        from lmoc.numerics.opened import OpenedSystem, open_blocks
+
+        if not len(open_blocks(self.plan.program)[1]):
+            return None
+        opened = OpenedSystem(self.plan)
+        opened.prepare(*self._given)
+        return opened
 
     def _run(self, t: float, x: np.ndarray) -> None:
-        self.w[self.plan.states] = x
+        self.w[self.inputs] = x
         if self.samplers:
             self.sample(t, self._u)
             self.w[self.plan.sampled] = self._u
@@ -160,12 +186,11 @@ class VectorSystem(System):
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self._run(t, x)
-        out[:] = self.w[self.plan.derivatives]
+        out[:] = self.w[self.outputs]
 
     def pattern(self) -> tuple[np.ndarray, np.ndarray]:
         if self._pattern is None:
-            plan = self.plan
-            self._derivative = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
+            self._derivative = Jacobian(self.program, self.inputs, self.outputs, self.plan.count)
             rows, columns = self._derivative.rows, self._derivative.columns
             self._order = np.lexsort((rows, columns))
             lengths = np.bincount(columns, minlength=self.n)

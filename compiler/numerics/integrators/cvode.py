@@ -12,6 +12,7 @@ import numpy as np
 
 from lmoc.numerics.integrators.base import NOT_FINITE, TOO_LONG, Outcome, Problem, Properties
 from lmoc.numerics.integrators.matrices import Layout, layout_of
+from lmoc.numerics.system import System
 
 PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", jacobian=True, library="SUNDIALS")
 ADAMS = Properties("adams", "Adams", stiff=False, order="1-12", jacobian=True, library="SUNDIALS")
@@ -26,9 +27,9 @@ class Expired(Exception):
 class Frame:
     """A system as SUNDIALS sees it: states in the layout's order, the deadline watched."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem, self.system = problem, problem.system
-        self.layout: Layout = layout_of(problem.system)
+    def __init__(self, problem: Problem, system: System | None = None) -> None:
+        self.problem, self.system = problem, problem.system if system is None else system
+        self.layout: Layout = layout_of(self.system)
         order = self.layout.order
         self.order = order
         self.x, self.f = np.empty(self.system.n), np.empty(self.system.n)
@@ -46,6 +47,10 @@ class Frame:
         self.x[self.order] = x
         return self.x
 
+    def state(self, x: np.ndarray) -> np.ndarray:
+        """The states alone, as the run has them."""
+        return self.restore(x)[: self.problem.system.n].copy()
+
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.calls += 1
         deadline = self.problem.deadline
@@ -57,13 +62,14 @@ class Frame:
             self.system.rhs(t, self.restore(x), self.f)
             np.take(self.f, self.order, out=out)
 
-    def fill(self, t: float, x: np.ndarray, target: np.ndarray, scale: float = 1.0, shift: float = 0.0) -> None:
+    def fill(self, t: float, x: np.ndarray, target: np.ndarray, scale: float = 1.0, shift=0.0) -> None:
         self.system.jacobian_values(t, self.restore(x), self.values)
         self.layout.write(self.values, scale, shift, target)
 
     def sink(self, k: int, x: np.ndarray) -> None:
-        self.problem.sink(k, self.restore(x)[None].copy())
-        self.reached, self.time, self.last = k + 1, float(self.problem.times[k]), self.restore(x).copy()
+        self.last = self.state(x)
+        self.problem.sink(k, self.last[None])
+        self.reached, self.time = k + 1, float(self.problem.times[k])
 
     reached: int = 1
     time: float = np.nan
@@ -85,7 +91,7 @@ class Frame:
         calls = result.rhs_evaluations
         counts = {"steps": result.steps, "evaluations": calls, "jacobians": result.jacobian_evaluations}
         failure = NOT_FINITE if "no finite value" in result.failure else result.failure
-        return Outcome(result.time, self.restore(result.x).copy(), self.reached, failure, False, counts)
+        return Outcome(result.time, self.state(result.x), self.reached, failure, False, counts)
 
 
 def integrate(problem: Problem, method: str = "bdf") -> Outcome:

@@ -35,8 +35,8 @@ class Layout:
     indptr: np.ndarray | None = None
     indices: np.ndarray | None = None
 
-    def write(self, values: np.ndarray, scale: float, shift: float, target: np.ndarray) -> None:
-        """Write into storage as `native.cvode.Matrix.fill` is asked to."""
+    def write(self, values: np.ndarray, scale: float, shift: float | np.ndarray, target: np.ndarray) -> None:
+        """Write into storage as `native.cvode.Matrix.fill` is asked to; `shift` may differ along the diagonal."""
         flat = target.reshape(-1) if target.flags.c_contiguous else np.zeros(self.size)
         flat[:] = 0.0
         flat[self.place] = scale * values
