@@ -4,16 +4,18 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from syntax_trees import expressions, files
 
 from lmoc.diagnostics import Report, render
 from lmoc.source import Source
 from lmoc.syntax import text, tree
 from lmoc.syntax.format import format
-from lmoc.syntax.lexer import comments
+from lmoc.syntax.lexer import comments, scan
 from lmoc.syntax.lines import WIDTH, broken
 from lmoc.syntax.node import alike
 from lmoc.syntax.parse import parse
+from lmoc.syntax.tables import load
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = sorted([*ROOT.glob("stdlib/*.lmo"), *ROOT.glob("models/**/*.lmo")])
@@ -48,6 +50,24 @@ def test_programs_survive_with_their_comments(path: Path) -> None:
     assert alike(again, file)
     assert [c.text.rstrip() for c in comments(again.span.source)] == [c.text.rstrip() for c in comments(original)]
     assert format(again) == written
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(PROGRAMS), st.lists(st.tuples(st.integers(0, 10**4), st.booleans()), max_size=6))
+def test_comments_anywhere_are_kept(path: Path, places: list) -> None:
+    written = path.read_text(encoding="utf-8")
+    tokens, _ = scan(Source(path.name, written), load())
+    for number, (place, whole_line) in enumerate(sorted(places, reverse=True)):
+        at = tokens.starts[place % len(tokens.starts)]
+        comment = f" // comment {number}\n" if whole_line else f" /* comment {number} */ "
+        if not written[:at].endswith("initial "):
+            written = written[:at] + comment + written[at:]
+            tokens, _ = scan(Source(path.name, written), load())
+    file = read(written)
+    again = read(format(file))
+    assert alike(again, file)
+    kept, given_ones = ([c.text.strip() for c in comments(f.span.source)] for f in (again, file))
+    assert sorted(kept) == sorted(given_ones)
 
 
 def test_the_layout() -> None:
