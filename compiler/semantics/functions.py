@@ -250,6 +250,8 @@ class _Body:
                 raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
             self.values[name] = value
             return
+        if name not in self.values:
+            raise Wrong("E0216", f"'{name}' is not an array that has been given a size", target.span)
         places = []
         for subscript in subscripts:
             places.append(int(self.context.scalar(self.context.value(subscript), subscript.span, "a subscript")) - 1)
