@@ -290,6 +290,18 @@ class FlatDAE:
 
     # --------------------------------------------------------------------- values
 
+    @cached_property
+    def _parameter_bindings(self) -> tuple[np.ndarray, tuple[Assignments, ...]]:
+        """Values of what is bound to numbers, NaN elsewhere; and the bindings that depend on others, in order."""
+        values, dependent = np.full(self.count, np.nan), []
+        for a in self.bindings:
+            if len(a.target) and self.kind[a.target[0]] <= Kind.PARAMETER:
+                if a.shape.is_const:
+                    values[a.target] = a.shape.value
+                else:
+                    dependent.append(a)
+        return values, tuple(dependent)
+
     def parameter_values(self, overrides: Mapping[int, float] | None = None) -> np.ndarray:
         """Values of constants and parameters, NaN elsewhere and where none is given.
 
@@ -298,15 +310,15 @@ class FlatDAE:
         overrides : {variable index: value}
             Replace the bindings of these parameters; what is bound to them follows.
         """
-        values = np.full(self.count, np.nan)
+        literal, dependent = self._parameter_bindings
+        values = literal.copy()
         overrides = overrides or {}
         given = np.fromiter(overrides.keys(), int, len(overrides))
         numbers = np.fromiter(overrides.values(), float, len(overrides))
         values[given] = numbers
-        for a in self.bindings:
-            if self.kind[a.target[0]] in (Kind.CONSTANT, Kind.PARAMETER):
-                values[a.target] = a.values(values)
-                values[given] = numbers
+        for a in dependent:
+            values[a.target] = a.values(values)
+            values[given] = numbers
         return values
 
     def row_text(self, group: Group, row: int) -> str:
