@@ -308,7 +308,7 @@ class DAE(SymbolicMethods):
 
     def __repr__(self) -> str:
         return (
-            f"<DAE {self.name}: {len(self.flat.parts) - 1} parts, {self.flat.equation_count} flat equations, "
+            f"<DAE {self.name}: {self.reduced.counts['parts']} parts, {self.flat.equation_count} flat equations, "
             f"{len(self.reduced.states)} states>"
         )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable
 
 from lmoc.cli import terminal
 from lmoc.cli.arguments import Parser, add_model_arguments
@@ -39,18 +38,14 @@ def execute(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> tuple[tuple[Diagnostic, ...], str]:
     from lmoc.cli.progress import Progress
     from lmoc.dae import compile
+    from lmoc.report.summary import counted, stages
 
     with Progress(not arguments.quiet) as progress:
         dae = compile(arguments.file, arguments.model, dict(arguments.set), listener=progress.stage)
         notes = dae.check(listener=progress.stage)
-    counts = f"{len(dae.flat.parts) - 1} parts, {dae.flat.equation_count} flat equations, {len(dae.states)} states"
-    warnings = _counted(notes, "warning")
-    return notes, f"{dae.name}: {counts}; no errors{warnings}"
-
-
-def _counted(notes: Iterable[Diagnostic], severity: str) -> str:
-    n = sum(d.severity == severity for d in notes)
-    return f", {n} {severity}{'s' if n > 1 else ''}" if n else ""
+    counts = ", ".join(counted(n, stage) for stage, n in stages(dae.reduced.counts))
+    warnings = sum(d.severity == "warning" for d in notes)
+    return notes, f"{dae.name}: {counts}; no errors" + (f", {counted(warnings, 'warnings')}" if warnings else "")
 
 
 def as_data(d: Diagnostic) -> dict[str, object]:

@@ -13,6 +13,13 @@ from lmoc.diagnostics import Diagnostic, render
 _COLOUR = {"error": "31", "warning": "33", "note": "36"}
 
 
+def tolerate_narrow_encodings() -> None:
+    """Let a terminal that cannot show a sign (→, ², ẍ) show a question mark instead of ending the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+
+
 def coloured(stream: TextIO) -> bool:
     """Whether to write colours to a stream: a terminal, and NO_COLOR not set."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"

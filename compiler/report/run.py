@@ -130,15 +130,21 @@ class Run:
         return self.trajectory.energy
 
     def unit(self, name: str) -> str:
-        """Unit of a variable or a state's derivative as written; empty where none is known."""
+        """Unit of a variable or a state's derivative as written, or of a variable with the same value; else empty."""
         order = name.count("der(")
         found = self.flat.find(name.replace("der(", "").rstrip(")") if order else name)
         if found is None:
             return ""
-        unit = self.flat.block_at(int(found[0])).unit
+        unit = self.flat.block_at(int(found[0])).unit or self._unit_of_equals(int(found[0]))
         for _ in range(order if unit else 0):
             unit = _per_second(unit)
         return unit
+
+    def _unit_of_equals(self, variable: int) -> str:
+        """The unit of the first variable that shares its register: what an output without unit was bound to."""
+        register = self.reduced.register_of[variable]
+        equals = np.flatnonzero(self.reduced.register_of == register) if register >= 0 else []
+        return next((b.unit for v in equals if (b := self.flat.block_at(int(v))).unit), "")
 
     # ------------------------------------------------------------- tables, files, pictures
 

@@ -18,7 +18,7 @@ def summary(run: Run) -> str:
     """What was solved, at which cost, how well, and where it ended."""
     title = run.flat.name + (f": {run.flat.description}" if run.flat.description else "")
     lines = [title]
-    lines += _labelled("reduction", " → ".join(f"{_number(n)} {stage}" for stage, n in stages(run.reduced.counts)))
+    lines += _labelled("reduction", " → ".join(counted(n, stage) for stage, n in stages(run.reduced.counts)))
     lines += _labelled("states", ", ".join(summarised(run.states)) or "none")
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
@@ -87,6 +87,11 @@ def stages(counts: Mapping[str, int]) -> list[tuple[str, int]]:
     return [(words[key], counts[key]) for key in words if key in counts]
 
 
+def counted(n: int, things: str) -> str:
+    """``1 part``, ``2 parts``."""
+    return f"{_number(n)} {things.removesuffix('s') if n == 1 else things}"
+
+
 def _solver(stats: Mapping[str, Any]) -> str:
     reason = stats.get("reason", "")
     return f"{stats.get('solver', 'none')}" + (f" ({reason})" if reason else "")
@@ -108,8 +113,8 @@ def energy_text(run: Run) -> str:
     e = run.energy
     if e is None:
         return "not asked for"
-    if math.isnan(e.balance):
-        return "the ledger does not close: something in it has no unique value"
+    if not math.isfinite(e.balance):
+        return "unknown: a part of the ledger has no value"
     change = e.stored[-1] - e.stored[0]
     return (
         f"supplied {e.supplied[-1]:.4g} J = lost {e.lost[-1]:.4g} J + stored {change:.4g} J; "
