@@ -11,6 +11,11 @@ from hypothesis import strategies as st
 from lagrange import Assembly, split, trajectory, well_posed
 
 import lmoc
+from lmoc.diagnostics import Report
+from lmoc.semantics.flat import Kind
+from lmoc.source import Source
+from lmoc.syntax.format import format
+from lmoc.syntax.parse import parse
 
 OMEGA = 2.0  # of all driving forces and torques
 TIMES = np.linspace(0, 1, 6)
@@ -277,3 +282,31 @@ def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
     expected = trajectory(assembly, TIMES, x0, v0) @ P.T + p
     assert np.allclose(places, expected, rtol=0, atol=1e-6 * max(1.0, np.abs(expected).max()))
     assert run.energy.balance < 1e-6
+
+
+def flat_equations(text: str) -> tuple[list[str], list[str]]:
+    """Names of all variables and all equations of the flat model, as text."""
+    flat = lmoc.compile_text(text).flat
+    rows = [flat.row_text(group, i) for group in flat.groups for i in range(group.rows)]
+    return list(flat.names()), rows + [flat.sum_text(i) for i in range(flat.sums.rows)]
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@given(trees())
+def test_printed_tree_flattens_to_the_same_equations(scene):
+    assembly, _, _ = assemble(scene)
+    assume(well_posed(assembly, split(assembly)))
+    report = Report()
+    printed = format(parse(Source("tree.lmo", scene.text()), report))
+    assert not report.diagnostics
+    assert format(parse(Source("tree.lmo", printed), report)) == printed
+    assert flat_equations(printed) == flat_equations(scene.text())
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@given(trees())
+def test_flat_model_has_as_many_equations_as_unknowns(scene):
+    assembly, _, _ = assemble(scene)
+    assume(well_posed(assembly, split(assembly)))
+    flat = lmoc.compile_text(scene.text()).flat
+    assert flat.equation_count == np.count_nonzero(flat.kind == Kind.UNKNOWN)
