@@ -30,6 +30,11 @@ docs: $(VENV)/.installed
 	@$(BIN)/python -m lmoc.catalogue > docs/diagnostics.md
 	@$(BIN)/python docs/make_library.py
 
+bench-quick: $(VENV)/.installed-test
+	@$(BIN)/python -m benchmarks.startup --runs 7
+	@$(BIN)/python -m benchmarks.scaling --largest 10000
+	@if [ -f benchmarks/peers.py ]; then $(BIN)/python -m benchmarks.peers --quick; fi
+
 clean:
 	rm -rf $(VENV) out build *.egg-info
 

@@ -1,23 +1,23 @@
 """How long a person waits for `lmoc run` on a small scene, against merely importing what it stands on.
 
-Whole processes, alternating, medians of one session:
+    python -m benchmarks.startup [--runs 11]
 
-    python benchmarks/startup.py [RUNS]
-
-Then where the time goes: the heaviest imports, and the stages as the run itself reports them.
+Whole processes, alternating, medians of one session. Then where the time goes: the heaviest imports, and the stages as
+the run itself reports them.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from benchmarks.common import ROOT, save, table
+
 SCENE = ROOT / "models/notes/ex02_spring_mass_damper.lmo"
 RUN = [sys.executable, "-m", "lmoc.cli.main", "run", str(SCENE)]
 BASE = [sys.executable, "-c", "import numpy, casadi"]
@@ -30,23 +30,25 @@ def wall(command: list[str]) -> float:
     return time.perf_counter() - begin
 
 
-def compare(runs: int) -> None:
-    """Medians of alternating runs, and their ratio."""
-    times: dict[str, list[float]] = {"bare": [], "base": [], "run": []}
+def compare(runs: int) -> dict[str, float]:
+    """Medians of alternating runs in ms, and the ratio of `lmoc run` to the bare imports."""
+    commands = {"python alone": BARE, "import numpy, casadi": BASE, "lmoc run": RUN}
+    times: dict[str, list[float]] = {name: [] for name in commands}
     for command in (RUN, BASE):  # files in the system's cache, parsed library in ours
         wall(command)
     for _ in range(runs):
-        for name, command in (("bare", BARE), ("base", BASE), ("run", RUN)):
-            times[name].append(wall(command))
-    median = {name: statistics.median(values) for name, values in times.items()}
-    print(f"python alone                     {1e3 * median['bare']:7.0f} ms")
-    print(f"import numpy, casadi             {1e3 * median['base']:7.0f} ms")
-    print(f"lmoc run {SCENE.name:<24}{1e3 * median['run']:7.0f} ms   (fastest {1e3 * min(times['run']):.0f} ms)")
-    print(f"ratio                            {median['run'] / median['base']:7.2f}      ({runs} alternating runs each)")
+        for name, command in commands.items():
+            times[name].append(1e3 * wall(command))
+    rows = [(name, statistics.median(values), min(values)) for name, values in times.items()]
+    table(f"whole processes in ms ({SCENE.name})", ("", "median", "least"), rows)
+    median = {name: value for name, value, _ in rows}
+    ratio = median["lmoc run"] / median["import numpy, casadi"]
+    print(f"\n  ratio {ratio:.2f} of {runs} alternating runs")
+    return {**median, "ratio": ratio}
 
 
-def imports(most: int = 12) -> None:
-    """The modules whose own loading takes longest, by package."""
+def imports(most: int = 12) -> dict[str, float]:
+    """Own loading time of all modules of a package in ms, with the profiler's overhead."""
     command = [sys.executable, "-X", "importtime", *RUN[1:]]
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stderr.splitlines()
     packages: dict[str, float] = {}
@@ -55,20 +57,25 @@ def imports(most: int = 12) -> None:
         if found:
             package = found[2].split(".")[0]
             packages[package] = packages.get(package, 0.0) + int(found[1]) / 1e3
-    print("\nimports (own time of all modules of a package, with the profiler's overhead)")
-    for package, ms in sorted(packages.items(), key=lambda item: -item[1])[:most]:
-        print(f"  {package:<24}{ms:7.1f} ms")
+    heaviest = sorted(packages.items(), key=lambda item: -item[1])[:most]
+    table("imports in ms, by package, with the profiler's overhead", ("package", "own"), heaviest)
+    return dict(heaviest)
 
 
-def stages() -> None:
-    """What the stages of the compiler take."""
+def stages() -> dict[str, float]:
+    """Stages of the compiler in ms; what a stage is the first to import is counted with it."""
     output = subprocess.run([*RUN, "--json"], check=True, capture_output=True, text=True).stdout
-    print("\nstages (imports that a stage is the first to need included)")
-    for stage, seconds in json.loads(output)["timings"].items():
-        print(f"  {stage:<24}{1e3 * seconds:7.1f} ms")
+    timings = {stage: 1e3 * seconds for stage, seconds in json.loads(output)["timings"].items()}
+    table("stages in ms, with the imports that each is the first to need", ("stage", "time"), list(timings.items()))
+    return timings
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=11, help="runs of each command")
+    arguments = parser.parse_args()
+    save("startup", {"wall": compare(arguments.runs), "imports": imports(), "stages": stages()})
 
 
 if __name__ == "__main__":
-    compare(int(sys.argv[1]) if len(sys.argv) > 1 else 11)
-    imports()
-    stages()
+    main()
