@@ -272,3 +272,8 @@ def test_any_change_of_a_program_is_understood_or_reported(path: Path, changes: 
     file = parse(Source("test.lmo", written), report)
     assert all(d.span is not None and 0 <= d.span.start <= d.span.end <= len(written) for d in report.diagnostics)
     assert all(map(render, report.diagnostics)) and isinstance(file, tree.File)
+
+
+def test_comments_between_words_that_belong_together() -> None:
+    c = the_class("initial /* a */ // b\n equation x[end /* c */] = 1; equation for i in r loop end /* d */ for;")
+    assert len(c.initial_equations) == 1 and isinstance(c.initial_equations[0].left.parts[0].subscripts[0], tree.End)

@@ -100,13 +100,11 @@ def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
 
 
 def comments(source: Source) -> list[Span]:
-    """The places of all comments, in their order."""
-    scanner = _scanner(load())
-    return [
-        Span(source, match.start(), match.end())
-        for match in scanner.finditer(source.text)
-        if match.lastgroup == "COMMENT"
-    ]
+    """The places of all comments, in their order, also of those inside of tokens like ``initial equation``."""
+    patterns = dict(load().patterns)
+    scanner = re.compile("|".join(f"(?P<{symbol}>{patterns[symbol]})" for symbol in ("COMMENT", "STRING", "IDENT")))
+    found = scanner.finditer(source.text)
+    return [Span(source, match.start(), match.end()) for match in found if match.lastgroup == "COMMENT"]
 
 
 def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
