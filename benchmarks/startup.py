@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import statistics
 import subprocess
@@ -22,11 +23,17 @@ SCENE = ROOT / "models/notes/ex02_spring_mass_damper.lmo"
 RUN = [sys.executable, "-m", "lmoc.cli.main", "run", str(SCENE)]
 BASE = [sys.executable, "-c", "import numpy, casadi"]
 BARE = [sys.executable, "-c", "pass"]
+# an installed package has its bytecode; a working tree may be told not to keep any
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
+def _call(command: list[str]) -> subprocess.CompletedProcess:
+    return subprocess.run(command, check=True, capture_output=True, text=True, env=ENVIRONMENT)
 
 
 def wall(command: list[str]) -> float:
     begin = time.perf_counter()
-    subprocess.run(command, check=True, capture_output=True)
+    _call(command)
     return time.perf_counter() - begin
 
 
@@ -50,7 +57,7 @@ def compare(runs: int) -> dict[str, float]:
 def imports(most: int = 12) -> dict[str, float]:
     """Own loading time of all modules of a package in ms, with the profiler's overhead."""
     command = [sys.executable, "-X", "importtime", *RUN[1:]]
-    lines = subprocess.run(command, check=True, capture_output=True, text=True).stderr.splitlines()
+    lines = _call(command).stderr.splitlines()
     packages: dict[str, float] = {}
     for line in lines:
         found = re.match(r"import time:\s+(\d+) \|\s+\d+ \|\s*(\S+)", line)
@@ -64,7 +71,7 @@ def imports(most: int = 12) -> dict[str, float]:
 
 def stages() -> dict[str, float]:
     """Stages of the compiler in ms; what a stage is the first to import is counted with it."""
-    output = subprocess.run([*RUN, "--json"], check=True, capture_output=True, text=True).stdout
+    output = _call([*RUN, "--json"]).stdout
     timings = {stage: 1e3 * seconds for stage, seconds in json.loads(output)["timings"].items()}
     table("stages in ms, with the imports that each is the first to need", ("stage", "time"), list(timings.items()))
     return timings
