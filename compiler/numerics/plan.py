@@ -76,6 +76,13 @@ class Plan:
         return np.flatnonzero(used & ~changing)
 
     @cached_property
+    def switches(self) -> list[tuple[Expr, np.ndarray]]:
+        """Where formulas of time have kinks (`kinks.switches`)."""
+        from lmoc.numerics.kinks import switches
+
+        return switches(self)
+
+    @cached_property
     def full_program(self) -> Program:
         """Fills every register that the reduced system knows of."""
         return self.input_program + self.reduced.rhs + self.reduced.observe

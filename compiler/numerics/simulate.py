@@ -13,6 +13,7 @@ from lmoc.numerics.checks import run_checks
 from lmoc.numerics.diagnosis import first_not_finite
 from lmoc.numerics.initialization import initial_state, seed_blocks, targets
 from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem
+from lmoc.numerics.kinks import break_times
 from lmoc.numerics.observe import Observer, Recorder, Trajectory
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
@@ -170,6 +171,7 @@ class _Run:
             options.max_steps,
             deadline,
             self.progress,
+            breaks=break_times(self.plan, self.observer.base, float(self.times[0]), float(self.times[-1])),
         )
         return integrators.run(problem, options.solver)
 

@@ -28,6 +28,7 @@ class Problem:
     deadline : value of ``time.monotonic()`` at which to stop, None for no limit
     progress : called with the time reached, a few times a second at the most
     patience : steps that an explicit method may still need where it finds the problem stiff; beyond, it gives up
+    breaks : times within at which the right-hand side jumps or has a kink
     """
 
     system: System
@@ -41,6 +42,7 @@ class Problem:
     deadline: float | None = None
     progress: Callable[[float], None] | None = None
     patience: float = np.inf
+    breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def error_atol(self) -> np.ndarray:

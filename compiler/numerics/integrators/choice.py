@@ -38,12 +38,58 @@ def integrator(name: str) -> Callable[[Problem], Outcome]:
 
 
 def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
-    """Integrate with a named solver, or with the one that suits.
+    """Integrate with a named solver, or with the one that suits, from one break of the right-hand side to the next.
 
     Returns
     -------
     The outcome, and for the statistics: which solver, and why.
     """
+    outcome, stats, method = Outcome(float(problem.times[0]), problem.x, 1), {}, solver
+    begin = outcome.time
+    for edge in (*problem.breaks.tolist(), np.inf):
+        later, said = _smooth(_until(problem, outcome, begin, edge), method)
+        later.counts = _added(outcome.counts, later.counts)
+        later.reached = int(np.searchsorted(problem.times, later.time + _near(later.time), "right"))
+        outcome, begin = later, edge + _near(edge) / 4
+        if not stats or "," in said["solver"]:  # where a stiff method has taken over, it goes on
+            stats, method = said, said["solver"].split(", ")[-1] if "," in said["solver"] else method
+        if outcome.failure:
+            break
+    if len(problem.breaks):
+        outcome.counts["breaks"] = len(problem.breaks)
+    return outcome, stats
+
+
+def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
+    """What remains of a problem, from behind one edge to just before the next; an output on an edge is before it."""
+    done = outcome.reached
+    if np.isinf(edge):
+        inner, end, own = problem.times[done:], [], len(problem.times) - done
+    else:
+        inner = problem.times[done : np.searchsorted(problem.times, edge - _near(edge))]
+        end = [edge - _near(edge) / 4]
+        own = int(np.searchsorted(problem.times, edge + _near(edge))) - done
+
+    def sink(first: int, states: np.ndarray) -> None:
+        kept = states[: max(0, own + 1 - first)]  # the end is nobody's output time unless one falls on the edge
+        if len(kept):
+            problem.sink(first - 1 + done, kept)
+
+    times = np.concatenate([[begin], inner, end])
+    return replace(problem, x=outcome.x, times=times, sink=sink, breaks=np.zeros(0))
+
+
+def _near(t: float) -> float:
+    """A distance in time that does not count: a few units of the last digit."""
+    return 1e-15 * max(abs(t), 1e-300) if np.isfinite(t) else 0.0
+
+
+def _added(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
+    return {k: one.get(k, 0) + two.get(k, 0) for k in one | two}
+
+
+def _smooth(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
+    """Integrate where nothing jumps."""
     if solver != "auto":
         return integrator(solver)(problem), {"solver": solver, "reason": "asked for"}
     outcome = integrator("dop853")(replace(problem, patience=patience(problem.system)))
@@ -53,9 +99,7 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     name, why = stiff_method(problem.system, outcome.time, outcome.x)
     later = integrator(name)(_rest(problem, outcome, name))
     later.reached += outcome.reached - 1
-    later.counts = {k: outcome.counts.get(k, 0) + n for k, n in later.counts.items()} | {
-        k: n for k, n in outcome.counts.items() if k not in later.counts
-    }
+    later.counts = _added(outcome.counts, later.counts)
     met = "stiffness" if outcome.stiff else outcome.failure
     return later, {"solver": f"dop853, {name}", "reason": f"{met} at t = {outcome.time:.4g} s, then {why}"}
 

@@ -1,0 +1,65 @@
+"""Inputs that jump: the run stops at the jump and goes on behind it."""
+
+import numpy as np
+import pytest
+from by_hand import oscillator
+
+from lmoc.numerics.kinks import break_times
+from lmoc.numerics.options import RunOptions
+from lmoc.numerics.simulate import Simulator, simulate
+
+
+def rest(**more):
+    return oscillator(m=1.0, k=9.0, q0=0.0, **more).reduced()
+
+
+def breaks(formula: str, start=0.0, stop=10.0):
+    simulator = Simulator(rest())
+    run = simulator.run(inputs={"f": formula}, options=RunOptions(times=[0.0]))
+    return break_times(run.observer.plan, run.observer.base, start, stop)
+
+
+@pytest.mark.parametrize(
+    ("formula", "expected"),
+    [
+        ("if time < 1.25 then 0 else 4", [1.25]),
+        ("if 2*time - k >= 1 then 0 else 4", [5.0]),  # k = 9
+        ("max(0, time - 3)", [3.0]),
+        ("abs(2 - time)", [2.0]),
+        ("if time > 2 and time <= 2.0001 then 1e3 else 0", [2.0, 2.0001]),
+        ("if sin(time) > 0 then 1 else -1", [np.pi, 2 * np.pi, 3 * np.pi]),
+        ("if time < 0 then 1 else if time > 20 then 2 else 3", []),
+        ("sin(time)", []),
+        ("time^2", []),
+    ],
+)
+def test_where_a_formula_jumps(formula, expected):
+    assert breaks(formula) == pytest.approx(np.array(expected), rel=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau"])
+@pytest.mark.parametrize("relation", ["<", "<="])
+def test_a_step_with_an_output_time_upon_it(solver, relation):
+    options = RunOptions(solver=solver, rtol=1e-9, atol=1e-12, points=101)
+    run = simulate(rest(), options=options, inputs={"f": f"if time {relation} 2 then 0 else 18"})
+    assert len(run.time) == 101 and run.time[20] == 2.0
+    exact = np.where(run.time < 2, 0, 2 * (1 - np.cos(3 * (run.time - 2))))
+    assert run["q"] == pytest.approx(exact, abs=2e-6)
+    assert run.stats["breaks"] == 1
+
+
+def test_a_short_pulse_is_not_missed():
+    """At rest the steps grow long; a pulse of 1 N.s within 0.1 ms still starts the motion."""
+    run = simulate(rest(), inputs={"f": "if time >= 5 and time < 5.0001 then 1e4 else 0"})
+    exact = np.where(run.time < 5.0001, 0, np.sin(3 * (run.time - 5.00005)) / 3)
+    assert run["q"] == pytest.approx(exact, abs=1e-5)
+    assert run.energy.balance < 1e-4
+
+
+def test_a_square_wave_against_the_sum_of_its_steps():
+    run = simulate(rest(), inputs={"f": "if sin(time) > 0 then 9 else -9"}, options=RunOptions(rtol=1e-9))
+    exact = 1 - np.cos(3 * run.time)
+    for n in (1, 2, 3):
+        after = run.time > n * np.pi
+        exact += np.where(after, 2 * (-1) ** n * (1 - np.cos(3 * (run.time - n * np.pi))), 0)
+    assert run["q"] == pytest.approx(exact, abs=1e-7)
