@@ -51,6 +51,7 @@ class Elaboration:
         self._numbers: dict[Variable, np.ndarray] = {}
         self._evaluating: list[Variable] = []
         self._constants: dict[int, Value] = {}
+        self._short_modifiers: dict[tuple[int, int], Modifier] = {}
         self._open_constants: list[tree.Expression] = []
         self.said: set[tuple[str, int, int]] = set()
 
@@ -126,12 +127,19 @@ class Elaboration:
         resolved = resolve(self._class_of(instance, component, scope))
         for short, where in resolved.steps:
             node = instance if where in instance.cls.lineage() else None
-            own = mods.of_class(mods.from_tree(short.modification, node, where))
-            modifier = mods.merge(modifier, own, component.name)
+            modifier = mods.merge(modifier, self._of_short_class(short, node, where), component.name)
         dims = self._dimensions(instance, component, scope, resolved, modifier)
         if isinstance(resolved.base, Builtin):
             return self._variable(instance, component, member, resolved, modifier, dims)
         return self._instance(instance, component, member, resolved, modifier, dims)
+
+    def _of_short_class(self, short: tree.ShortClass, node: Instance | None, where: Scope) -> Modifier:
+        key = (id(short), id(node))
+        found = self._short_modifiers.get(key)
+        if found is None:
+            found = mods.of_class(mods.from_tree(short.modification, node, where))
+            self._short_modifiers[key] = found
+        return found
 
     def _class_of(self, instance: Instance, component: tree.Component, scope: Scope) -> Scope | Builtin:
         """The class of a component: one that the instance has redeclared, or what its type means where it stands."""

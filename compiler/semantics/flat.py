@@ -297,7 +297,7 @@ class FlatDAE:
         for a in self.bindings:
             if len(a.target) and self.kind[a.target[0]] <= Kind.PARAMETER:
                 if a.shape.is_const:
-                    values[a.target] = a.shape.value
+                    values[a.target] = a.shape.value if a.numbers is None else a.numbers
                 else:
                     dependent.append(a)
         return values, tuple(dependent)

@@ -61,9 +61,12 @@ class Scope:
         self._table: dict[str, Member | Scope] | None = None
         self._bases: list[tuple[tree.Extends, Resolved]] | None = None
         self._open = False
+        self.imports: list[tree.Import] = []
         for element in definition.elements if definition else ():
             if isinstance(element, tree.Class):
                 self.add_class(element)
+            elif isinstance(element, tree.Import):
+                self.imports.append(element)
 
     # -------------------------------------------------------------- facts
 
@@ -223,7 +226,7 @@ class Scope:
         scope: Scope | None = self
         while scope is not None:
             table = scope.table if inherited and scope.definition else scope.local
-            found = table.get(name) or scope._imported(name)
+            found = table.get(name) or (scope._imported(name) if scope.imports else None)
             if found is not None:
                 return found
             inherited = True
@@ -232,12 +235,8 @@ class Scope:
         return BUILTINS.get(name)
 
     def _imported(self, name: str) -> Member | Scope | None:
-        if self.definition is None:
-            return None
         wildcards = []
-        for element in self.definition.elements:
-            if not isinstance(element, tree.Import):
-                continue
+        for element in self.imports:
             if element.wildcard:
                 wildcards.append(element)
             elif name in element.names:
@@ -292,12 +291,11 @@ class Scope:
         scope: Scope | None = self
         while scope is not None:
             yield from scope.table if scope.definition else scope.local
-            for element in scope.definition.elements if scope.definition else ():
-                if isinstance(element, tree.Import):
-                    yield from element.names or (element.alias or element.path[-1],)
-                    if element.wildcard:
-                        package = scope._known_package(element)
-                        yield from package.table if package else ()
+            for element in scope.imports:
+                yield from element.names or (element.alias or element.path[-1],)
+                if element.wildcard:
+                    package = scope._known_package(element)
+                    yield from package.table if package else ()
             scope = scope.parent
         yield from BUILTINS
 

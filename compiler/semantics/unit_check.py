@@ -77,12 +77,13 @@ def _check(
     target: Variable | None,
     span: Span | None,
 ) -> None:
-    units = tuple(unit_of(variable) for variable, _ in columns)
-    own = unit_of(target)
-    key = (left, right, units, own, span and span.start)
+    written = tuple(variable.unit if variable is not None else "" for variable, _ in columns)
+    key = (left, right, written, target and target.unit, span and span.start)
     if key in seen:
         return
     seen.add(key)
+    units = tuple(unit_of(variable) for variable, _ in columns)
+    own = unit_of(target)
     try:
         found = infer(right, units)
         expected = own if left is None else infer(left, units)
@@ -148,7 +149,7 @@ def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None
     op = node.op
     if op == "slot":
         unit = units[node.value[0]]
-        return None if unit is None else unit / SECOND ** Fraction(node.value[1]) if node.value[1] else unit
+        return None if unit is None else unit / SECOND ** node.value[1] if node.value[1] else unit
     if op in ("const", "time"):  # sin(time) is a signal that people write: time counts as a plain number
         return None
     if op in _SUMS:

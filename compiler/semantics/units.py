@@ -15,8 +15,8 @@ from functools import cache
 from lmoc.diagnostics import nearest
 
 BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
-Exponents = tuple[Fraction, ...]
-NONE: Exponents = (Fraction(0),) * len(BASE)
+Exponents = tuple[int | Fraction, ...]  # whole ones as int: they are almost all, and far faster
+NONE: Exponents = (0,) * len(BASE)
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Unit:
     def __truediv__(self, other: Unit) -> Unit:
         return Unit(tuple(a - b for a, b in zip(self.exponents, other.exponents)), self.factor / other.factor)
 
-    def __pow__(self, power: Fraction) -> Unit:
-        return Unit(tuple(a * power for a in self.exponents), self.factor ** float(power))
+    def __pow__(self, power: int | Fraction) -> Unit:
+        return Unit(tuple(_plain(a * power) for a in self.exponents), self.factor ** float(power))
 
     def same_as(self, other: Unit) -> bool:
         """Equal dimensions, and factors up to rounding."""
@@ -47,14 +47,18 @@ class Unit:
         return unit_text(self)
 
 
+def _plain(exponent: int | Fraction) -> int | Fraction:
+    return exponent.numerator if exponent.denominator == 1 else exponent
+
+
 ONE_UNIT = Unit()
-SECOND = Unit(tuple(Fraction(int(name == "s")) for name in BASE))
+SECOND = Unit(tuple(int(name == "s") for name in BASE))
 
 
 def _of(text: str) -> Exponents:
-    powers = dict.fromkeys(BASE, Fraction(0))
+    powers = dict.fromkeys(BASE, 0)
     for symbol, exponent in re.findall(r"([A-Za-z]+)(-?\d+)?", text):
-        powers[symbol] += Fraction(int(exponent or 1))
+        powers[symbol] += int(exponent or 1)
     return tuple(powers[name] for name in BASE)
 
 
@@ -134,7 +138,7 @@ def _product(text: str, whole: str) -> Unit:
             hint = "factors are joined by dots: N.m" if re.search(r"[*· ]", whole) else ""
             raise UnitError(f"'{factor}' is no unit in '{whole}'", hint)
         symbol, exponent = match.groups()
-        power = Fraction((exponent or "1").strip("()"))
+        power = _plain(Fraction((exponent or "1").strip("()")))
         result = result * _symbol(symbol) ** power
     return result
 
@@ -179,5 +183,5 @@ def unit_text(unit: Unit) -> str:
     return text if abs(unit.factor - 1) < 1e-12 else f"{unit.factor:g} {text}"
 
 
-def _power(name: str, exponent: Fraction) -> str:
+def _power(name: str, exponent: int | Fraction) -> str:
     return name if exponent == 1 else f"{name}{exponent}" if exponent.denominator == 1 else f"{name}({exponent})"
