@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 
 def test_without_arguments_it_tells_its_verbs(lmoc):
@@ -161,7 +162,7 @@ def test_check_finds_what_run_would_stumble_over(lmoc, scene):
     assert all({"code", "severity", "message"} <= set(d) for d in said)
 
 
-@pytest.mark.parametrize("stage", ["parse", "flatten", "reduce", "lower"])
+@pytest.mark.parametrize("stage", ["parse", "instantiate", "flatten", "reduce", "lower"])
 def test_every_stage_can_be_shown(lmoc, scene, stage):
     answer = lmoc("show", scene, "--stage", stage)
     assert answer.code == 0
@@ -188,3 +189,20 @@ def test_a_failing_run_keeps_what_it_has(lmoc, scene, tmp_path):
     assert "part.csv" in answer.err
     table = np.genfromtxt(tmp_path / "part.csv", delimiter=",", names=True)
     assert 1 < len(table["time"]) < 501
+
+
+def test_fmt_rewrites_and_checks(lmoc, tmp_path):
+    (tmp_path / "loose.lmo").write_text("// kept\nmodel  A\n Mass m(m=1); // too\nend A;\n")
+    assert lmoc("fmt", "--check", "loose.lmo").code == 1
+    assert lmoc("fmt", "loose.lmo").code == 0
+    text = (tmp_path / "loose.lmo").read_text()
+    assert "// kept" in text and "Mass m(m = 1);" in text and "// too" in text
+    assert lmoc("fmt", "--check", "loose.lmo") == (0, "", "")
+    (tmp_path / "broken.lmo").write_text("model A\n")
+    assert lmoc("fmt", "broken.lmo").code == 1
+    assert (tmp_path / "broken.lmo").read_text() == "model A\n"
+
+
+def test_the_models_of_the_repository_are_in_the_standard_layout(lmoc):
+    files = [*ROOT.glob("models/*/*.lmo"), *ROOT.glob("stdlib/*.lmo")]
+    assert lmoc("fmt", "--check", *files) == (0, "", "")

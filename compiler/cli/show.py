@@ -8,7 +8,7 @@ from dataclasses import fields, is_dataclass
 from lmoc.cli.arguments import Parser, add_model_arguments, choice
 from lmoc.source import Span
 
-STAGES = ("parse", "flatten", "reduce", "lower")
+STAGES = ("parse", "instantiate", "flatten", "reduce", "lower")
 
 
 def configure(parser: Parser) -> None:
@@ -32,6 +32,8 @@ def _text(arguments: argparse.Namespace) -> str:
         return "\n".join(line for file in files for line in _tree(file, ""))
     scene = Scene(files, arguments.model, dict(arguments.set))
     flat = flatten(scene, clock)
+    if arguments.stage == "instantiate":
+        return listing.instance_text(flat)
     if arguments.stage == "flatten":
         return listing.flat_text(flat)
     from lmoc.dae import DAE

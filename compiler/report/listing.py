@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.expression.text import number_text, to_text
 from lmoc.report.names import summarised
-from lmoc.semantics.flat import Assignments, Block, FlatDAE, Group, Kind
+from lmoc.semantics.flat import Assignments, Block, FlatDAE, Group, Kind, Part
 from lmoc.structure.program import Apply, Program, Solve, Step, Total
 from lmoc.structure.reduced import Reduced
 
@@ -17,6 +17,38 @@ MOST_SUMS = 60
 MOST_TERMS = 40  # of a sum that is written out
 WIDTH = 160  # characters after which an equation is cut
 _CHAPTERS = {"connection": "connections", "unconnected": "unconnected flows", "ledger": "energy ledger"}
+
+
+# --------------------------------------------------------------------------- instance tree
+
+
+def instance_text(flat: FlatDAE) -> str:
+    """The tree of parts, each with its class and what it declares."""
+    values = flat.parameter_values()
+    members: dict[int, list[Block]] = {}
+    for block in flat.blocks:
+        if block.size and not block.path[-1][0][0].isdigit() and block.path[0][0] != "ledger":
+            members.setdefault(block.part, []).append(block)
+    children: dict[int, list[int]] = {}
+    for number, part in enumerate(flat.parts[1:], 1):
+        children.setdefault(part.parent, []).append(number)
+
+    def lines(number: int, lead: str) -> Iterator[str]:
+        part = flat.parts[number]
+        name = part.pattern.rpartition(".")[2] if number else flat.name
+        described = f"  {part.description}" if part.description else ""
+        yield f"{lead}{part.class_name} {name}{described}" if number else f"model {name}{described}"
+        rows = [_declaration(b, part, values) for b in members.get(number, ())]
+        yield from (f"{lead}{row}" for row in _aligned(rows, "    "))
+        for child in children.get(number, ()):
+            yield from lines(child, lead + "  ")
+
+    return "\n".join(lines(0, ""))
+
+
+def _declaration(block: Block, part: Part, values: np.ndarray) -> tuple[str, ...]:
+    inside = Block(block.path[len(part.path) :], 0, 0, block.kind).pattern
+    return block.kind.name.lower(), inside, _value(block, values), block.unit, _marks(block), block.description
 
 
 # ------------------------------------------------------------------------------ flat model
@@ -292,12 +324,12 @@ def numeric_text(reduced: Reduced) -> str:
 # --------------------------------------------------------------------------------- layout
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def _aligned(rows: Sequence[Sequence[str]], lead: str = "  ") -> list[str]:
     """Rows of cells in columns; a column that is empty throughout is left out."""
     columns = [c for c in zip(*rows, strict=True) if any(c)]
     widths = [min(max(map(len, column)), 48) for column in columns]
     cells = zip(*columns, strict=True)
-    return ["  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
+    return [lead + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
 
 
 def _cut(text: str) -> str:
