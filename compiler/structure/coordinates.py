@@ -60,16 +60,19 @@ class Choice:
     singular: np.ndarray
 
 
-def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -> Tied:
-    """Entries of the constraint matrix at the sample point."""
+def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample, least: int = 1) -> Tied:
+    """Entries of the constraint matrix at the sample point: the equations differentiated `least` times or more.
+
+    With ``least=0`` this is the Jacobian of the whole system by its highest derivatives, which must be regular.
+    """
     rows, columns, values, constants = [], [], [], []
     for b in system.batches:
-        if not c[b.row].any():
+        if (c[b.row] < least).all():
             continue
         for leaf in b.unknown:
             k, order = leaf.value
             column = system.column[b.slots[:, k]]
-            tight = (c[b.row] > 0) & (d[column] - c[b.row] == order)
+            tight = (c[b.row] >= least) & (d[column] - c[b.row] == order)
             if not tight.any():
                 continue
             chosen = b.take(np.flatnonzero(tight))
@@ -81,7 +84,7 @@ def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -
             constants.append(np.full(len(chosen.row), is_constant(partial, b.kinds)))
     s = system.sums
     row, column = s.row[s.entry_row], system.column[s.index]
-    tight = (c[row] > 0) & (d[column] - c[row] == s.order)
+    tight = (c[row] >= least) & (d[column] - c[row] == s.order)
     rows.append(row[tight])
     columns.append(column[tight])
     values.append(s.coefficient[tight].astype(float))

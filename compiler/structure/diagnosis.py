@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,12 +13,15 @@ from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice, Tied
 from lmoc.structure.dulmage_mendelsohn import components, decompose
 from lmoc.structure.equations import Equations
+from lmoc.structure.incidence import Incidence
 from lmoc.structure.layout import Layout
 from lmoc.structure.matching import maximum_matching
 from lmoc.structure.system import System
 
 # of many names, equations or mistakes of one sort, this many are shown
 SHOWN = 5
+# a singular matrix larger than this is not taken apart
+LARGEST_DENSE = 400
 
 
 def structurally_singular(system: System, report: Report) -> None:
@@ -55,15 +58,15 @@ def _too_few(
     roots = [v for v in system.variable[columns].tolist() if flat.block_at(v).path[0][0] != "ledger"]
     if not roots:
         return
-    positions = [v for v in roots if _is_position(flat, v) or _differentiated(system, v)]
     sources = system.source[rows].tolist()
-    if positions and not _is_force_only(flat, roots):
-        names = _carriers(system, positions)
+    positions = _potentials(system, roots)
+    if len(positions):
+        names = _carriers(flat, positions)
         message = f"nothing fixes the absolute position of {listed(names)}"
         hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
         if also_too_many:
             hint = "too much is prescribed where nothing gives way: leave one force open, or add a mass or inertia"
-        _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, positions[0]))
+        _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, int(positions[0])))
         return
     if also_too_many and any(flat.block_at(v).flow for v in roots):
         return  # reactions of what is prescribed too often: one mistake, one message
@@ -78,35 +81,35 @@ def _too_few(
     _at(equations, sources, report, "E0403", message, hint=hint, fallback=_span(flat, roots[0]))
 
 
-def _is_position(flat: FlatDAE, variable: int) -> bool:
-    block = flat.block_at(variable)
-    return block.connector and not block.flow
+def _potentials(system: System, roots: Sequence[int]) -> np.ndarray:
+    """The positions of connectors that hang on these roots."""
+    mask = system.flat.per_variable(lambda b: b.connector and not b.flow, bool)
+    inside = np.zeros(len(system.kind), bool)
+    inside[roots] = True
+    return np.flatnonzero(mask & inside[system.normalized.root])
 
 
-def _differentiated(system: System, variable: int) -> bool:
-    column = int(system.column[variable])
-    i = system.incidence
-    return bool(system.needed[column] or i.order[i.of_columns(np.array([column]))].any())
-
-
-def _is_force_only(flat: FlatDAE, variables: Iterable[int]) -> bool:
-    return all(flat.block_at(v).flow for v in variables)
-
-
-def _carriers(system: System, roots: Sequence[int]) -> list[str]:
-    """The parts whose positions hang on these roots; the variables themselves where they belong to no part."""
-    flat = system.flat
+def _carriers(flat: FlatDAE, positions: np.ndarray) -> list[str]:
+    """The parts that these variables of connectors belong to."""
     names: dict[str, None] = {}
-    for v in roots:
+    for v in positions.tolist():
         path = flat.variable_name(v).split(".")
-        depth = len(flat.parts[flat.block_at(v).part].path)
-        names[".".join(path[:depth]) if depth else path[0] if len(path) > 1 else ".".join(path)] = None
+        depth = len(flat.parts[flat.block_at(v).part].path) or max(1, len(path) - 2)
+        names[".".join(path[:depth])] = None
     return list(names)
 
 
-def dependent_constraints(system: System, rows: np.ndarray, report: Report) -> None:
-    """E0404: constraints that depend on each other at the start."""
+def dependent_constraints(system: System, jacobian: Tied, rows: np.ndarray, report: Report) -> None:
+    """E0404: constraints that depend on each other at the start (or E0402).
+
+    Parameters
+    ----------
+    jacobian : of all equations by their highest derivatives
+    rows : those in which elimination has found nothing left
+    """
     equations = Equations(system.flat)
+    if _says_what_floats(system, equations, jacobian, rows, report):
+        return
     sources = system.source[rows].tolist()
     columns = distinct(system.incidence.column[system.incidence.of_rows(rows)])
     names = [system.name(c) for c in columns.tolist()]
@@ -119,20 +122,57 @@ def dependent_constraints(system: System, rows: np.ndarray, report: Report) -> N
 
 
 def singular_blocks(
-    system: System, square: SquareSystem, layout: Layout, blocks: Sequence[np.ndarray], report: Report
+    system: System,
+    square: SquareSystem,
+    layout: Layout,
+    jacobian: Tied,
+    blocks: Sequence[np.ndarray],
+    report: Report,
 ) -> None:
-    """E0405: linear equations whose matrix is singular for the present parameter values."""
+    """E0405: linear equations whose matrix is singular for the present parameter values (or E0402)."""
     equations = Equations(system.flat)
     variable, order = layout.jets()
     for members in list(blocks)[:SHOWN]:
-        rows = np.array([row_of(square, int(e)) for e in members])
-        sources = list(dict.fromkeys(system.source[rows].tolist()))
+        rows = distinct(np.array([row_of(square, int(e)) for e in members]))
+        if _says_what_floats(system, equations, jacobian, rows, report):
+            continue
+        sources = system.source[rows].tolist()
         registers = square.match[members]
         jets = [system.flat.jet_name(int(variable[r]), int(order[r])) for r in registers.tolist()]
         message = f"{listed(jets)} cannot be determined: with these parameters their equations depend on each other"
         hint = "a parameter that is zero, or two that cancel; or nothing fixes the position of a massless part"
         found = "; ".join(equations.text(s) for s in sources[:SHOWN])
         _at(equations, sources, report, "E0405", message, found=found, hint=hint)
+
+
+def _says_what_floats(
+    system: System, equations: Equations, jacobian: Tied, rows: np.ndarray, report: Report
+) -> bool:
+    """E0402 where what a singular matrix leaves open are positions that can move together; whether it is so."""
+    tight = Incidence.of(
+        len(system.source), len(system.variable), jacobian.row, jacobian.column, np.zeros(len(jacobian.row), np.int64)
+    )
+    members, columns = next(
+        piece for piece in components(tight, np.arange(tight.rows), np.arange(tight.columns)) if rows[0] in piece[0]
+    )
+    if not 0 < len(columns) <= LARGEST_DENSE:
+        return False
+    inside = np.isin(jacobian.row, members)
+    matrix = np.zeros((len(members), len(columns)))
+    at = np.searchsorted(members, jacobian.row[inside]), np.searchsorted(columns, jacobian.column[inside])
+    matrix[at] = jacobian.value[inside]
+    if not np.isfinite(matrix).all():
+        return False
+    matrix /= np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
+    _, size, right = np.linalg.svd(matrix)
+    free = np.abs(right[size <= 1e-9 * size[0]]).max(axis=0, initial=0) > 1e-6
+    positions = _potentials(system, system.variable[columns[free]])
+    if not len(positions):
+        return False
+    message = f"nothing fixes the absolute position of {listed(_carriers(system.flat, positions))}"
+    hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
+    _at(equations, system.source[rows].tolist(), report, "E0402", message, hint=hint)
+    return True
 
 
 def row_of(square: SquareSystem, equation: int) -> int:

@@ -67,7 +67,8 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     rank = preferences.preference(system, tied, c, wanted)
     choice = coordinates.choose(tied, c, d, rank, wanted)
     if len(choice.singular):
-        diagnosis.dependent_constraints(system, choice.singular, report)
+        jacobian = coordinates.tied_entries(system, c, d, sample, least=0)
+        diagnosis.dependent_constraints(system, jacobian, choice.singular, report)
         report.check()
     batches, sums = system.differentiated(c)
     layout = Layout(system, d, system.highest_inputs(batches))
@@ -85,7 +86,8 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     )
     programs = solution.run()
     if solution.singular:
-        diagnosis.singular_blocks(system, square, layout, solution.singular, report)
+        jacobian = coordinates.tied_entries(system, c, d, sample, least=0)
+        diagnosis.singular_blocks(system, square, layout, jacobian, solution.singular, report)
     report.check()
     notes = diagnosis.notes(system, choice, tied, layout, is_state)
     return assemble(

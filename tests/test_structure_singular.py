@@ -1,0 +1,97 @@
+"""Models without a unique solution: what is said about them."""
+
+from __future__ import annotations
+
+import pytest
+from flat_builder import flat_model
+
+from lmoc.diagnostics import ModelError
+from lmoc.structure.reduce import reduce
+
+
+def errors(text: str):
+    with pytest.raises(ModelError) as caught:
+        reduce(flat_model(text))
+    return caught.value.diagnostics
+
+
+def test_too_many_equations():
+    error = errors("var x y z\nsin(x) + y = 1\ncos(x)*y = 2\nx*y = time\ncos(z)*x = y")[0]
+    assert error.code == "E0401"
+    assert "3 equations for 2 unknowns (x and y)" in error.message
+    assert "x*y = time" in error.found
+    assert error.span.line == 2
+
+
+def test_too_few_equations():
+    (error,) = errors("var x y z\nsin(x) + y*z = 1\nder(z) = z")
+    assert error.code == "E0403"
+    assert "1 equation for 2 unknowns (x and y)" in error.message
+
+
+def test_no_equation_at_all():
+    (error,) = errors("var x y\nder(x) = -x")
+    assert error.code == "E0403"
+    assert "no equation determines y" in error.message
+
+
+def test_nothing_fixes_a_position():
+    """A spring and a damper side by side, pulled at both ends and held nowhere."""
+    found = errors("""
+        input u
+        potential s.a s.b d.a d.b
+        flow s.fa s.fb d.fa d.fb
+        var s.f d.f
+        connect s.a = d.a
+        connect s.b = d.b
+        s.f = 10*(s.b - s.a)
+        s.fb = s.f
+        s.fa = -s.f
+        d.f = der(d.b) - der(d.a)
+        d.fb = d.f
+        d.fa = -d.f
+        s.fb + d.fb = u
+        s.fa + d.fa = -u
+    """)
+    assert "nothing fixes the absolute position of s and d" in [e.message for e in found]
+
+
+def test_singular_for_these_values():
+    text = """
+        parameter a = 2
+        var x y z
+        x + a*y + z = time
+        2*x + 2*a*y + z = 3
+        3*x + 3*a*y + z = 3*time
+    """
+    (error,) = errors(text)
+    assert error.code == "E0405"
+    assert "x, y and z cannot be determined" in error.message
+    reduce(flat_model(text.replace("2*a*y", "5*a*y")))
+
+
+def test_singular_in_a_large_block():
+    n = 100
+    names = " ".join(f"x{i}" for i in range(n))
+    rows = [f"x{i} - 2*x{(i + 1) % n} + x{(i + 2) % n} = sin(time)" for i in range(n)]
+    (error,) = errors(f"var {names}\n" + "\n".join(rows))
+    assert error.code == "E0405"
+    assert "and 95 more cannot be determined" in error.message
+
+
+def test_constraints_at_a_dead_centre():
+    """Both coordinates of a circle start in its centre, where the constraint has no direction."""
+    (error,) = errors("""
+        var x y s t
+        der(der(x)) = s*x + t*x
+        der(der(y)) = s*y - t*y
+        x**2 + y**2 = 1
+        x**2 + y**2 + 0*x = 2 - 1
+    """.replace("+ 0*x", ""))
+    assert error.code == "E0404"
+    assert "cannot be solved near the start" in error.message
+
+
+def test_several_mistakes_in_one_run():
+    codes = [e.code for e in errors("var x y z\nsin(x) = 1\ncos(x) = time\ncos(z) = z*y")]
+    assert codes == ["E0401", "E0403"]
