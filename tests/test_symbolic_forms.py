@@ -177,3 +177,38 @@ def test_explicit_form_of_the_oscillator():
     motion = explicit(oscillator())
     assert motion.coordinates == (x,) and motion.orders == (2,)
     assert equal(motion.residuals[0], jet_symbol("x", 2) - (u - c * jet_symbol("x", 1) - k * x) / m)
+
+
+def test_derivative_of_an_absolute_value_in_plain_symbols():
+    from lmoc.symbolic.slope import slope
+
+    assert slope(sp.Abs(v) * v, v).subs(v, -3) == 6
+    assert slope(sp.sign(v) * v, v).subs(v, -3) == -1
+    assert slope(sp.Abs(v), x) == 0
+
+
+def test_quadratic_drag_leaves_stability_undecided():
+    system = SymbolicSystem("drag", (x, v), (v, (-k * x - c * sp.Abs(v) * v) / m), values={m: 1.0, k: 4.0, c: 0.5})
+    (found,) = equilibria(system)
+    assert found["x"] == 0 and found.stability == "undecided"
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["mass.q"], ["q"]),
+        (["mass1.q", "mass2.q"], ["q1", "q2"]),
+        (["left.q", "right.q"], ["q_left", "q_right"]),
+        (["m[1].q", "m[2].q"], ["q1", "q2"]),
+        (["n[1,2].q", "n[2,1].q"], ["q1_2", "q2_1"]),
+        (["left.flange.f", "right.flange.f"], ["f_left", "f_right"]),
+        (["gear.a.tau", "gear.b.tau"], ["tau_a", "tau_b"]),
+        (["motor.theta", "s[1].theta", "s[2].theta"], ["theta_motor", "theta1", "theta2"]),
+        (["q", "mass.q"], ["q", "q_mass"]),
+        (["k1", "spring.k1"], ["k1", "k1_spring"]),
+    ],
+)
+def test_short_names(names, expected):
+    from lmoc.symbolic.names import short_names
+
+    assert list(short_names(names).values()) == expected

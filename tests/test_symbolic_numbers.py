@@ -43,7 +43,8 @@ def test_central_differences(name):
         for j in range(len(at)):
             step = 1e-5 * np.eye(len(at))[j]
             difference = (rates(at + step) - rates(at - step)) / 2e-5
-            assert np.allclose(matrix[:, j], difference, rtol=1e-6, atol=1e-6 * max(1.0, np.abs(matrix).max(initial=0.0)))
+            size = max(1.0, np.abs(matrix).max(initial=0.0))
+            assert np.allclose(matrix[:, j], difference, rtol=1e-6, atol=1e-6 * size)
 
 
 @every_model
@@ -134,3 +135,15 @@ def test_large_chain_has_its_known_frequencies():
     )
     found = dae.linearize().frequencies
     assert np.allclose(np.sort(found)[::2], np.sort(expected), rtol=1e-9)
+
+
+def test_a_scene_too_large_for_symbols_still_rests():
+    dae = lmoc.compile(ROOT / "models/bench/chain.lmo", parameters={"N": 200})
+    (found,) = dae.equilibria()
+    assert found.isolated and all(abs(float(v)) < 1e-12 for v in found.values.values())
+    assert found.stability == "asymptotically stable" and "Newton" in found.how
+
+
+def test_equilibria_know_their_inputs():
+    with pytest.raises(ModelError, match="neither a state nor an input"):
+        compiled("notes/ex02_spring_mass_damper").equilibria(inputs={"g": 1.0})

@@ -290,7 +290,7 @@ def sorted_equation(
 
     names = [q.name for q in coordinates]
     terms = gathered(residual, set(late))
-    terms = _without_denominators(terms, clear_all)
+    terms = _same_rates_together(_without_denominators(terms, clear_all))
     left = [(c, f) for c, f in terms if any(base_of(s.name)[0] in names for s in f.free_symbols)]
     right = [(_sign_inside(-c), f) for c, f in terms if not any(base_of(s.name)[0] in names for s in f.free_symbols)]
     own = base_of(coordinate.name)[0]
@@ -383,6 +383,20 @@ def _with_trigonometry(terms: list[Term]) -> list[Term]:
                 members = _split(simpler, rate, members)
         result += members
     return result
+
+
+def _same_rates_together(terms: list[Term]) -> list[Term]:
+    """``J·θ̈ + m·cos²(θ)·θ̈`` as ``(J + m·cos²(θ))·θ̈``."""
+    import sympy as sp
+
+    groups: dict[sympy.Expr, list[Term]] = {}
+    for c, f in terms:
+        rates = sp.Mul(*(g for g in sp.Mul.make_args(f) if _is_rate(g)))
+        groups.setdefault(rates if rates != 1 else f, []).append((c, f))
+    return [
+        members[0] if len(members) == 1 else (sp.Add(*(c * f / rate for c, f in members)), rate)
+        for rate, members in groups.items()
+    ]
 
 
 def _is_rate(factor: sympy.Expr) -> bool:

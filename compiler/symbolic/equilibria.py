@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.symbolic.elimination import eliminate
-from lmoc.symbolic.linearize import LinearModel, linearize
+from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
 from lmoc.symbolic.roots import Root, real_roots, search
+from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, refuse
 
 if TYPE_CHECKING:
@@ -115,12 +116,13 @@ def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = Non
     at_rest = {d: sp.S.Zero for d in equations if d in system.states}  # q̇ = v says v = 0
     rest = [e.xreplace(at_rest) for e in equations if e not in system.states]
     unknowns = [x for x in system.states if x not in at_rest]
-    linear = all(not e.diff(x).free_symbols & set(unknowns) for e in rest for x in unknowns)
+    linear = all(not slope(e, x).free_symbols & set(unknowns) for e in rest for x in unknowns)
     if linear:
         found = _linear(rest, unknowns, set(system.inputs) - set(given))
     else:
         found = _nonlinear(rest, unknowns, system, given)
-    return [_finished(system, root, at_rest, given, nonlinear=not linear) for root in found]
+    nonlinear = not is_linear(system)
+    return [_finished(system, root, at_rest, given, nonlinear) for root in found]
 
 
 def _exact(value) -> sympy.Expr:
@@ -156,7 +158,7 @@ def _linear(equations: list, unknowns: list, inputs: set) -> list[Root]:
     import sympy as sp
 
     zero = {x: sp.S.Zero for x in unknowns}
-    rows = [{j: e.diff(x) for j, x in enumerate(unknowns) if e.has(x)} for e in equations]
+    rows = [{j: slope(e, x) for j, x in enumerate(unknowns) if e.has(x)} for e in equations]
     right = [-e.xreplace(zero) for e in equations]
     found = eliminate(rows)
 
@@ -216,7 +218,7 @@ def _linear_unknown(equations: list, unknowns: list):
         for x in unknowns:
             if not equation.has(x):
                 continue
-            slope = equation.diff(x)
-            if slope != 0 and not slope.free_symbols & set(unknowns):
-                return i, x, -equation.subs(x, 0) / slope
+            factor = slope(equation, x)
+            if factor != 0 and not factor.free_symbols & set(unknowns):
+                return i, x, -equation.subs(x, 0) / factor
     return None

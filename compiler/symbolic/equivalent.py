@@ -17,6 +17,7 @@ from lmoc.expression.to_sympy import lower
 from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.symbolic.elimination import Row, eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
+from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import MOST_EQUATIONS, refuse
 
 if TYPE_CHECKING:
@@ -176,10 +177,10 @@ class _Network:
         row: Row = {}
         jets = set(place.values())
         for (v, order), x in place.items():
-            slope = residual.diff(x)
-            if slope.free_symbols & jets:
+            factor = slope(residual, x)
+            if factor.free_symbols & jets:
                 return {}
-            row[v] = row.get(v, sp.S.Zero) + slope * s**order
+            row[v] = row.get(v, sp.S.Zero) + factor * s**order
         return row
 
 

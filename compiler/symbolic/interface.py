@@ -53,10 +53,24 @@ class SymbolicMethods:
         return equations_of_motion(reduced, values, forces)
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> list[Equilibrium]:
-        """States of rest for constant inputs (those not given stay symbols, in a numeric search they are zero)."""
+        """States of rest for constant inputs.
+
+        Inputs not given stay symbols as long as the equations can be solved in symbols, otherwise they are zero. A
+        scene that is too large for symbols gets the one state of rest that Newton's method finds.
+        """
         from lmoc.symbolic.equilibria import equilibria
 
-        return equilibria(self.symbolic(parameters=parameters), inputs)
+        scene, reduced, values, _ = self.prepared(parameters or {})
+        _check_names(inputs or {}, scene.inputs)
+        try:
+            system = self.symbolic(parameters=parameters)
+        except ModelError as error:
+            if [d.code for d in error.diagnostics] != ["E0660"]:
+                raise
+            from lmoc.symbolic.numeric import equilibria_numerically
+
+            return equilibria_numerically(reduced, values, inputs or {})
+        return equilibria(system, inputs)
 
     def linearize(
         self,
@@ -178,19 +192,14 @@ def symbolic_point(system: SymbolicSystem, at: Point | None, inputs: Point) -> d
     """States and inputs about which to be linear; empty where the equations are linear anyway."""
     import sympy as sp
 
+    from lmoc.symbolic.linearize import is_linear
+
     known = {s.name: s for s in (*system.states, *system.inputs)}
     given = {**(at or {}), **inputs}
     _check_names(given, list(known))
     if at is None and not is_linear(system):
         return only_equilibrium(system, inputs)
     return {known[name]: sp.sympify(value) for name, value in given.items()}
-
-
-def is_linear(system: SymbolicSystem) -> bool:
-    """Rates and outputs are linear in states, inputs and their derivatives."""
-    moving = {*system.states, *(j for u in system.inputs for j in system.jets(u))}
-    expressions = (*system.derivatives, *system.outputs.values())
-    return all(not e.diff(x).free_symbols & moving for e in expressions for x in e.free_symbols & moving)
 
 
 def only_equilibrium(system: SymbolicSystem, inputs: Point) -> dict:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, refuse
 
 if TYPE_CHECKING:
@@ -281,10 +282,17 @@ def linearize(
     )
 
 
+def is_linear(system: SymbolicSystem) -> bool:
+    """Rates and outputs are linear in states, inputs and their derivatives."""
+    moving = {*system.states, *(j for u in system.inputs for j in system.jets(u))}
+    expressions = (*system.derivatives, *system.outputs.values())
+    return all(not slope(e, x).free_symbols & moving for e in expressions for x in e.free_symbols & moving)
+
+
 def _jacobian(f: sympy.Matrix, x) -> sympy.Matrix:
     import sympy as sp
 
-    return sp.Matrix(f.rows, len(x), lambda i, j: f[i].diff(x[j]))
+    return sp.Matrix(f.rows, len(x), lambda i, j: slope(f[i], x[j]))
 
 
 def _column(matrix: Matrix) -> Matrix:

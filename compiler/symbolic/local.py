@@ -14,6 +14,7 @@ from lmoc.expression.dag import slots
 from lmoc.expression.to_sympy import lower
 from lmoc.semantics.flat import FlatDAE, Group, Kind
 from lmoc.symbolic.elimination import Elimination, eliminate
+from lmoc.symbolic.slope import slope
 
 if TYPE_CHECKING:
     import sympy
@@ -95,10 +96,10 @@ class PartLaws:
         x = sp.Dummy()
         self._value[variable] = x
         residual = self.residual(self._cause[variable])
-        slope = residual.diff(x)
-        if slope.has(x) or slope == 0:
+        factor = slope(residual, x)
+        if factor.has(x) or factor == 0:
             raise NotLinearError(self.flat.variable_name(variable))
-        return -residual.xreplace({x: sp.S.Zero}) / slope
+        return -residual.xreplace({x: sp.S.Zero}) / factor
 
     def same_as(self, variable: int) -> int | None:
         """The other variable of a relation that says no more than that two are equal."""
@@ -154,7 +155,7 @@ class PartLaws:
         zero = {s: sp.S.Zero for s in unknowns.values()}
         rows, right = [], []
         for residual in residuals:
-            present = {v: residual.diff(s) for v, s in unknowns.items() if residual.has(s)}
+            present = {v: slope(residual, s) for v, s in unknowns.items() if residual.has(s)}
             if present and not any(c.free_symbols & zero.keys() for c in present.values()):
                 rows.append(present)
                 right.append(-residual.xreplace(zero))

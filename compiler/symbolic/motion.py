@@ -21,6 +21,7 @@ from lmoc.diagnostics import ModelError
 from lmoc.semantics.flat import Kind
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.local import NotLinearError, PartLaws
+from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import Interpreter, SymbolicSystem, jet_symbol
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class Kinematics:
         """Total time derivative."""
         import sympy as sp
 
-        terms = [value.diff(x) * self._rate_of(x) for x in sorted(value.free_symbols, key=lambda s: s.name)]
+        terms = [slope(value, x) * self._rate_of(x) for x in sorted(value.free_symbols, key=lambda s: s.name)]
         return sp.Add(*terms)
 
     def _rate_of(self, x: sympy.Symbol) -> sympy.Expr:
@@ -149,7 +150,7 @@ def _virtual_power(interpreter: Interpreter, system: SymbolicSystem, forces: boo
     for potential, flow in ports:
         rate = kinematics.rate(kinematics.value(potential))
         for q in rates:
-            weight = rate.diff(q)
+            weight = slope(rate, q)
             if weight != 0:
                 power[q].append(laws.value(flow).xreplace(tied) * weight)
     residuals = [_without(sp.Add(*power[q]), set(unknowns.values())) for q in rates]
@@ -175,7 +176,7 @@ def _without(power: sympy.Expr, reactions: set) -> sympy.Expr | None:
     import sympy as sp
 
     for reaction in sorted(power.free_symbols & reactions, key=lambda s: s.name):
-        if sp.simplify(power.diff(reaction)) != 0:
+        if sp.simplify(slope(power, reaction)) != 0:
             return None
     return power.xreplace({r: sp.S.Zero for r in reactions})
 
@@ -245,7 +246,7 @@ def agrees(motion: Motion, system: SymbolicSystem) -> bool:
     point = {s: sp.Float(v, 30) for s, v in zip(ordered, numbers_used, strict=True)}
     numbers = {x: v.xreplace(point).evalf(30) for x, v in values.items()}
     matrix = sp.Matrix(
-        [[r.diff(x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals]
+        [[slope(r, x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals]
     )
     if len(highest) != len(motion.residuals) or (highest and abs(matrix.det()) < 1e-20):
         return False

@@ -106,8 +106,14 @@ class Formula:
 
         terms = [(_is_negative(t), t) for t in sp.Add.make_args(value)]
         parts = [(negative, self.product(-t if negative else t), t) for negative, t in terms]
-        parts.sort(key=lambda p: (p[0], not self._moves(p[2]), p[1]))
+        parts.sort(key=lambda p: (p[0], self._place(p[2]), p[1]))
         return join_terms(((negative, text) for negative, text, _ in parts), self.style)
+
+    def _place(self, term: sympy.Expr) -> int:
+        """Plain coordinates first (``q2 + L - d0``), then constants, then the rest (``J + m·cos²(θ)``)."""
+        if not self._moves(term):
+            return 1
+        return 0 if term.as_coeff_Mul()[1].is_Symbol else 2
 
     def _moves(self, value: sympy.Expr) -> bool:
         return any(base_of(s.name)[0] in self.notation.late for s in value.free_symbols)
@@ -176,8 +182,18 @@ class Formula:
             return self.style.constant("pi" if value == sp.pi else "e")
         if isinstance(value, sp.Function) and not isinstance(value, sp.Piecewise):
             return self.style.function(type(value).__name__.lower()) + self._arguments(value)
+        if isinstance(value, sp.Piecewise):
+            return self.style.cases([(self.sum(part), self._condition(c)) for part, c in value.args])
+        return self.style.brackets(self._condition(value))
+
+    def _condition(self, value: sympy.Basic) -> str:
+        """Relations, in SymPy's words and our names; empty for what always holds."""
+        import sympy as sp
+
+        if value == sp.true:
+            return ""
         names = {s: sp.Symbol(self.notation.name(s.name, ASCII)) for s in value.free_symbols}
-        return self.style.brackets(self.style.words(sp.sstr(value.xreplace(names))))  # cases, relations
+        return self.style.words(sp.sstr(value.xreplace(names)))
 
     def _arguments(self, value: sympy.Function) -> str:
         return self.style.brackets(", ".join(self.sum(a) for a in value.args))

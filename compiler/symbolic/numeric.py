@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from lmoc.semantics.flat import Kind
 from lmoc.structure.program import needed_steps, read
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.linearize import LinearModel, no_value
+
+if TYPE_CHECKING:
+    from lmoc.symbolic.equilibria import Equilibrium
 
 NEWTON_STEPS = 60
 
@@ -163,6 +167,35 @@ def linearize_numerically(
         output_values=found[n:],
         coordinates=coordinates(reduced),
     )
+
+
+def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> list[Equilibrium]:
+    """The state of rest that Newton's method finds from the state zero, if any; inputs not given are zero."""
+    import sympy as sp
+
+    from lmoc.symbolic.equilibria import Equilibrium
+
+    system = NumericSystem(reduced, values, ())
+    u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
+    found = system.rest(u)
+    if found is None:
+        return []
+    model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)) | dict(inputs), ())
+    linear = system.is_linear()
+    how = "Newton's method from the state zero" + ("" if linear else "; there may be others")
+    symbols = [sp.Symbol(name) for name in system.states]
+    free = _free(model.A)
+    at = {s: s if i in free else sp.Float(v) for i, (s, v) in enumerate(zip(symbols, found.tolist(), strict=True))}
+    return [Equilibrium(at, tuple(symbols[i] for i in sorted(free)), how=how, model=model, nonlinear=not linear)]
+
+
+def _free(A: np.ndarray) -> set[int]:
+    """States along which there is rest everywhere: those with a part in the null space of A."""
+    if not len(A):
+        return set()
+    _, singular, right = np.linalg.svd(A)
+    null = right[singular <= 1e-10 * singular.max(initial=1.0)]
+    return set(np.flatnonzero(np.abs(null).max(axis=0, initial=0.0) > 1e-8).tolist())
 
 
 def variable(reduced: Reduced, name: str) -> int:

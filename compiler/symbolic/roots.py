@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.symbolic.slope import slope
+
 if TYPE_CHECKING:
     import sympy
 
@@ -142,7 +144,7 @@ def search(equations: list, unknowns: list, system: SymbolicSystem, given: Mappi
 
     equations = _with_numbers(equations, unknowns, system, given)
     f = sp.lambdify([unknowns], equations, "numpy")
-    jacobian = sp.lambdify([unknowns], sp.Matrix(equations).jacobian(unknowns).tolist(), "numpy")
+    jacobian = sp.lambdify([unknowns], [[slope(e, x) for x in unknowns] for e in equations], "numpy")
     reach = np.array([np.pi if _periodic(equations, x) else REACH for x in unknowns])
     turning = reach == np.pi
     generator = np.random.default_rng(1)

@@ -58,6 +58,10 @@ class Ascii:
     def words(self, text: str) -> str:
         return text
 
+    def cases(self, parts: list[tuple[str, str]]) -> str:
+        """(value, condition) in order; the last condition may be empty: otherwise."""
+        return "{" + "; ".join(f"{v} if {c}" if c else f"{v} otherwise" for v, c in parts) + "}"
+
 
 class Unicode(Ascii):
     """For a terminal: ``m·q̈ + k·q = f``."""
@@ -121,6 +125,10 @@ class Latex(Ascii):
     def words(self, text: str) -> str:
         return rf"\text{{{_escaped(text)}}}"
 
+    def cases(self, parts: list[tuple[str, str]]) -> str:
+        rows = [rf"{v} & {c}" if c else rf"{v} & \text{{otherwise}}" for v, c in parts]
+        return r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}"
+
 
 def _escaped(text: str) -> str:
     return text.replace("_", r"\_")
@@ -168,6 +176,10 @@ class MathML(Ascii):
 
     def words(self, text: str) -> str:
         return f"<mtext>{escape(text)}</mtext>"
+
+    def cases(self, parts: list[tuple[str, str]]) -> str:
+        cells = [f"<mtr><mtd>{v}</mtd><mtd>{c or '<mtext>otherwise</mtext>'}</mtd></mtr>" for v, c in parts]
+        return f"<mrow><mo>{{</mo><mtable columnalign='left'>{''.join(cells)}</mtable></mrow>"
 
 
 Style = Ascii

@@ -20,6 +20,7 @@ from lmoc.structure.program import Apply, Program, Solve, Step, Total
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
+from lmoc.symbolic.slope import slope
 
 if TYPE_CHECKING:
     import sympy
@@ -240,7 +241,7 @@ class Interpreter:
         left, right = [], []
         for register in residuals:
             residual = self.w[register]
-            row = {i: residual.diff(x) for i, x in enumerate(place) if residual.has(x)}
+            row = {i: slope(residual, x) for i, x in enumerate(place) if residual.has(x)}
             if any(c.has(*place) for c in row.values()):
                 raise self._no_closed_form(unknowns)
             left.append(row)
@@ -285,7 +286,7 @@ def in_lowest_terms(value: sympy.Expr, moving: set[sympy.Symbol]) -> sympy.Expr:
     import sympy as sp
 
     present = sorted(value.free_symbols & moving, key=lambda s: s.name)
-    coefficients = [value.diff(x) for x in present]
+    coefficients = [slope(value, x) for x in present]
     if any(c.free_symbols & moving for c in coefficients):
         return value
     rest = value.xreplace({x: sp.S.Zero for x in present})

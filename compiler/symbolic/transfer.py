@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MOST_STATES = 24
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TransferFunction:
     """``output = numerator(s)/denominator(s) · input``, without common factors.
 
@@ -79,6 +79,8 @@ class TransferFunction:
 
     def __str__(self) -> str:
         return str(self.expression)
+
+    __repr__ = __str__
 
     @cached_property
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
@@ -213,7 +215,9 @@ def _pencil(model: LinearModel) -> tuple[sympy.Matrix, list[sympy.Expr]]:
     s = sp.Symbol("s")
     n = len(model.states)
     if n > MOST_STATES:
-        raise refuse(f"{n} states are too many for a transfer function in symbols", hint="use the numeric form")
+        raise refuse(
+            f"{n} states are too many for a transfer function in symbols", hint="`lmoc linearize` has no such limit"
+        )
     scales, rows = [], []
     for i in range(n):
         entries = [sp.cancel(model.A[i, j]) for j in range(n)]
