@@ -67,15 +67,9 @@ def scenes() -> list[dict]:
         settings = [f"--set={name}={value}" for name, value in parameters.items()]
         result = in_process("benchmarks.one_size", f"models/bench/{file}", *settings, timeout=3000)
         figures.append({"scene": file.removesuffix(".lmo"), **parameters, **result})
-    rows = [
-        [f["scene"], f.get("N"), f["equations"], f["states"], f["ready"], f["simulate"], f["solver"], f["evaluation"], f["memory"]]
-        for f in figures
-    ]
-    table(
-        "other scenes: seconds (memory in MB)",
-        ["scene", "N", "equations", "states", "text→ready", "simulate", "solver", "by", "memory"],
-        rows,
-    )
+    keys = ("scene", "N", "equations", "states", "ready", "simulate", "solver", "evaluation", "memory")
+    rows = [[f.get(key) for key in keys] for f in figures]
+    table("other scenes: seconds (ready: from text to the first step; memory in MB)", keys, rows)
     return figures
 
 

@@ -296,8 +296,8 @@ class FlatDAE:
         values, dependent = np.full(self.count, np.nan), []
         for a in self.bindings:
             if len(a.target) and self.kind[a.target[0]] <= Kind.PARAMETER:
-                if a.shape.is_const:
-                    values[a.target] = a.shape.value if a.numbers is None else a.numbers
+                if not a.slots.shape[1]:
+                    values[a.target] = a.values(values) if a.numbers is None else a.numbers
                 else:
                     dependent.append(a)
         return values, tuple(dependent)

@@ -1,0 +1,97 @@
+"""The same chain in lmoc and elsewhere: same model, same tolerance, one run; building and running apart.
+
+    python -m benchmarks.peers [--quick]
+
+The chain starts in a fast mode, so that there is work at every length; every tool's end value is held against the
+closed form.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+
+from benchmarks import chain_peers as peers
+from benchmarks.common import save, table
+
+Measured = tuple[float, float, float]  # seconds to build, seconds to run, end value
+
+
+def lmoc_chain(n: int, solver: str, compiler: bool = True) -> Measured:
+    """Text to result, in a process that has lmoc loaded; the C compiler's cache is warm where one is used."""
+    import lmoc
+    from lmoc.numerics.native import compiler as native
+
+    had = os.environ.get("LMOC_CC")
+    if not compiler:
+        os.environ["LMOC_CC"] = ""
+    native.find_compiler.cache_clear()
+    try:
+        begin = time.perf_counter()
+        dae = lmoc.compile("models/bench/chain.lmo", parameters={"N": n, "mode": peers.mode(n)})
+        built = time.perf_counter() - begin
+        dae.simulate(solver=solver, energy=False, keep=["first"], rtol=peers.RTOL, atol=peers.ATOL, points=501)
+        begin = time.perf_counter()  # the second run: lowering is done
+        run = dae.simulate(solver=solver, energy=False, keep=["first"], rtol=peers.RTOL, atol=peers.ATOL, points=501)
+        ran = time.perf_counter() - begin
+        return built + run.stats["lower_seconds"], ran, float(run["first"][-1])
+    finally:
+        if had is None:
+            os.environ.pop("LMOC_CC", None)
+        else:
+            os.environ["LMOC_CC"] = had
+        native.find_compiler.cache_clear()
+
+
+def tools(n: int, quick: bool) -> dict[str, Callable[[], Measured]]:
+    chosen: dict[str, Callable[[], Measured]] = {
+        "lmoc auto": lambda: lmoc_chain(n, "auto"),
+        "lmoc cvode": lambda: lmoc_chain(n, "cvode"),
+        "lmoc adams": lambda: lmoc_chain(n, "adams"),
+        "lmoc auto, no C": lambda: lmoc_chain(n, "auto", compiler=False),
+        "lmoc cvode, no C": lambda: lmoc_chain(n, "cvode", compiler=False),
+        "casadi cvodes": lambda: peers.casadi_cvodes(n),
+        "scipy DOP853": lambda: peers.scipy_ivp(n),
+    }
+    if find_spec("rumoca") and n <= (10 if quick else 400):
+        chosen["rumoca"] = lambda: peers.rumoca(n)
+    if n <= 10:
+        chosen["sympy.mechanics"] = lambda: peers.sympy_lagrange(n)
+    return chosen
+
+
+def compare(n: int, quick: bool) -> list[dict]:
+    exact = peers.exact_first(n)
+    figures = []
+    for name, call in tools(n, quick).items():
+        try:
+            built, ran, end = min((call() for _ in range(1 if n > 1000 else 3)), key=lambda m: m[0] + m[1])
+        except Exception as error:  # a rival's failure is a result too
+            print(f"  {name} at N = {n}: {type(error).__name__}: {str(error).splitlines()[0][:100]}")
+            continue
+        figures.append({"N": n, "tool": name, "build": built, "run": ran, "error": abs(end - exact) / peers.AMPLITUDE})
+    own = figures[0]
+    by_hand = next((f for f in figures if f["tool"] == "casadi cvodes"), None)
+    rows = []
+    for f in figures:
+        f["total_ratio"] = (f["build"] + f["run"]) / (own["build"] + own["run"])
+        f["run_ratio"] = f["run"] / by_hand["run"] if by_hand else None
+        rows.append([f["tool"], f["build"], f["run"], f["error"], f["total_ratio"], f["run_ratio"]])
+    head = ["tool", "build s", "run s", "error", "total / lmoc auto", "run / casadi by hand"]
+    table(f"chain of {n}", head, rows)
+    return figures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="short chains only")
+    arguments = parser.parse_args()
+    sizes = (10, 100) if arguments.quick else (10, 100, 400, 1000, 10_000)
+    save("peers", [f for n in sizes for f in compare(n, arguments.quick)])
+
+
+if __name__ == "__main__":
+    main()
