@@ -64,6 +64,14 @@ def well_posed(a: Assembly, b: Split) -> bool:
     return all(np.linalg.cond(V.T @ X @ V) < 1e4 for V, X in blocks if V.shape[1])
 
 
+def fewest_states(a: Assembly) -> int:
+    """Position and velocity of all that has inertia, and the damped positions on which a force depends."""
+    b = split(a)
+    held = b.A @ np.linalg.solve(b.A.T @ a.K @ b.A, b.A.T @ a.K @ b.S) if b.A.shape[1] else 0
+    felt = np.linalg.matrix_rank(a.K @ (b.S - held), tol=1e-8) if b.S.shape[1] else 0
+    return 2 * b.R.shape[1] + int(felt)
+
+
 def trajectory(a: Assembly, times: np.ndarray, x0: np.ndarray, v0: np.ndarray) -> np.ndarray:
     """x at the times as an array (times, coordinates), from the parts of x0 along R and S and of v0 along R."""
     b = split(a)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from lagrange import Assembly, split, trajectory, well_posed
+from lagrange import Assembly, fewest_states, split, trajectory, well_posed
 
 import lmoc
 from lmoc.diagnostics import Report
@@ -109,13 +109,19 @@ def grow(s: Scene, draw) -> None:
 
 
 def grow_free(s: Scene, draw, kind: str) -> None:
-    """A node that moves by itself, with or without a mass, tied to an older one."""
-    k = draw(STIFFNESS)
-    spring = s.part(f"{'Spring' if kind == 'line' else 'TorsionSpring'} @(k = {k})")
+    """A node that moves by itself, with or without a mass, tied to an older one by a spring or a damper."""
     older = draw(st.sampled_from([i for i, other in enumerate(s.kinds) if other == kind]))
-    node = s.node(kind, s.free(), f"{spring}.b")
-    s.ports[older].append(f"{spring}.a")
-    s.springs.append((k, older, node, 0.0))
+    prefix = "" if kind == "line" else "Torsion"
+    if draw(st.integers(0, 3)):
+        k = draw(STIFFNESS)
+        name = s.part(f"{prefix}Spring @(k = {k})")
+        s.springs.append((k, older, len(s.kinds), 0.0))
+    else:
+        c = draw(DAMPING)
+        name = s.part(f"{prefix}Damper @(c = {c})")
+        s.dampers.append((c, older, len(s.kinds)))
+    s.ports[older].append(f"{name}.a")
+    node = s.node(kind, s.free(), f"{name}.b")
     if draw(st.integers(0, 3)):
         add_mass(s, draw, node)
     elif draw(st.booleans()):
@@ -271,8 +277,7 @@ def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
     initial, v0 = start_of(scene, P, p, bases.R, data.draw)
 
     dae = lmoc.compile_text(scene.text())
-    r, s = bases.R.shape[1], bases.S.shape[1]
-    assert 2 * r <= len(dae.states) <= 2 * r + s
+    assert len(dae.states) == fewest_states(assembly)
 
     run = dae.simulate(times=TIMES, rtol=1e-8, atol=1e-11, initial=initial)
     places = np.array([run[scene.potential(i)] for i in range(len(scene.kinds))]).T
