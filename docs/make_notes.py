@@ -6,6 +6,7 @@ Every formula on the page is derived by lmoc when the page is made; only what th
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,10 @@ def compiled(name: str) -> lmoc.DAE:
 
 
 def main() -> None:
+    import matplotlib
+
+    os.environ["SOURCE_DATE_EPOCH"] = "0"  # pictures of the same curves are the same files
+    matplotlib.rcParams["svg.hashsalt"] = "notes"
     PICTURES.mkdir(exist_ok=True)
     scenes = {name: compiled(name) for name in NOTES}
     parts = [INTRODUCTION, overview(scenes)]

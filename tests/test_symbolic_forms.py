@@ -159,7 +159,7 @@ def test_nothing_rests_under_an_uncarried_load():
 
 
 def test_double_pendulum_prints_compactly():
-    from lmoc.symbolic.equations import sorted_equation
+    from lmoc.symbolic.sorting import sorted_equation
     from lmoc.symbolic.notation import Notation
     from lmoc.symbolic.styles import ASCII
 

@@ -1,9 +1,4 @@
-"""Equations of motion as a person writes them: ``m·q̈ + c·q̇ + k·q = f``.
-
-Each residual of `symbolic.motion` is sorted: terms in the coordinates on the left, highest derivative first, with
-collected coefficients; inputs and constants on the right. Denominators that are plain products (a radius, a ratio)
-are cleared, others (``k1·k2/(k1 + k2)``) stay. Nonlinear terms stay as the user factored them.
-"""
+"""Equations of motion as a person writes them: ``m·q̈ + c·q̇ + k·q = f``, with a table of names, as text and LaTeX."""
 
 from __future__ import annotations
 
@@ -14,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.symbolic.names import base_of
-from lmoc.symbolic.notation import Formula, Notation, join_terms
+from lmoc.symbolic.notation import Formula, Notation
+from lmoc.symbolic.sorting import Equation, gathered, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol, symbolic_system
 
@@ -23,39 +18,6 @@ if TYPE_CHECKING:
     import sympy
 
     from lmoc.structure.reduced import Reduced
-
-MOST_FACTORED = 12  # terms of a coefficient that is tried to be factored
-
-Term = tuple["sympy.Expr", "sympy.Expr"]  # coefficient, what it multiplies
-
-
-@dataclass(frozen=True, eq=False)
-class Equation:
-    """``Σ coefficient·factor = Σ coefficient·factor``: coordinates on the left, inputs and constants on the right."""
-
-    coordinate: sympy.Symbol
-    order: int
-    left: tuple[Term, ...]
-    right: tuple[Term, ...]
-
-    @property
-    def residual(self) -> sympy.Expr:
-        """Left minus right side."""
-        import sympy as sp
-
-        return sp.Add(*(c * f for c, f in self.left)) - sp.Add(*(c * f for c, f in self.right))
-
-    @property
-    def term_count(self) -> int:
-        """Terms after opening the brackets around coefficients."""
-        import sympy as sp
-
-        return sum(len(sp.Add.make_args(sp.numer(sp.together(c)))) for c, _ in (*self.left, *self.right))
-
-    def write(self, notation: Notation, style: Style) -> str:
-        formula = Formula(notation, style)
-        sides = (join_terms((formula.term(c, f) for c, f in side), style) for side in (self.left, self.right))
-        return style.equals.join(sides)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,191 +225,6 @@ def _descriptions(flat, names: Iterable[str]) -> dict[str, tuple[str, str]]:
             block = flat.block_at(int(variables[0]))
             found[name] = (block.unit, block.description)
     return found
-
-
-# ------------------------------------------------------------------ sorting
-
-
-def sorted_equation(
-    residual: sympy.Expr,
-    coordinate: sympy.Symbol,
-    order: int,
-    coordinates: Iterable[sympy.Symbol],
-    late: Iterable[str],
-    clear_all: bool = False,
-) -> Equation:
-    """Sort a residual into terms.
-
-    Parameters
-    ----------
-    residual : Expr
-        In the coordinates and their derivatives ``der(q)``.
-    coordinates, late : all coordinates, and the names of all inputs and coordinates
-    clear_all : bool
-        Clear every denominator, not only plain products.
-    """
-    import sympy as sp
-
-    names = [q.name for q in coordinates]
-    terms = gathered(residual, set(late))
-    terms = _same_rates_together(_without_denominators(terms, clear_all))
-    left = [(c, f) for c, f in terms if any(base_of(s.name)[0] in names for s in f.free_symbols)]
-    right = [(_sign_inside(-c), f) for c, f in terms if not any(base_of(s.name)[0] in names for s in f.free_symbols)]
-    own = base_of(coordinate.name)[0]
-
-    def rank(term: Term):
-        jets = [base_of(s.name) for s in term[1].free_symbols]
-        jets = [(n, names.index(b)) for b, n in jets if b in names]
-        highest = max(n for n, _ in jets)
-        place = min(i for n, i in jets if n == highest)
-        return (-highest, not term[1].is_Symbol, place, str(term[1]))
-
-    left.sort(key=rank)
-    right.sort(key=lambda t: (t[1] == 1, -max((base_of(s.name)[1] for s in t[1].free_symbols), default=0), str(t[1])))
-    leading = next((c for c, f in left if f == jet_symbol(own, order)), left[0][0] if left else sp.S.One)
-    if _is_negative(leading):
-        left, right = ([(_sign_inside(-c), f) for c, f in side] for side in (left, right))
-    return Equation(sp.Symbol(own), order, tuple(left), tuple(right))
-
-
-def _is_negative(coefficient: sympy.Expr) -> bool:
-    import sympy as sp
-
-    return all(t.could_extract_minus_sign() for t in sp.Add.make_args(sp.numer(sp.together(coefficient))))
-
-
-def gathered(value: sympy.Expr, late: set[str]) -> list[Term]:
-    """Terms with like factors put together; a factor holds all that moves (inputs, coordinates), 1 for constants."""
-    import sympy as sp
-
-    sums: dict[sympy.Expr, list] = {}
-    for term in sp.Add.make_args(sp.expand_mul(value)):
-        moving = [s for s in term.free_symbols if base_of(s.name)[0] in late or s.name == "time"]
-        coefficient, factor = term.as_independent(*moving, as_Add=False) if moving else (term, sp.S.One)
-        top, bottom = sp.fraction(factor)
-        if factor.is_Add or bottom.is_Add and not bottom.free_symbols & set(moving):
-            coefficient, factor = coefficient / bottom, top
-        sums.setdefault(factor, []).append(coefficient)
-    terms = [(lowest(sp.Add(*c)), f) for f, c in sums.items()]
-    return _with_trigonometry([(c, f) for c, f in terms if c != 0])
-
-
-def lowest(value: sympy.Expr) -> sympy.Expr:
-    """A coefficient in lowest terms, in the shortest of some usual forms."""
-    import sympy as sp
-
-    if value.is_Number or value.is_Symbol:
-        return value
-    cancelled = sp.cancel(value)
-    top, bottom = sp.fraction(cancelled)
-    top = sp.expand(top)
-    forms = [sp.factor_terms(cancelled)]
-    if top.is_Add:
-        alone = [x for x in top.free_symbols if sp.degree(top, x) == 1]
-        forms.append(sp.collect(top, alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
-    if bottom.is_Add or top.is_Add and len(top.args) <= MOST_FACTORED:
-        forms.append(sp.factor(cancelled))
-    shortest = min((cancelled, *forms), key=lambda e: (len(sp.sstr(e)), not e.is_Add))
-    return _sign_inside(shortest)
-
-
-def _sign_inside(value: sympy.Expr) -> sympy.Expr:
-    """``-a·(b - c)`` as ``a·(c - b)``."""
-    import sympy as sp
-
-    number, rest = value.as_coeff_Mul()
-    mixed = next((f for f in sp.Mul.make_args(rest) if f.is_Add and _signs(f) == {True, False}), None)
-    if number >= 0 or mixed is None:
-        return value
-    return sp.Mul(-number, rest / mixed, -mixed)
-
-
-def _signs(total: sympy.Add) -> set[bool]:
-    return {bool(term.as_coeff_Mul()[0] < 0) for term in total.args}
-
-
-def _with_trigonometry(terms: list[Term]) -> list[Term]:
-    """sin² + cos² = 1 and the like, among terms with the same velocities and accelerations."""
-    import sympy as sp
-
-    groups: dict[sympy.Expr, list[Term]] = {}
-    for c, f in terms:
-        rates = [g for g in sp.Mul.make_args(f) if _is_rate(g)]
-        groups.setdefault(sp.Mul(*rates), []).append((c, f))
-    result = []
-    for rate, members in groups.items():
-        rest = sp.Add(*(c * f / rate for c, f in members))
-        if len(members) > 1 and rest.has(sp.sin) and rest.has(sp.cos):
-            simpler = sp.trigsimp(rest)
-            if simpler.count_ops() < rest.count_ops():
-                members = _split(simpler, rate, members)
-        result += members
-    return result
-
-
-def _same_rates_together(terms: list[Term]) -> list[Term]:
-    """``J·θ̈ + m·cos²(θ)·θ̈`` as ``(J + m·cos²(θ))·θ̈``."""
-    import sympy as sp
-
-    groups: dict[sympy.Expr, list[Term]] = {}
-    for c, f in terms:
-        rates = sp.Mul(*(g for g in sp.Mul.make_args(f) if _is_rate(g)))
-        groups.setdefault(rates if rates != 1 else f, []).append((c, f))
-    return [
-        members[0] if len(members) == 1 else (sp.Add(*(c * f / rate for c, f in members)), rate)
-        for rate, members in groups.items()
-    ]
-
-
-def _is_rate(factor: sympy.Expr) -> bool:
-    import sympy as sp
-
-    base = factor.base if isinstance(factor, sp.Pow) else factor
-    return base.is_Symbol and base.name.startswith("der(")
-
-
-def _split(value: sympy.Expr, rate: sympy.Expr, members: list[Term]) -> list[Term]:
-    import sympy as sp
-
-    moving = set().union(*(f.free_symbols for _, f in members))
-    sums: dict[sympy.Expr, sympy.Expr] = {}
-    for term in sp.Add.make_args(sp.expand_mul(value)):
-        coefficient, factor = term.as_independent(*moving, as_Add=False)
-        sums[factor * rate] = sums.get(factor * rate, sp.S.Zero) + coefficient
-    return [(lowest(c), f) for f, c in sums.items()]
-
-
-def _without_denominators(terms: list[Term], clear_all: bool) -> list[Term]:
-    """Multiply by denominators that are plain products, by others where that is shorter; take out what all share."""
-    import sympy as sp
-
-    if not terms:
-        return terms
-    parts = [sp.fraction(sp.cancel(c)) for c, _ in terms]
-    plain = sp.lcm_list([_plain_factors(d) for _, d in parts])
-    full = sp.lcm_list([sp.Mul(*(f for f in sp.Mul.make_args(sp.factor(d)) if not f.is_Number)) for _, d in parts])
-    shared = sp.gcd_list([_plain_factors(n) for n, _ in parts]) if plain == 1 else sp.S.One
-    modest = _multiplied(terms, plain / shared)
-    if full == plain:
-        return modest
-    cleared = _multiplied(terms, full / shared)
-    return cleared if clear_all or _operations(cleared) < _operations(modest) else modest
-
-
-def _multiplied(terms: list[Term], factor: sympy.Expr) -> list[Term]:
-    return terms if factor == 1 else [(lowest(c * factor), f) for c, f in terms]
-
-
-def _operations(terms: list[Term]) -> int:
-    return sum(int((c * f).count_ops()) for c, f in terms)
-
-
-def _plain_factors(value: sympy.Expr) -> sympy.Expr:
-    """The part of a product that consists of powers of symbols."""
-    import sympy as sp
-
-    factors = [f for f in sp.Mul.make_args(sp.factor_terms(value)) if (f.base if f.is_Pow else f).is_Symbol]
-    return sp.Mul(*factors)
 
 
 def _shortest(value: sympy.Expr, solved: Mapping, late: Iterable[str]) -> sympy.Expr:
