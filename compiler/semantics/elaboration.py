@@ -124,7 +124,7 @@ class Elaboration:
             component = argument.element
         if component.condition is not None and not self._present(instance, component, scope):
             return Absent(component.name, instance, (), component, scope)
-        resolved = resolve(self._class_of(instance, component, scope))
+        resolved = self._type_of(instance, component, scope)
         for short, where in resolved.steps:
             node = instance if where in instance.cls.lineage() else None
             modifier = mods.merge(modifier, self._of_short_class(short, node, where), component.name)
@@ -141,16 +141,17 @@ class Elaboration:
             self._short_modifiers[key] = found
         return found
 
-    def _class_of(self, instance: Instance, component: tree.Component, scope: Scope) -> Scope | Builtin:
+    def _type_of(self, instance: Instance, component: tree.Component, scope: Scope) -> Resolved:
         """The class of a component: one that the instance has redeclared, or what its type means where it stands."""
-        name = component.type.parts[0].name
-        modifier = instance.modifier.inside.get(name)
-        own = instance.cls.table.get(name) if len(component.type.parts) == 1 and not component.type.absolute else None
-        if isinstance(own, Scope) and scope in instance.cls.lineage():
-            if modifier is not None and modifier.redeclaration is not None:
-                return redeclared_class(own, *modifier.redeclaration)
-            return own
-        return scope.find_class(component.type)
+        first = component.type.parts[0].name
+        own = instance.cls.table.get(first)
+        if isinstance(own, Scope) and not component.type.absolute and len(component.type.parts) == 1:
+            if scope is instance.cls or scope in instance.cls.lineage():
+                modifier = instance.modifier.inside.get(first)
+                if modifier is not None and modifier.redeclaration is not None:
+                    own = redeclared_class(own, *modifier.redeclaration)
+                return resolve(own)
+        return scope.type_of(component)
 
     def _modifier(self, instance: Instance, member: Member) -> Modifier:
         """All that is given to a component: by the part around it, by `extends`, by its declaration."""

@@ -6,7 +6,6 @@ path. A chain of 10⁵ masses has one node `m`, and one for each variable inside
 
 from __future__ import annotations
 
-from functools import cached_property
 from math import prod
 
 from lmoc.semantics.flat import Kind, StateSelect
@@ -14,6 +13,8 @@ from lmoc.semantics.modification import NOTHING, Binding, Modifier
 from lmoc.semantics.scope import Builtin, Scope
 from lmoc.source import Span
 from lmoc.syntax import tree
+
+Path = tuple[tuple[str, tuple[int, ...]], ...]
 
 
 class Node:
@@ -23,6 +24,7 @@ class Node:
     ----------
     dims : its own array dimensions
     total : those of all parts around it, then its own
+    path : as of `flat.Block`; empty for the model itself
     scope : the class whose text declares it
     """
 
@@ -38,7 +40,8 @@ class Node:
         self.name = name
         self.parent = parent
         self.dims = dims
-        self.total: tuple[int, ...] = (parent.total if parent else ()) + dims
+        self.total: tuple[int, ...] = parent.total + dims if parent else dims
+        self.path: Path = (*parent.path, (name, dims)) if parent else ()
         self.component = component
         self.scope = scope
         self.protected = protected
@@ -46,11 +49,6 @@ class Node:
     @property
     def size(self) -> int:
         return prod(self.total)
-
-    @cached_property
-    def path(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
-        """As of `flat.Block`; empty for the model itself."""
-        return (*self.parent.path, (self.name, self.dims)) if self.parent else ()
 
     @property
     def label(self) -> str:
@@ -116,15 +114,12 @@ class Instance(Node):
         self.modifier = modifier
         self.children: dict[str, Node] = {}
         self.part = 0
+        # the part that a connector belongs to; a part itself
+        self.owner: Instance = parent.owner if parent and kind in ("connector", "record") else self
 
     @property
     def connector(self) -> bool:
         return self.kind == "connector"
-
-    @cached_property
-    def owner(self) -> Instance:
-        """The part that a connector belongs to; a part itself."""
-        return self.parent.owner if self.kind in ("connector", "record") and self.parent else self
 
     def variables(self) -> list[Variable]:
         """All variables below, in order of declaration."""

@@ -61,6 +61,7 @@ class Scope:
         self._table: dict[str, Member | Scope] | None = None
         self._bases: list[tuple[tree.Extends, Resolved]] | None = None
         self._open = False
+        self._types: dict[int, Resolved] = {}
         self.imports: list[tree.Import] = []
         for element in definition.elements if definition else ():
             if isinstance(element, tree.Class):
@@ -133,6 +134,7 @@ class Scope:
                 self._table = self._collect()
             finally:
                 self._open = False
+        self._types: dict[int, Resolved] = {}
         return self._table
 
     def _collect(self) -> dict[str, Member | Scope]:
@@ -258,6 +260,13 @@ class Scope:
         if found is None:
             hint = nearest(path[0], (*self.root.local, *(self.root.parent or self.root).local))
             raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=hint)
+        return found
+
+    def type_of(self, component: tree.Component) -> Resolved:
+        """What the type of a component that is written in this class means."""
+        found = self._types.get(id(component))
+        if found is None:
+            found = self._types[id(component)] = resolve(self.find_class(component.type))
         return found
 
     def _known_package(self, element: tree.Import) -> Scope | None:
