@@ -234,6 +234,20 @@ def test_trees_of_links_have_one_coordinate_a_joint(seed):
     assert np.abs(flat_residuals(reduced, y, 0.0)).max() < 1e-5
 
 
+@pytest.mark.parametrize(
+    "text", ["parameter a = 1", "var x\nx = 1", "input u\nvar x\nx = u", "parameter a\ninput u\nvar x\nx = sin(u) + a"]
+)
+def test_nothing_to_integrate(text):
+    reduced = reduce(flat_model(text))
+    assert not len(reduced.states) and not reduced.rhs
+    assert (reduced.register_of >= 0).all()
+
+
+def test_parameters_without_values_are_taken_for_generic_numbers():
+    reduced = reduce(flat_model("parameter m\nparameter k\nvar x\nm*der(der(x)) = -k*x**3"))
+    assert reduced.state_names == ["x", "der(x)"]
+
+
 def test_states_that_cannot_be():
     with pytest.raises(ModelError) as caught:
         reduce(flat_model(LEVER), states=["f1"])

@@ -104,7 +104,7 @@ class SquareSystem:
         self.match = match
         self.owner = np.full(self.registers, -1, np.int64)
         self.owner[match] = np.arange(self.count)
-        row, register = [], []
+        row, register = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for r in self.rows:
             for i in r.unknown:
                 row.append(r.equations)

@@ -25,7 +25,6 @@ class Layout:
     def __init__(self, system: System, d: np.ndarray, highest_input: np.ndarray):
         self.system = system
         width = np.ones(len(system.kind), np.int64)
-        width[: len(highest_input)][system.flat.kind == INPUT] = 1
         inputs = np.flatnonzero(highest_input >= 0)
         width[inputs] = highest_input[inputs] + 1
         width[system.kind == UNKNOWN] = 0

@@ -120,11 +120,8 @@ def _matching(
 def _state_mask(system: System, layout: Layout, d: np.ndarray, choice: Choice) -> np.ndarray:
     """(registers,) the jets below the highest that no equation computes."""
     base = layout.base[system.variable]
-    mask = np.zeros(layout.count, bool)
     variable, order = layout.jets()
-    column = system.column[variable]
-    unknown = column >= 0
-    mask[unknown] = order[unknown] < d[column[unknown]]
+    mask = (order < layout.width[variable] - 1) & (system.column[variable] >= 0)
     for stage, columns in enumerate(choice.dependent, 1):
         mask[base[columns] + d[columns] - stage] = False
     return mask
@@ -147,5 +144,6 @@ def _quadratures(
     read[(registers + 1)[is_state[registers + 1]]] = True
     kept = preferences.inertial(system, c) | preferences.declared(system)
     kept[wanted] = True
-    column = system.column[layout.jets()[0]]
-    return is_state & ~read & ~((column >= 0) & kept[column])
+    of_kept = np.zeros(len(system.kind), bool)
+    of_kept[system.variable[kept]] = True
+    return is_state & ~read & ~of_kept[layout.jets()[0]]
