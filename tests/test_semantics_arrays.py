@@ -1,5 +1,7 @@
 """Arrays: one group an equation, index expressions, array arithmetic, long arrays as columns."""
 
+import re
+
 import numpy as np
 import pytest
 from flattening import codes, equations, flat, sums, value
@@ -246,3 +248,55 @@ def test_a_long_sum_is_a_variable_of_its_own() -> None:
     unknowns = sum(b.size for b in dae.blocks if b.kind == 3)
     assert unknowns == dae.equation_count
     assert max(g.slots.shape[1] for g in dae.groups) < 10
+
+
+def test_an_array_of_parts_means_the_same_as_parts_one_by_one() -> None:
+    """The same ladder twice: with arrays, and with every part declared and connected by itself."""
+    rungs = 18  # long enough for loops to stay loops
+    arrays = f"""model A
+        Fixed w; Mass m[{rungs}](m = {{0.5*i for i in 1:{rungs}}}, each g = 2); Ladder l[{rungs}](each s.k = 3);
+      equation
+        for i in 1:{rungs} loop connect(l[i].b, m[i].flange); end for;
+        connect(w.flange, l[1].a);
+        for i in 2:{rungs} loop connect(l[i].a, m[i - 1].flange); end for;
+      end A;"""
+    each = range(1, rungs + 1)
+    single = "model A Fixed w;" + "".join(f"Mass m_{i}(m = {0.5 * i}, g = 2);" for i in each)
+    single += "".join(f"Ladder l_{i}(s.k = 3);" for i in each) + "equation connect(w.flange, l_1.a);"
+    single += "".join(f"connect(l_{i}.b, m_{i}.flange);" for i in each)
+    single += "".join(f"connect(l_{i}.a, m_{i - 1}.flange);" for i in each if i > 1) + "end A;"
+    ladder = """
+        model Ladder Flange a, b; Spring s(k = 1); Damper d[2](c = {4, 5});
+        equation
+          connect(a, s.a); connect(s.b, b);
+          for i in 1:2 loop connect(a, d[i].a); connect(d[i].b, b); end for;
+        end Ladder;"""
+    texts = []
+    for text in (arrays, single):
+        dae = flat(text + ladder)
+        found = equations(dae, "equation", "binding", "unconnected") + sums(dae) + potentials(dae)
+        texts.append(sorted(re.sub(r"\b([ml])\[(\d+)\]", r"\1_\2", t) for t in found))
+        assert dae.equation_count == sum(b.size for b in dae.blocks if b.kind == 3)
+        assert value(dae, "m.m" if "m[" in text else "m_3.m") == ([0.5 * i for i in each] if "m[" in text else 1.5)
+    arrays_texts, single_texts = ([normal(t) for t in found] for found in texts)
+    assert sorted(arrays_texts) == sorted(single_texts)
+
+
+def potentials(dae) -> list[str]:
+    """The sets of equal potentials, each as one text."""
+    sets: dict[str, set[str]] = {}
+    for text in equations(dae, "connection"):
+        left, right = text.split(" = ")
+        joined = sets.get(left, {left}) | sets.get(right, {right})
+        for name in joined:
+            sets[name] = joined
+    return ["equal: " + " ".join(sorted(s)) for s in {id(s): s for s in sets.values()}.values()]
+
+
+def normal(text: str) -> str:
+    """Terms and members in an order of their own."""
+    if text.startswith("equal: "):
+        return "equal: " + " ".join(sorted(text.removeprefix("equal: ").split()))
+    if text.endswith(" = 0") and "*" not in text:
+        return " ".join(sorted(re.findall(r"[+-]? ?[\w\[\].]+", "+ " + text.removesuffix(" = 0"))))
+    return text

@@ -172,3 +172,16 @@ def test_columns_hold_one_kind_each() -> None:
     for group in dae.groups:
         for column in dae.kind[group.slots].T:
             assert len(set(column.tolist())) == 1
+
+
+def test_limits_of_parameters_are_checks() -> None:
+    dae = flat("model A parameter Real k(min = 0, max = top) = 1; parameter Real top = 5; Real x(min = 0) = k; end A;")
+    values = dae.parameter_values()
+    low, high = dae.checks
+    assert low.message == "'k' must be at least 0" and high.message == "'k' must be at most top"
+    assert [dae.variable_name(int(v)) for v in high.slots[0]] == ["k", "top"]
+    assert values[dae.find("k")] == 1
+
+
+def test_constants_need_values() -> None:
+    assert codes("model A constant Real c; Real x = c; end A;") == ["E0212"]

@@ -9,12 +9,13 @@ import numpy as np
 from lmoc.distinct import distinct
 from lmoc.expression import dag
 from lmoc.semantics.context import Context
-from lmoc.semantics.draft import AssignmentDraft, Column, Drafts, GroupDraft, compact, spread
+from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
 from lmoc.semantics.elaboration import Elaboration
 from lmoc.semantics.flat import Kind, StateSelect
 from lmoc.semantics.instance import Variable
 from lmoc.semantics.modification import Binding
 from lmoc.semantics.rows import positions
+from lmoc.semantics.value import Value
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 
@@ -23,6 +24,8 @@ def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
     """Add what the declaration of a variable and its modifications say."""
     if variable.value is not None:
         _guarded(model, lambda: _value(model, drafts, variable, variable.value))
+    elif variable.kind == Kind.CONSTANT:
+        model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
     for name, binding in variable.attributes.items():
         _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
 
@@ -44,9 +47,7 @@ def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Bind
         return
     node = variable.parent.owner
     for target, shape, columns in rows:
-        moved = dag.transform(
-            shape, lambda leaf: dag.slot(leaf.value[0] + 1, leaf.value[1]) if leaf.op == "slot" else leaf
-        )
+        moved = _behind_own(shape)
         size = target.size if isinstance(target, np.ndarray) else 1
         own: Column = (variable, target)
         drafts.groups.append(
@@ -78,12 +79,20 @@ def _rows(
     expected = type_ or variable.type.name
     if value.type != expected and (expected, value.type) != ("Real", "Integer"):
         raise Wrong("E0301", f"the value of '{variable.label}' must be of type {expected}", binding_span(binding),
-                    expected=expected, found=value.type)  # fmt: skip
+                    expected=expected, found=value.type, hint=_rounding_hint(expected, value))  # fmt: skip
     if not value.dims and not variable.total and value.uniform:
         leaves, (shape,) = compact(context.leaves.items, value.expr)
         yield 0, shape, tuple((leaf.variable, leaf.index) for leaf in leaves)
         return
     yield from spread(context, value, binding, variable, lenient)
+
+
+def _rounding_hint(expected: str, value: Value) -> str:
+    return (
+        "div(a, b) divides whole numbers, integer(x) rounds down"
+        if (expected, value.type) == ("Integer", "Real")
+        else ""
+    )
 
 
 def _require_constant(rows: list, variable: Variable, binding: Binding, what: str, signal: bool) -> None:
@@ -108,7 +117,11 @@ def _numbers_row(variable: Variable, binding: Binding) -> tuple[np.ndarray, dag.
 
 def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
     span = binding_span(binding)
-    if name in ("start", "nominal", "fixed"):
+    if name in ("min", "max") and variable.kind == Kind.PARAMETER:
+        _limit(model, drafts, variable, name, binding)
+    elif name == "fixed" and variable.kind == Kind.PARAMETER:
+        raise Wrong("E0230", f"'{variable.label}': parameters found by the start equations are not available yet", span)
+    elif name in ("start", "nominal", "fixed"):
         if variable.kind <= Kind.PARAMETER:
             return  # a parameter's start value is a hint for forms to fill in
         type_ = "Boolean" if name == "fixed" else "Real"
@@ -121,6 +134,22 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
         variable.unit = _text(model, variable, name, binding)
     elif name == "stateSelect":
         variable.state_select = _state_select(model, variable, binding)
+
+
+def _limit(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
+    """A parameter must keep its `min` and `max` (4.9.1)."""
+    relation, words = {"min": ("ge", "at least"), "max": ("le", "at most")}[name]
+    for target, shape, columns in _rows(model, variable, binding, True, "Real"):
+        condition = dag.function(relation, dag.slot(0), _behind_own(shape))
+        limit = getattr(binding.expression, "span", None)
+        message = f"'{variable.label}' must be {words} {limit.text if limit else ''}".rstrip()
+        rows = target.size if isinstance(target, np.ndarray) else 1
+        drafts.checks.append(CheckDraft(condition, message, True, ((variable, target), *columns), rows, variable.span))
+
+
+def _behind_own(shape: dag.Expr) -> dag.Expr:
+    """The shape with its columns moved by one, behind that of the variable itself."""
+    return dag.transform(shape, lambda leaf: dag.slot(leaf.value[0] + 1, leaf.value[1]) if leaf.op == "slot" else leaf)
 
 
 def _text(model: Elaboration, variable: Variable, name: str, binding: Binding) -> str:
