@@ -159,8 +159,8 @@ def test_nothing_rests_under_an_uncarried_load():
 
 
 def test_double_pendulum_prints_compactly():
-    from lmoc.symbolic.sorting import sorted_equation
     from lmoc.symbolic.notation import Notation
+    from lmoc.symbolic.sorting import sorted_equation
     from lmoc.symbolic.styles import ASCII
 
     a, b, l = sp.symbols("a b l")
@@ -212,3 +212,30 @@ def test_short_names(names, expected):
     from lmoc.symbolic.names import short_names
 
     assert list(short_names(names).values()) == expected
+
+
+LEVER = """
+model Balance
+  parameter Real m1 = 2, m2 = 1, l1 = 0.5, l2 = 1, g = 9.81, J = 0.1;
+  Lever lever(l1 = l1, l2 = -l2);
+  Inertia body(J = J);
+  Mass a(m = m1, g = -g), b(m = m2, g = -g);
+equation
+  connect(lever.pivot, body.shaft);
+  connect(lever.a, a.flange);
+  connect(lever.b, b.flange);
+end Balance;
+"""
+
+
+def test_a_balanced_lever_rests_in_every_position():
+    import lmoc
+
+    dae = lmoc.compile_text(LEVER)
+    (found,) = dae.equilibria()
+    l1, l2, m1, m2 = sp.symbols("l1 l2 m1 m2")
+    assert found.free == (sp.Symbol("body.theta"),)
+    (condition,) = found.conditions
+    assert equal(condition / (l1 * m1 - l2 * m2), 1)
+    tilted = dae.equilibria(parameters={"m1": 3.0})
+    assert {e["body.theta"] for e in tilted} == {sp.pi / 2, -sp.pi / 2} and all(e.isolated for e in tilted)

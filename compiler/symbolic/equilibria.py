@@ -8,7 +8,7 @@ changes, in several by Newton's method from many starts. Each result says how it
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -116,13 +116,30 @@ def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = Non
     at_rest = {d: sp.S.Zero for d in equations if d in system.states}  # q̇ = v says v = 0
     rest = [e.xreplace(at_rest) for e in equations if e not in system.states]
     unknowns = [x for x in system.states if x not in at_rest]
+    rest, balanced = _without_balanced(rest, set(unknowns), system)
     linear = all(not slope(e, x).free_symbols & set(unknowns) for e in rest for x in unknowns)
     if linear:
         found = _linear(rest, unknowns, set(system.inputs) - set(given))
     else:
         found = _nonlinear(rest, unknowns, system, given)
+    found = [replace(root, conditions=(*root.conditions, *balanced)) for root in found]
     nonlinear = not is_linear(system)
     return [_finished(system, root, at_rest, given, nonlinear) for root in found]
+
+
+def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) -> tuple[list, list]:
+    """Equations without those that the parameter values fulfil in every position, and what must vanish for that."""
+    import sympy as sp
+
+    left, conditions = [], []
+    for e in equations:
+        common = [f for f, _ in sp.factor_list(sp.numer(sp.together(e)))[1] if not f.free_symbols & unknowns]
+        balance = next((f for f in common if f.is_Add and f.xreplace(system.numbers) == 0), None)
+        if balance is None:
+            left.append(e)
+        else:
+            conditions.append(balance)
+    return left, conditions
 
 
 def _exact(value) -> sympy.Expr:
