@@ -326,6 +326,10 @@ CATALOGUE: dict[str, Entry] = {
         "options of the run that cannot be used",
         "Tolerances are positive, times increase, and the stop lies after the start.",
     ),
+    "E0542": Entry(
+        "a variable that is to be kept does not exist",
+        "`--keep` and `keep=` take names of variables or of whole arrays of the flat model, such as `mass.q`.",
+    ),
     "W0551": Entry(
         "an assertion of level warning does not hold",
         "The model says itself that something is not as it should be; the message is the model's.",

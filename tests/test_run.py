@@ -149,3 +149,17 @@ def test_names_of_arrays_are_put_together():
     assert summarised(["m[1].q", "m[2].q", "m[4].q"]) == ["m[1].q", "m[2].q", "m[4].q"]
     assert summarised([f"a[1,{j}].q" for j in range(1, 5)]) == ["a[1,1:4].q"]
     assert len(summarised([f"part{i}.q" for i in range(100)], most=12)) == 12
+
+
+def test_a_run_keeps_only_what_is_asked_for() -> None:
+    dae = lmoc.compile_text(
+        "model M parameter Integer N = 4; Mass m[N](each m = 1, v(each start = 1)); end M;"
+    )
+    run = dae.simulate(stop=1, points=3, keep=["m[2].q"])
+    assert run["m[2].q"] == pytest.approx([0, 0.5, 1])
+    assert run.table_names() == list(run.final) == ["m[2].q"]
+    assert run.energy.balance < 1e-9
+    with pytest.raises(KeyError, match="not kept"):
+        run["m[3].q"]
+    with pytest.raises(lmoc.ModelError, match="did you mean 'm.q'"):
+        dae.simulate(keep=["m.qq"])

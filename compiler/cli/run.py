@@ -34,6 +34,8 @@ def configure(parser: Parser) -> None:
         help="fix a variable at the start; may be repeated")  # fmt: skip
     add("--input", type=assignment(str), metavar="U=SIGNAL", action="append", default=[],
         help="a formula in time, as u='0.1*sin(5*time)', or a table, as u=road.csv; may be repeated")  # fmt: skip
+    add("--keep", metavar="NAME", action="append",
+        help="retain only this variable or array (large models); may be repeated")  # fmt: skip
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
     add("--quiet", action="store_true", help="print nothing but errors")
@@ -74,7 +76,7 @@ def _simulate(arguments: argparse.Namespace) -> Run:
         return dae.simulate(
             arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
             arguments.solver, arguments.formulation, None, dict(arguments.init), dict(arguments.input),
-            listener=progress.stage, progress=progress.reached,
+            keep=arguments.keep, listener=progress.stage, progress=progress.reached,
         )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lmoc.diagnostics import Diagnostic, Report, SimulationError
+from lmoc.diagnostics import Diagnostic, Report, SimulationError, nearest
 from lmoc.numerics import integrators
 from lmoc.numerics.checks import run_checks
 from lmoc.numerics.diagnosis import first_not_finite
@@ -203,6 +203,10 @@ def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.n
     if options.formulation not in FORMULATIONS:
         report.error("E0626", f"formulation '{options.formulation}' is not available", expected=", ".join(FORMULATIONS))
     rtol = options.tolerance(reduced.flat.experiment)
+    for name in options.keep or ():
+        if reduced.flat.find(name) is None:
+            hint = nearest(name, [".".join(n for n, _ in b.path) for b in reduced.flat.blocks])
+            report.error("E0542", f"'{name}' cannot be kept: there is no such variable", hint=hint)
     if not 1e-14 <= rtol < 1 or (options.atol is not None and not options.atol > 0):
         found = f"rtol = {rtol:g}, atol = {options.atol}"
         report.error("E0541", "these tolerances cannot be used", expected="1e-14 ≤ rtol < 1, atol > 0", found=found)

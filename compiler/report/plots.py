@@ -91,8 +91,8 @@ def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None =
 
 
 def choose(run: Run) -> list[str]:
-    """What a picture shows when nothing is asked for: the outputs, else the states."""
-    return list(run.outputs or run.states)
+    """What a picture shows when nothing is asked for: what was kept, else the outputs, else the states."""
+    return list(run.kept if run.kept is not None else run.outputs or run.states)
 
 
 def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]:

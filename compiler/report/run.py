@@ -111,9 +111,18 @@ class Run:
         return [b.name(i) for b in self.flat.blocks if b.output for i in range(b.size)]
 
     @cached_property
+    def kept(self) -> list[str] | None:
+        """Names of what the run was told to keep (without the energy ledger); None where everything is at hand."""
+        if self.trajectory.kept is None:
+            return None
+        names = (self.flat.variable_name(int(v)) for v in self.trajectory.kept)
+        return [name for name in names if not name.startswith("ledger.")]
+
+    @cached_property
     def final(self) -> dict[str, float]:
-        """The last values of the outputs and the states."""
-        return {name: float(self[name][-1]) for name in dict.fromkeys([*self.outputs, *self.states])}
+        """The last values of the outputs and the states, or of what was kept."""
+        names = [*self.outputs, *self.states] if self.kept is None else self.kept
+        return {name: float(self[name][-1]) for name in dict.fromkeys(names)}
 
     # --------------------------------------------------------------------- cost, energy
 
@@ -149,7 +158,12 @@ class Run:
     # ------------------------------------------------------------- tables, files, pictures
 
     def table_names(self) -> list[str]:
-        """Columns of a table: all that changes in time, outputs first; of a large scene outputs, states and inputs."""
+        """Columns of a table: all that changes in time, outputs first; of a large scene outputs, states and inputs.
+
+        Where the run was told what to keep, that and nothing else.
+        """
+        if self.kept is not None:
+            return self.kept
         first = [*self.outputs, *self.states]
         blocks = [b for b in self.flat.blocks if b.kind >= Kind.INPUT and not b.protected]
         if sum(b.size for b in blocks) > MANY:

@@ -123,7 +123,9 @@ def energy_text(run: Run) -> str:
 
 
 def final_rows(run: Run) -> list[tuple[str, float, str, str]]:
-    """(name, value, unit, description) of the outputs, then of the states that are not outputs already."""
+    """(name, value, unit, description) of the outputs, then of the states that are not outputs; or of what was kept."""
+    if run.kept is not None:
+        return [_final_row(run, name) for name in run.kept[:_MOST_ROWS]]
     outputs = {int(run.reduced.register_of[b.offset + i]) for b in run.flat.blocks if b.output for i in range(b.size)}
     names = list(run.outputs)
     if len(names) + len(run.states) > _MOST_ROWS and names:
