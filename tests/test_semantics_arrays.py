@@ -300,3 +300,11 @@ def normal(text: str) -> str:
     if text.endswith(" = 0") and "*" not in text:
         return " ".join(sorted(re.findall(r"[+-]? ?[\w\[\].]+", "+ " + text.removesuffix(" = 0"))))
     return text
+
+
+def test_the_size_of_an_array_of_parts() -> None:
+    dae = flat("""model A parameter Integer n = size(m, 1); Mass m[2, 3](each m = 1); Real x = ndims(m);
+      Real y[size(m, 2)] = m[end, :].q; end A;""")
+    assert value(dae, "n") == 2
+    assert "x = 2" in equations(dae)
+    assert "y[3] = m[2,3].q" in equations(dae)

@@ -10,6 +10,8 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.semantics.context import Context
+from lmoc.semantics.instance import Node
+from lmoc.semantics.reference import find_start, locate
 from lmoc.semantics.translate import (
     LARGE,
     changes,
@@ -178,18 +180,31 @@ def derivative(context: Context, value: Value, call: tree.Call) -> Value:
 
 @builtin("size")
 def _size(context: Context, call: tree.Call) -> Value:
-    array, *axis = arguments(context, call, 1, 2)
-    if not axis:
-        return stack([number(n, "Integer") for n in array.dims], type="Integer")
-    k = int(context.scalar(axis[0], call.arguments[1].span, "an axis"))
-    if not 1 <= k <= len(array.dims):
-        raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(array.dims)}")
-    return number(array.dims[k - 1], "Integer")
+    if call.named or not 1 <= len(call.arguments) <= 2:
+        raise Wrong("E0217", "'size' takes an array and perhaps an axis", call.span)
+    dims = _dims(context, call.arguments[0])
+    if len(call.arguments) == 1:
+        return stack([number(n, "Integer") for n in dims], type="Integer")
+    k = int(context.scalar(context.value(call.arguments[1]), call.arguments[1].span, "an axis"))
+    if not 1 <= k <= len(dims):
+        raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(dims)}")
+    return number(dims[k - 1], "Integer")
+
+
+def _dims(context: Context, e: tree.Expression) -> tuple[int, ...]:
+    """The dimensions of a value, or of an array of parts."""
+    if isinstance(e, tree.Ref) and e.parts[0].name not in context.names:
+        start = find_start(context, e)
+        if isinstance(start, Node):
+            return locate(context, e, start).dims
+    return context.value(e).dims
 
 
 @builtin("ndims")
 def _ndims(context: Context, call: tree.Call) -> Value:
-    return number(len(arguments(context, call, 1)[0].dims), "Integer")
+    if len(call.arguments) != 1:
+        raise Wrong("E0217", "'ndims' takes one array", call.span)
+    return number(len(_dims(context, call.arguments[0])), "Integer")
 
 
 @builtin("scalar")
