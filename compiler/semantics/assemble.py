@@ -28,6 +28,7 @@ class Literals(Block):
 
     @property
     def pattern(self) -> str:
+        """The range of the numbers."""
         return f"{number_text(float(self.values[0]))} … {number_text(float(self.values[-1]))}"
 
 
@@ -125,6 +126,7 @@ def pool_literals(columns: Sequence[Column], offset: int) -> Literals | None:
 
 
 def all_columns(drafts: Drafts) -> list[Column]:
+    """The columns of everything that has been drafted."""
     lists = (
         drafts.groups,
         drafts.initial,
@@ -178,6 +180,7 @@ class Assembler:
         return result
 
     def assignments(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:
+        """Assignments, with variable indices."""
         result = []
         for d in drafts:
             target = np.atleast_1d(np.asarray(d.target, int)) + d.variable.offset
@@ -185,6 +188,7 @@ class Assembler:
         return result
 
     def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:
+        """Checks, with variable indices."""
         return [Check(d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span) for d in drafts]
 
     def literal_values(self) -> list[Assignments]:

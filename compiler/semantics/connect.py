@@ -34,6 +34,7 @@ class Edges:
 
     @staticmethod
     def join(parts: list[tuple[np.ndarray, np.ndarray, int]]) -> Edges:
+        """Edges of several connects, given as (left, right, number of the connect)."""
         if not parts:
             nothing = np.zeros(0, int)
             return Edges(nothing, nothing, nothing)

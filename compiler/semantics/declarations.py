@@ -65,6 +65,7 @@ def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Bind
 
 
 def binding_span(binding: Binding) -> Span | None:
+    """Where a value is written."""
     return getattr(binding.expression, "span", binding.span)
 
 

@@ -54,6 +54,7 @@ class EquationSection:
     # ------------------------------------------------------------------- equalities
 
     def equality(self, outer: Context, e: tree.Equality) -> None:
+        """``left = right``, of numbers, arrays or records."""
         context = self._fresh(outer)
         if isinstance(e.left, tree.Tuple):
             self._several(context, e)
@@ -110,6 +111,7 @@ class EquationSection:
     # ------------------------------------------------------------- loops and branches
 
     def loop(self, context: Context, e: tree.For) -> None:
+        """``for`` over one or several indices."""
         self._loop(context, e, 0)
 
     def _loop(self, context: Context, e: tree.For, k: int) -> None:
@@ -204,6 +206,7 @@ class EquationSection:
     # ------------------------------------------------------------------------- connect
 
     def connect(self, outer: Context, e: tree.Connect) -> None:
+        """``connect(a, b)``: noted for later, when all connections are known."""
         if self.initial:
             raise Wrong("E0305", "connect is not possible in an initial equation", e.span)
         context = self._fresh(outer)
@@ -242,6 +245,7 @@ class EquationSection:
     # --------------------------------------------------------------------------- checks
 
     def check(self, outer: Context, e: tree.CallEquation) -> None:
+        """``assert(condition, message, level)``."""
         name = str(e.call.function)
         if name != "assert":
             raise Wrong("E0230", f"'{name}' belongs to events, which are not available yet", e.span)
@@ -266,6 +270,7 @@ class EquationSection:
         self.drafts.checks.append(CheckDraft(shape, message.text, error, columns, rows, e.span))
 
     def when(self, context: Context, e: tree.When) -> None:
+        """Not available yet."""
         raise Wrong("E0230", "'when' belongs to events, which are not available yet", e.span,
                     hint="laws with switching parts come with a later version")  # fmt: skip
 

@@ -13,6 +13,7 @@ from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
+
 from lmoc.diagnostics import Diagnostic
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
@@ -155,7 +156,10 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Segmented sums ``Σ sign[j]·variable[index[j]] = 0`` over ``j`` in ``start[i] … start[i+1]-1``: one row a connection set."""
+    """Segmented sums ``Σ sign[j]·variable[index[j]] = 0`` over ``j`` in ``start[i] … start[i+1]-1``.
+
+    One row a connection set, a total of the ledger, or a sum over a long array.
+    """
 
     start: np.ndarray  # (n+1,)
     index: np.ndarray  # (nnz,) variable indices

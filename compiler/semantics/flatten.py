@@ -80,6 +80,7 @@ class _Flattening:
         self._unconnected: dict[Node, tuple[Variable, np.ndarray]] = {}
 
     def run(self) -> FlatDAE:
+        """From the instance tree to the flat model."""
         model, root = self.model, self.model.root
         model.populate(root)
         self.overrides.check(root, self.report)

@@ -154,4 +154,5 @@ class Broken(Node):
 
 
 def root_instance(cls: Scope, modifier: Modifier = NOTHING) -> Instance:
+    """The instance of the model itself."""
     return Instance(cls.name, None, (), None, cls, False, cls, cls.kind, modifier)

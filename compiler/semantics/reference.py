@@ -71,6 +71,7 @@ def reference(context: Context, ref: tree.Ref) -> Value:
 
 
 def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
+    """What to say where the first name of a reference means nothing."""
     name = ref.parts[0].name
     candidates = [*context.names, *context.scope.visible(), "time"]
     return Wrong("E0201", f"there is no variable '{name}' here", ref.parts[0].span, hint=nearest(name, candidates))

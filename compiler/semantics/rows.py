@@ -55,6 +55,7 @@ class Space:
         return len(self.shape)
 
     def with_axis(self, length: int) -> Space:
+        """With one more axis, of a `for`."""
         return Space((*self.shape, length), self.coordinates, self.whole)
 
     def selected(self, rows: np.ndarray) -> Space:

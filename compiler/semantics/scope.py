@@ -77,6 +77,7 @@ class Scope:
 
     @property
     def full_name(self) -> str:
+        """Dotted name from the top."""
         prefix = self.parent.full_name if self.parent else ""
         return f"{prefix}.{self.name}" if prefix else self.name
 
@@ -86,6 +87,7 @@ class Scope:
 
     @property
     def root(self) -> Scope:
+        """The outermost scope of the file or of the library."""
         scope = self
         while scope.definition is not None:
             scope = scope.parent
@@ -309,6 +311,7 @@ class Scope:
         yield from BUILTINS
 
     def suggest(self, name: str) -> str:
+        """A hint with the visible name most like this one."""
         return nearest(name, self.visible())
 
 

@@ -167,6 +167,7 @@ def _relation(context: Context, e: tree.Binary, left: Value, right: Value) -> Va
 
 
 def need_number(value: Value, span: Span) -> None:
+    """Refuse what is no number."""
     if value.type not in ("Real", "Integer"):
         raise Wrong("E0301", "a number is needed here", span, expected="Real or Integer", found=value.type)
 
@@ -177,10 +178,12 @@ def _need(value: Value, type_: str, span: Span) -> None:
 
 
 def dims_text(dims: tuple[int, ...]) -> str:
+    """Dimensions for messages."""
     return f"[{', '.join(map(str, dims))}]" if dims else "a scalar"
 
 
 def sizes_differ(what: str, left: tuple[int, ...], right: tuple[int, ...], span: Span) -> Wrong:
+    """What to say where two sizes do not fit."""
     return Wrong(
         "E0302", f"{what} do not fit: {dims_text(left)} and {dims_text(right)}", span,
         expected=dims_text(left), found=dims_text(right),

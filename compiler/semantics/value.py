@@ -44,10 +44,12 @@ class Value:
 
 
 def number(value: float | bool, type: str = "Real") -> Value:
+    """A known number."""
     return Value(const(value), (), type)
 
 
 def text(value: str) -> Value:
+    """A known text."""
     return Value(None, (), "String", text=value)
 
 
@@ -65,6 +67,7 @@ def from_numbers(numbers: np.ndarray, type: str = "Real") -> Value:
 
 
 def common_type(values) -> str:
+    """The type of an array of such elements."""
     types = {v.type for v in values}
     if not types:
         return "Real"
