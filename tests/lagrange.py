@@ -64,12 +64,17 @@ def well_posed(a: Assembly, b: Split) -> bool:
     return all(np.linalg.cond(V.T @ X @ V) < 1e4 for V, X in blocks if V.shape[1])
 
 
-def fewest_states(a: Assembly) -> int:
-    """Position and velocity of all that has inertia, and the damped positions on which a force depends."""
+def state_counts(a: Assembly) -> tuple[int, int]:
+    """Fewest and most states: position and velocity of all that has inertia, and positions of what is only damped.
+
+    The fewest where a force feels only some combination of the damped positions (a spring between two of them feels
+    their difference): to reach it, such a combination must itself be the state.
+    """
     b = split(a)
+    moving = 2 * b.R.shape[1]
     held = b.A @ np.linalg.solve(b.A.T @ a.K @ b.A, b.A.T @ a.K @ b.S) if b.A.shape[1] else 0
-    felt = np.linalg.matrix_rank(a.K @ (b.S - held), tol=1e-8) if b.S.shape[1] else 0
-    return 2 * b.R.shape[1] + int(felt)
+    felt = int(np.linalg.matrix_rank(a.K @ (b.S - held), tol=1e-8)) if b.S.shape[1] else 0
+    return moving + felt, moving + (b.S.shape[1] if felt else 0)
 
 
 def trajectory(a: Assembly, times: np.ndarray, x0: np.ndarray, v0: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from lagrange import Assembly, fewest_states, split, trajectory, well_posed
+from lagrange import Assembly, split, state_counts, trajectory, well_posed
 
 import lmoc
 from lmoc.diagnostics import Report
@@ -277,7 +277,8 @@ def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
     initial, v0 = start_of(scene, P, p, bases.R, data.draw)
 
     dae = lmoc.compile_text(scene.text())
-    assert len(dae.states) == fewest_states(assembly)
+    fewest, most = state_counts(assembly)
+    assert fewest <= len(dae.states) <= most
 
     run = dae.simulate(times=TIMES, rtol=1e-8, atol=1e-11, initial=initial)
     places = np.array([run[scene.potential(i)] for i in range(len(scene.kinds))]).T
