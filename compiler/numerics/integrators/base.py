@@ -60,6 +60,7 @@ class Outcome:
     reached : number of output times that have been handed to the sink (the start counted)
     failure : why it ended before the last output time, empty where it did not
     stiff : it ended because the problem is stiff and the method explicit
+    step : the last step size, where the method tells
     counts : steps, rejected, … for the statistics
     """
 
@@ -69,6 +70,7 @@ class Outcome:
     failure: str = ""
     stiff: bool = False
     counts: dict[str, int] = field(default_factory=dict)
+    step: float = np.inf
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ NAMES = ("dop853", "cvode", "adams", "ida", "cvodes", "radau")
 _PATIENCE = 2_000, 100_000  # least and most steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
 _EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
+_FOLLOWED = 15  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
 
 
@@ -96,12 +97,13 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     stats: dict[str, object] = {"solver": "dop853", "reason": "not stiff"}
     if not outcome.stiff and outcome.failure not in (COLLAPSED, NOT_FINITE):
         return outcome, stats
-    name, why = stiff_method(problem.system, outcome.time, outcome.x)
+    name, why = stiff_method(problem, outcome)
     later = integrator(name)(_rest(problem, outcome, name))
     later.reached += outcome.reached - 1
     later.counts = _added(outcome.counts, later.counts)
     met = "stiffness" if outcome.stiff else outcome.failure
-    return later, {"solver": f"dop853, {name}", "reason": f"{met} at t = {outcome.time:.4g} s, then {why}"}
+    solvers = "dop853" if name == "dop853" else f"dop853, {name}"
+    return later, {"solver": solvers, "reason": f"{met} at t = {outcome.time:.4g} s, then {why}"}
 
 
 def patience(system: System) -> float:
@@ -111,18 +113,38 @@ def patience(system: System) -> float:
     return float(np.clip(_WORK / (16 * max(1, system.plan.row_count)), least, most))
 
 
-def stiff_method(system: System, t: float, x: np.ndarray) -> tuple[str, str]:
-    """Radau where the fast modes swing (BDF of higher order is not stable there), else BDF."""
-    if system.n <= _EIGENVALUES:
-        jacobian = system.jacobian(t, x)
-        if np.isfinite(jacobian).all():
-            values = np.linalg.eigvals(jacobian)
-            fastest = values[np.argmax(np.abs(values))]
-            if abs(fastest.imag) > 3 * abs(fastest.real):
-                return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
-            constant = 1 / max(abs(fastest), 1e-300)
-            return "cvode", f"BDF, because the fastest mode decays (time constant {constant:.3g} s)"
-    return "cvode", "BDF"
+def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
+    """What goes on where DOP853 has given up, and why.
+
+    BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
+    below the tolerance; if not it must be followed, which DOP853 does best.
+    """
+    system = problem.system
+    jacobian = system.jacobian(outcome.time, outcome.x) if system.n <= _EIGENVALUES else np.array([[np.nan]])
+    if not np.isfinite(jacobian).all():
+        return "cvode", "BDF"
+    values, vectors = np.linalg.eig(jacobian)
+    k = int(np.argmax(np.abs(values)))
+    fastest = values[k]
+    if abs(fastest.imag) <= 3 * abs(fastest.real):
+        constant = 1 / max(abs(fastest), 1e-300)
+        return "cvode", f"BDF, because the fastest mode decays (time constant {constant:.3g} s)"
+    remaining = (problem.times[-1] - outcome.time) / outcome.step
+    if outcome.stiff and remaining < _FOLLOWED * patience(system) and _at_work(problem, outcome, values, vectors, k):
+        return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
+    return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
+
+
+def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np.ndarray, k: int) -> bool:
+    """Whether the amplitude of mode k is above the tolerances."""
+    rate = np.empty(problem.system.n)
+    problem.system.rhs(outcome.time, outcome.x, rate)
+    try:
+        amplitude = vectors[:, k] * np.linalg.solve(vectors, rate.astype(complex))[k] / values[k]
+    except np.linalg.LinAlgError:
+        return True
+    allowed = problem.atol + problem.rtol * np.abs(outcome.x)
+    return bool((np.abs(amplitude) > allowed)[problem.tested].any())
 
 
 def _rest(problem: Problem, outcome: Outcome, name: str) -> Problem:

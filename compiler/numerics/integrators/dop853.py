@@ -71,7 +71,7 @@ class _Run:
             error, stiffness = stepper.attempt(self.t, h)
             if error < 1.0:
                 if self.accept(t_new, h, stiffness):
-                    return self.outcome("", stiff=True)
+                    return self.outcome("", stiff=True, step=h)
                 h *= min(grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else grow
                 grow = _GROW
             else:
@@ -118,10 +118,10 @@ class _Run:
             self.problem.sink(first + a, evaluate_dense(theta[a : a + largest], x[own], terms[own]))
         self.dense = []
 
-    def outcome(self, failure: str, stiff: bool = False) -> Outcome:
+    def outcome(self, failure: str, stiff: bool = False, step: float = np.inf) -> Outcome:
         self.flush()
         counts = {"steps": self.steps, "rejected": self.rejected}
-        return Outcome(self.t, self.stepper.x.copy(), self.reached, failure, stiff, counts)
+        return Outcome(self.t, self.stepper.x.copy(), self.reached, failure, stiff, counts, step)
 
 
 def evaluate_dense(theta: np.ndarray, x: np.ndarray, terms: np.ndarray) -> np.ndarray:
