@@ -150,3 +150,12 @@ def test_the_library_is_consistent() -> None:
             flatten([*load(), scene], (), "A", {}, report)
         except ModelError as error:
             assert {d.code for d in error.diagnostics if d.severity == "error"} <= {"E0310"}, definition.name
+
+
+def test_connected_variables_have_one_unit() -> None:
+    (error,) = mistakes("""
+        connector Own Real q(unit = "mm"); flow Real f(unit = "N"); end Own;
+        model Part Own own; equation own.q = 0; end Part;
+        model A Part p; Mass m(m = 1); equation connect(p.own, m.flange); end A;""")
+    assert error.code == "E0303"
+    assert (error.expected, error.found) == ("mm", "m")

@@ -18,6 +18,7 @@ from lmoc.expression import dag
 from lmoc.semantics.draft import ConnectDraft
 from lmoc.semantics.flat import Group, Kind, Sums
 from lmoc.semantics.instance import Broken, Instance, Node, Variable
+from lmoc.semantics.unit_check import unit_of
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 
@@ -129,6 +130,10 @@ def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Varia
     inner = [v.total[len(e.total) :] for v, e in ((a, draft.left), (b, draft.right))]
     if inner[0] != inner[1]:
         raise _mismatch(a, b, draft, f"'{a.name}' differs in size")
+    units = unit_of(a), unit_of(b)
+    if None not in units and not units[0].same_as(units[1]):
+        raise Wrong("E0303", f"'{a.label}' and '{b.label}' have different units", draft.span,
+                    expected=a.unit, found=b.unit)  # fmt: skip
     if a.kind > Kind.PARAMETER and b.kind > Kind.PARAMETER:
         yield a, b
 

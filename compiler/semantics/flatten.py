@@ -84,6 +84,9 @@ class _Flattening:
         model, root = self.model, self.model.root
         model.populate(root)
         self.overrides.check(root, self.report)
+        if "ledger" in root.children:
+            span = root.children["ledger"].name_span
+            self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
         self.layout = layout = lay_out(root)
         for variable in layout.variables:
             declare(model, self.drafts, variable)

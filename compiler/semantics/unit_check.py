@@ -7,7 +7,6 @@ is never an error. A group is checked once: its columns have one unit each.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 
 from lmoc.diagnostics import Report
 from lmoc.expression.dag import LOGICAL, RELATIONS, Expr, postorder
@@ -161,7 +160,7 @@ def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None
     if op == "pow":
         return _infer_power(node, args)
     if op == "sqrt":
-        return args[0] and args[0] ** Fraction(1, 2)
+        return args[0] and _to_power(args[0], 0.5)
     if op in _KEEPING:
         return args[0]
     if op in _ANGLE_FUNCTIONS:
@@ -192,6 +191,14 @@ def _infer_power(node: Expr, args: list[Unit | None]) -> Unit | None:
         raise _Mismatch(node.args[1], exponent, None, ONE_UNIT)
     if base is None or base.same_as(ONE_UNIT):
         return base
-    if node.args[1].is_const:
-        return base ** Fraction(node.args[1].value).limit_denominator(64)
+    if node.args[1].is_const and abs(node.args[1].value) < 1000:
+        return _to_power(base, node.args[1].value)
     return None
+
+
+def _to_power(unit: Unit, power: float) -> Unit:
+    if power == int(power):
+        return unit ** int(power)
+    from fractions import Fraction
+
+    return unit ** Fraction(power).limit_denominator(64)

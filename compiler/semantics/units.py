@@ -9,21 +9,23 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache
+from typing import TYPE_CHECKING
 
 from lmoc.diagnostics import nearest
 
+if TYPE_CHECKING:
+    from fractions import Fraction
+
 BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
-Exponents = tuple[int | Fraction, ...]  # whole ones as int: they are almost all, and far faster
-NONE: Exponents = (0,) * len(BASE)
+NONE = (0,) * len(BASE)
 
 
 @dataclass(frozen=True)
 class Unit:
     """A product of powers of the base units, times a factor."""
 
-    exponents: Exponents = NONE
+    exponents: tuple[int | Fraction, ...] = NONE  # whole ones as int: almost all are, and they are far faster
     factor: float = 1.0
 
     def __mul__(self, other: Unit) -> Unit:
@@ -55,7 +57,7 @@ ONE_UNIT = Unit()
 SECOND = Unit(tuple(int(name == "s") for name in BASE))
 
 
-def _of(text: str) -> Exponents:
+def _of(text: str) -> tuple[int, ...]:
     powers = dict.fromkeys(BASE, 0)
     for symbol, exponent in re.findall(r"([A-Za-z]+)(-?\d+)?", text):
         powers[symbol] += int(exponent or 1)
@@ -138,9 +140,17 @@ def _product(text: str, whole: str) -> Unit:
             hint = "factors are joined by dots: N.m" if re.search(r"[*· ]", whole) else ""
             raise UnitError(f"'{factor}' is no unit in '{whole}'", hint)
         symbol, exponent = match.groups()
-        power = _plain(Fraction((exponent or "1").strip("()")))
+        power = _exponent((exponent or "1").strip("()"))
         result = result * _symbol(symbol) ** power
     return result
+
+
+def _exponent(text: str) -> int | Fraction:
+    if "/" not in text:
+        return int(text)
+    from fractions import Fraction  # brings decimal with it, which few models need
+
+    return _plain(Fraction(text))
 
 
 def _symbol(symbol: str) -> Unit:
