@@ -17,7 +17,7 @@ from lmoc.expression.dag import ONE, ZERO, slots
 from lmoc.semantics.flat import Block, FlatDAE, Kind, StateSelect
 from lmoc.structure.affine import Affine, codes, composed, resolve
 from lmoc.structure.affine_forest import UNUSED, orient
-from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of
+from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, leaves_of
 from lmoc.structure.derived import NONE, DerivedParameters
 from lmoc.structure.equations import Equations, Loops
 from lmoc.structure.substitution import Rows, equal_columns_merged, merged, substituted
@@ -185,7 +185,8 @@ class Elimination:
         """Replace v by c·der(x) along all rows that say so; whether there were any.
 
         A variable is replaced once; further rows for it, and rows that would close a circle, stay equations, and so
-        do those of a variable preferred as a state over x.
+        do those of a variable preferred as a state over x, and ``f = m·der(v)`` where positions tell f as well: it
+        is the force of a spring, and follows from these.
         """
         pieces = [(g, f) for g in self.groups if (f := form_of(g.shape, g.kinds)).role == Role.DERIVATIVE]
         if not pieces:
@@ -193,7 +194,8 @@ class Elimination:
         child = np.concatenate([g.column(f.leaves[0]) for g, f in pieces])
         parent = np.concatenate([g.column(f.leaves[1]) for g, f in pieces])
         wanted = self._score < PREFERRED
-        free = np.flatnonzero(~wanted[child] | wanted[parent])
+        definition = np.concatenate([np.full(len(g.source), f.link(0)[1] is ONE) for g, f in pieces])
+        free = np.flatnonzero((~wanted[child] | wanted[parent]) & (definition | ~self._beside_positions()[child]))
         taken = np.zeros(len(child), bool)
         taken[free] = first_without_circles(child[free], parent[free], self._score)
         if not taken.any():
@@ -212,6 +214,18 @@ class Elimination:
         self.groups = [g for g in self.groups if id(g) not in chosen] + left
         self._apply(child[taken])
         return True
+
+    def _beside_positions(self) -> np.ndarray:
+        """The variables, no coordinates themselves, that stand in an equation with undifferentiated ones; a mask."""
+        mask = np.zeros(self.flat.count + 1, bool)
+        for g in self.groups:
+            if form_of(g.shape, g.kinds).role == Role.NONE:
+                columns = [g.column(leaf) for leaf in leaves_of(g.shape, g.kinds, UNKNOWN) if leaf.value[1] == 0]
+                if len(columns) > 1:
+                    table = np.stack(columns, axis=1)
+                    position = self.differentiated[table]
+                    mask[table[position.any(axis=1)[:, None] & ~position]] = True
+        return mask
 
     # -------------------------------------------------------------- substitution
 
