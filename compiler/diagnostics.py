@@ -116,7 +116,11 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     """A hint sentence with the candidate most like `name`; empty where none is near."""
     import difflib
 
-    close = difflib.get_close_matches(name, list(candidates), n=1, cutoff=0.6)
+    candidates = list(candidates)
+    same = next((c for c in candidates if c.lower() == name.lower() and c != name), None)
+    if same is not None:
+        return f"did you mean '{same}'?"
+    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else ""
 
 

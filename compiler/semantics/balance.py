@@ -52,6 +52,8 @@ class _Count:
         self.equations = 0
         self.used: set[int] = set()  # ids of variables that its equations mention
         self.given_outside: list[Span] = []  # values that the part around gives to its variables
+        self.written: list[Span] = []  # its own equations
+        self.inputs: list[Variable] = []  # of parts inside, which it has to give
 
 
 def check_balance(
@@ -81,6 +83,7 @@ def check_balance(
     for variable in unbound:
         around = variable.parent.owner.parent
         counts[id(around.owner)].unknowns += variable.size
+        counts[id(around.owner)].inputs.append(variable)
     silent = {id(v.parent.owner.parent.owner) for v in missing}
     seen: set[int] = set()
     for part in parts:
@@ -104,6 +107,8 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
             binding = draft.columns[0][0].value
             if binding.node is not None and binding.node is not draft.node:
                 count.given_outside.append(draft.span)
+        if draft.origin == "equation" and draft.span is not None and draft.span not in count.written:
+            count.written.append(draft.span)
         count.used.update(id(v) for v, _ in draft.columns if v is not None)
 
 
@@ -165,16 +170,14 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
     unknowns, equations = count.unknowns / elements, count.equations / elements
     flows = sum(v.size for v in variables if v.flow and v.kind == Kind.UNKNOWN and v.parent.owner is part) / elements
     unknowns, equations = f"{unknowns:g}", f"{equations:g}"
-    few = count.equations < count.unknowns
-    own = [v for v in variables if v.parent.owner is part and v.kind == Kind.UNKNOWN and not v.flow]
-    unused = [v for v in own if id(v) not in count.used and not v.causality and not v.connector]
-    hint = ""
-    if few and unused:
-        names = ", ".join(f"'{v.name}'" for v in unused[:5])
-        hint = f"{names} {'stands' if len(unused) == 1 else 'stand'} in no equation of the class"
-    elif few and flows:
-        hint = f"{flows:g} of the equations {'comes' if flows == 1 else 'come'} from its connections, one for each flow"
-    labels = tuple(Label(span, "this is an equation more") for span in count.given_outside[:3] if not few)
+    labels: tuple[Label, ...] = ()
+    if count.equations < count.unknowns:
+        hint = _why_few(part, count, variables, flows)
+    else:
+        hint = "" if part.parent else "its parts and their connections have their own equations: they need no others"
+        labels = tuple(Label(span, "this is an equation more") for span in count.given_outside[:3])
+        if not labels and len(count.written) <= 3:
+            labels = tuple(Label(span, "an equation of its own") for span in count.written)
     what = "model" if part.parent is None else "part"
     report.error(
         "E0307",
@@ -185,3 +188,18 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
         hint=hint,
         labels=labels,
     )
+
+
+def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows: float) -> str:
+    """What may be missing."""
+    own = [v for v in variables if v.parent.owner is part and v.kind == Kind.UNKNOWN and not v.flow]
+    unused = [v for v in own if id(v) not in count.used and not v.causality and not v.connector]
+    if unused:
+        names = ", ".join(f"'{v.name}'" for v in unused[:5])
+        return f"{names} {'stands' if len(unused) == 1 else 'stand'} in no equation of the class"
+    if count.inputs:
+        names = ", ".join(f"'{v.label}'" for v in count.inputs[:5])
+        return f"the inputs of its parts are among the unknowns: {names}"
+    if flows:
+        return f"{flows:g} of the equations {'comes' if flows == 1 else 'come'} from its connections, one for each flow"
+    return ""

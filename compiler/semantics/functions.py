@@ -51,7 +51,10 @@ def _find(context: Context, e: tree.Call) -> Scope:
             raise
         name = str(e.function)
         functions = [n for n in context.scope.visible() if _is_function(context.scope.find(n))]
-        hint = nearest(name, [*functions, *BUILTIN_FUNCTIONS])
+        last = e.function.parts[-1].name
+        hint = (
+            f"it is called '{last}'" if last in BUILTIN_FUNCTIONS else nearest(last, [*functions, *BUILTIN_FUNCTIONS])
+        )
         raise Wrong("E0203", f"there is no function '{name}'", e.function.span, hint=hint) from None
     if not _is_function(found):
         kind = found.kind if isinstance(found, Scope) else "type"

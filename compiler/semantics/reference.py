@@ -74,7 +74,8 @@ def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     """What to say where the first name of a reference means nothing."""
     name = ref.parts[0].name
     candidates = [*context.names, *context.scope.visible(), "time"]
-    return Wrong("E0201", f"there is no variable '{name}' here", ref.parts[0].span, hint=nearest(name, candidates))
+    hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
+    return Wrong("E0201", f"there is no variable '{name}' here", ref.parts[0].span, hint=hint)
 
 
 def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Builtin | None:

@@ -292,7 +292,7 @@ class Scope:
                 raise Wrong("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
             text = ".".join(names)
-            raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=self.suggest(names[0]))
+            raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=self.suggest(names[-1]))
         if isinstance(found, Member):
             raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span)
         return found
@@ -312,7 +312,8 @@ class Scope:
 
     def suggest(self, name: str) -> str:
         """A hint with the visible name most like this one."""
-        return nearest(name, self.visible())
+        visible = set(self.visible())
+        return f"did you mean '{name}'?" if name in visible else nearest(name, sorted(visible))
 
 
 def redeclared_class(old: Scope, argument: tree.Argument, scope: Scope) -> Scope:

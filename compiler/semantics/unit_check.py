@@ -33,7 +33,7 @@ def check_units(drafts: Drafts, report: Report) -> None:
     seen: set[tuple] = set()
     for group in (*drafts.groups, *drafts.initial):
         if not group.library:
-            _check(report, seen, group.left, group.right, group.columns, None, group.span)
+            _check(report, seen, group.left, group.right, group.columns, None, group.span, group.node.label)
     for bindings in (drafts.bindings, drafts.starts):
         for b in bindings:
             if not b.library:
@@ -75,6 +75,7 @@ def _check(
     columns: Sequence[Column],
     target: Variable | None,
     span: Span | None,
+    inside: str = "",
 ) -> None:
     written = tuple(variable.unit if variable is not None else "" for variable, _ in columns)
     key = (left, right, written, target and target.unit, span and span.start)
@@ -87,12 +88,12 @@ def _check(
         found = infer(right, units)
         expected = own if left is None else infer(left, units)
     except _Mismatch as mismatch:
-        _report_mismatch(report, mismatch, columns, span)
+        _report_mismatch(report, mismatch, columns, span, inside)
         return
     if found is None or expected is None or found.same_as(expected):
         return
-    side = target.label if left is None else to_text(left, _namer(columns))
-    value = to_text(right, _namer(columns))
+    side = target.label if left is None else to_text(left, _namer(columns, inside))
+    value = to_text(right, _namer(columns, inside))
     report.error(
         "E0303",
         "the units of the two sides differ" if left is not None else f"the value of '{target.label}' has another unit",
@@ -108,8 +109,8 @@ def _shown(expr: Expr, unit: Unit, columns: Sequence[Column]) -> str:
     return variable.unit if variable is not None and variable.unit else str(unit)
 
 
-def _report_mismatch(report: Report, m: _Mismatch, columns: Sequence[Column], span: Span | None) -> None:
-    name = _namer(columns)
+def _report_mismatch(report: Report, m: _Mismatch, columns: Sequence[Column], span: Span | None, inside: str) -> None:
+    name = _namer(columns, inside)
     if m.right is None:
         message = "this needs a number without unit"
         expected, found = "unit 1", f"{to_text(m.left, name)} is in {_shown(m.left, m.left_unit, columns)}"
@@ -120,10 +121,13 @@ def _report_mismatch(report: Report, m: _Mismatch, columns: Sequence[Column], sp
     report.error("E0303", message, span, expected=expected, found=found)
 
 
-def _namer(columns: Sequence[Column]):
+def _namer(columns: Sequence[Column], inside: str):
+    """Names for slots, as seen from inside a part."""
+    lead = f"{inside}." if inside else ""
+
     def name(column: int, order: int) -> str:
         variable, index = columns[column]
-        text = variable.label if variable is not None else "…"
+        text = variable.label.removeprefix(lead) if variable is not None else "…"
         for _ in range(order):
             text = f"der({text})"
         return text
