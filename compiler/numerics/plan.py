@@ -14,6 +14,7 @@ from lmoc.numerics.signals import Constant, Formula, Signal, gives
 from lmoc.structure.program import Apply, Program, Solve, needed_steps, read, written
 from lmoc.structure.reduced import Reduced
 
+LARGE_BLOCK = 40  # unknowns
 LEDGER = ("ledger.work", "ledger.heat")
 
 
@@ -59,6 +60,11 @@ class Plan:
     def row_count(self) -> int:
         """Rows of all steps, as a measure of size."""
         return program_rows(self.program)
+
+    @property
+    def has_large_blocks(self) -> bool:
+        """Whether a block needs sparse factors: then C pays for fewer rows too."""
+        return any(isinstance(s, Solve) and s.unknowns.shape[1] > LARGE_BLOCK for s in self.program)
 
     @cached_property
     def parameters(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.numerics.casadi_system import Buffered, Lowered, can_lower
 from lmoc.numerics.newton import Newton, dense_solve
+from lmoc.numerics.plan import LARGE_BLOCK
 from lmoc.structure.program import Program, Solve, read, written
 
 _EXACT = 1e-13  # as in `newton`
@@ -18,8 +19,12 @@ _QUICK = 10  # undamped steps before the damped method takes over
 
 
 def can_segment(program: Program) -> bool:
-    """Whether everything inside the blocks is explicit."""
-    return all(not isinstance(s, Solve) or can_lower((s,)) or can_lower(s.inner) for s in program)
+    """Whether everything inside the blocks is explicit, and they are small enough for dense matrices."""
+    return all(not isinstance(s, Solve) or can_lower((s,)) or _small(s) and can_lower(s.inner) for s in program)
+
+
+def _small(step: Solve) -> bool:
+    return step.unknowns.shape[1] <= LARGE_BLOCK
 
 
 class SegmentedProgram:

@@ -221,7 +221,7 @@ def make_system(plan: Plan) -> System:
         return CasadiSystem(plan)
     if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
         return SegmentedSystem(plan)
-    if plan.row_count > COMPILED_ROWS:
+    if plan.row_count > COMPILED_ROWS or plan.has_large_blocks:
         from lmoc.numerics.native.c_code import Unsupported
         from lmoc.numerics.native.system import NativeSystem
 
