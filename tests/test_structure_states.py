@@ -257,3 +257,19 @@ def test_states_that_cannot_be():
     with pytest.raises(ModelError) as caught:
         reduce(flat_model(LEVER), states=["theta", "q1"])
     assert "'q1' cannot be a state: it follows from the others through 'q1 = l1*sin(theta)'" in str(caught.value)
+
+
+def test_a_spring_between_two_dampers_is_one_state():
+    """Two masses, four states, and the stretch of the spring; where its ends are is a quadrature."""
+    flat = flat_model("""
+        parameter k = 3
+        var x y a b f
+        1*der(der(x)) = f
+        2*der(der(y)) = -f
+        f = k*(b - a)
+        f = 0.5*(der(a) - der(x))
+        f = 0.7*(der(y) - der(b))
+    """)
+    reduced = checked(flat)
+    assert reduced.state_names == ["x", "der(x)", "y", "der(y)", "f"]
+    assert len(reduced.quadratures) == 1

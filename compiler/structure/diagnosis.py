@@ -213,9 +213,7 @@ def _refuse(report: Report, message: str, reason: str, span) -> None:
     report.error("E0406", f"{message}: {reason}", span, hint="leave it out of states=[…], or name fewer states")
 
 
-def notes(
-    system: System, choice: Choice, tied: Tied, layout: Layout, is_state: np.ndarray
-) -> tuple[Diagnostic, ...]:
+def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
     """N0407: for constraints that stay in the system, which coordinates were chosen and what follows from them."""
     if not choice.dependent or tied.constant.all():
         return ()

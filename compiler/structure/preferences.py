@@ -10,7 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lmoc.distinct import distinct
 from lmoc.semantics.flat import Kind, StateSelect
+from lmoc.structure.coefficients import linear_form
 from lmoc.structure.coordinates import Tied
 from lmoc.structure.equations import Equations
 from lmoc.structure.explicit import pivot, solved
@@ -27,7 +29,7 @@ def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:
     return np.array([c for c in dict.fromkeys(columns) if c >= 0], np.int64)
 
 
-def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> np.ndarray:
     """How much each column is wanted as a state: a permutation rank, the higher the more.
 
     What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
@@ -36,6 +38,7 @@ def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray) ->
     Parameters
     ----------
     wanted : (k,) columns the user asked for, best first
+    liked : further columns to be preferred to what has no mark
     """
     select = system.flat.per_variable(lambda b: b.state_select, np.int64)
     best = np.full(len(system.kind), -1, np.int64)
@@ -47,6 +50,7 @@ def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray) ->
     curved = np.zeros(len(system.variable), bool)
     curved[tied.column[~tied.constant]] = True
     level = 2 + 2 * curved + inertial(system, c)
+    level[liked] = 6
     level = np.where(worst < StateSelect.default, worst, level)
     level = np.where(best > StateSelect.default, best + 10, level)
     level[wanted] = 100 + np.arange(len(wanted))[::-1]
@@ -63,7 +67,9 @@ def inertial(system: System, c: np.ndarray) -> np.ndarray:
     return mask
 
 
-def offsets_with_room(system: System, match: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def offsets_with_room(
+    system: System, match: np.ndarray, wanted: np.ndarray, more: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Offsets that leave room for the preferred variables to be states.
 
     Whoever is to be a state instead of another variable in an equation must be differentiated as often as that.
@@ -71,7 +77,7 @@ def offsets_with_room(system: System, match: np.ndarray, wanted: np.ndarray) -> 
     Parameters
     ----------
     match : a highest-value transversal
-    wanted : columns the user asked for
+    wanted, more : columns that the user asked for, and others to be preferred
 
     Returns
     -------
@@ -83,7 +89,7 @@ def offsets_with_room(system: System, match: np.ndarray, wanted: np.ndarray) -> 
     select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
     liked[system.normalized.root[select]] = True
     liked = liked[system.variable] | _implicit(system, match, d)
-    liked[wanted] = True
+    liked[wanted] = liked[more] = True
     if not liked.any():
         return c, d
     own = liked[incidence.column] & (incidence.order == 0)
@@ -92,6 +98,23 @@ def offsets_with_room(system: System, match: np.ndarray, wanted: np.ndarray) -> 
     lower = system.needed.copy()
     np.maximum.at(lower, incidence.column[own], reach[incidence.row[own]] + incidence.order[own])
     return offsets(incidence, match, lower)
+
+
+def distances(system: System, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Columns of variables that are computed as differences of massless points, or the like.
+
+    In ``x = b - a`` a and b are integrated, though perhaps only x is read: a spring between two dampers.
+    """
+    massless = (d == 1) & ~inertial(system, c)
+    found = [np.zeros(0, np.int64)]
+    for b in system.batches:
+        if len(b.unknown) < 3 or any(leaf.value[1] for leaf in b.unknown) or linear_form(b.shape, b.kinds) is None:
+            continue
+        columns = np.stack([system.column[b.slots[:, leaf.value[0]]] for leaf in b.unknown], axis=1)
+        computed = d[columns] == 0
+        fits = (c[b.row] == 0) & (computed.sum(axis=1) == 1) & (computed | massless[columns]).all(axis=1)
+        found.append(columns[fits][computed[fits]])
+    return distinct(np.concatenate(found))
 
 
 def _implicit(system: System, match: np.ndarray, d: np.ndarray) -> np.ndarray:
