@@ -3,6 +3,8 @@
 import pytest
 from flattening import attribute, codes, equations, flat, flatten_text, mistakes, value
 
+from lmoc.diagnostics import ModelError
+
 NESTED = """
 model Inner parameter Real p = 1; parameter Real q = 2*p; end Inner;
 model Middle Inner i(p = 2); end Middle;
@@ -180,3 +182,17 @@ def test_values_of_a_short_class_hold_for_all_elements() -> None:
     assert value(dae, "s.i.p") == [5, 5, 5]
     assert value(dae, "s.i.w") == [1, 2, 1, 2, 1, 2]
     assert value(dae, "one.i.p") == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "code"),
+    [("r", "text", "E0301"), ("n", 2.5, "E0301"), ("b", 3, "E0301"), ("r", [1, 2], "E0302"), ("v[7]", 1, "E0215"),
+     ("v[1", 1, "E0622"), ("v[1]", "x", "E0301"), ("f", 1, "E0206")],
+)  # fmt: skip
+def test_values_from_outside_that_do_not_fit(name: str, given, code: str) -> None:
+    text = """model A parameter Real r = 1; parameter Integer n = 1; parameter Boolean b = true;
+      parameter Real v[2] = {1, 2}; final parameter Real f = 2; end A;"""
+    with pytest.raises(ModelError) as error:
+        flatten_text(text, None, {name: given})
+    assert [d.code for d in error.value.diagnostics] == [code]
+    assert value(flatten_text(text, None, {"b": False, "n": 3, "v": [5, 6]}), "v") == [5, 6]

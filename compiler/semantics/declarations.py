@@ -112,7 +112,9 @@ def _numbers_row(variable: Variable, binding: Binding) -> tuple[np.ndarray, dag.
     target = positions(variable.total).reshape(-1)
     if numbers.ndim == 0:
         return target, dag.const(float(numbers)), ()
-    flat = np.broadcast_to(numbers, variable.total).reshape(-1)
+    if numbers.shape != variable.total:
+        raise Wrong()  # reported with the values from outside
+    flat = numbers.reshape(-1)
     return target, dag.slot(0), ((None, flat),)
 
 

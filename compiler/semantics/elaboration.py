@@ -305,7 +305,10 @@ class Elaboration:
 
     def _evaluate(self, variable: Variable, binding: Binding) -> np.ndarray:
         if binding.node is None and binding.scope is None:
-            return np.broadcast_to(np.asarray(binding.expression, float), variable.total).ravel()
+            numbers = np.asarray(binding.expression, float)
+            if numbers.shape not in ((), variable.total):
+                raise Wrong()  # reported with the values from outside
+            return np.broadcast_to(numbers, variable.total).ravel()
         context, value = self.binding_value(binding)
         numbers = np.asarray(context.known(value, binding.span, f"the value of '{variable.label}'"), float)
         rank = context.space.rank

@@ -15,6 +15,8 @@ from lmoc.source import Span
 from lmoc.syntax import tree
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from lmoc.semantics.instance import Instance
     from lmoc.semantics.scope import Scope
 
@@ -25,14 +27,14 @@ class Binding:
 
     Attributes
     ----------
-    expression : syntax tree, or a number (or nested sequence of numbers) the caller gave
+    expression : syntax tree, or what the caller gave
     node : the instance in whose class the expression is written; None for a caller's number
     scope : the class whose text it is
     each : the `each` marks on the way to it: its own argument's first, then that of the argument around it, ...
     alike : for each array dimension between `node` and the element, whether all along it get the same
     """
 
-    expression: tree.Expression | float | bool | tuple
+    expression: tree.Expression | np.ndarray
     node: Instance | None
     scope: Scope | None
     span: Span | None
@@ -158,6 +160,6 @@ def _extend(modifier: Modifier, dimensions: int, depth: int) -> Modifier:
     return replace(modifier, value=value, inside=inside)
 
 
-def given(number: float | bool | tuple) -> Modifier:
-    """The modifier of a number that the caller gave: alike everywhere."""
+def given(number: np.ndarray) -> Modifier:
+    """The modifier of a number that the caller gave, alike everywhere, or of an array of them."""
     return Modifier(Binding(number, None, None, None))

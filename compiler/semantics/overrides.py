@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.diagnostics import Report, nearest
 from lmoc.expression import dag
 from lmoc.semantics.flat import Assignments, Kind, parse_name
-from lmoc.semantics.instance import Instance, Variable
+from lmoc.semantics.instance import Broken, Instance, Variable
 from lmoc.semantics.modification import Modifier, given
 
 Path = tuple[str, ...]
@@ -27,14 +27,20 @@ class Overrides:
 
     def __init__(self, parameters: Mapping[str, object]):
         self.given = dict(parameters)
-        self.whole: dict[Path, object] = {}
-        self.elements: dict[Path, list[tuple[tuple, float]]] = {}
+        self.whole: dict[Path, np.ndarray] = {}
+        self.elements: dict[Path, list[tuple[tuple, np.ndarray]]] = {}
         self._names: dict[Path, str] = {}
         self._unreadable: list[str] = []
+        self._no_numbers: list[str] = []
         for name, value in parameters.items():
             parsed = parse_name(name)
             if parsed is None:
                 self._unreadable.append(name)
+                continue
+            try:
+                value = np.asarray(value, float)
+            except (TypeError, ValueError):
+                self._no_numbers.append(name)
                 continue
             path = tuple(n for n, _ in parsed)
             self._names[path] = name
@@ -59,9 +65,13 @@ class Overrides:
         labels = [v.label for v in known]
         for name in self._unreadable:
             report.error("E0622", f"'{name}' is not a name", hint=nearest(name, labels))
+        for name in self._no_numbers:
+            report.error("E0301", f"the value given for '{name}' is not a number", found=repr(self.given[name]))
         for path in (*self.whole, *self.elements):
             name = self._names[path]
             found = _walk(root, path)
+            if isinstance(found, Broken):
+                continue  # it has been said what is wrong with it
             if not isinstance(found, Variable):
                 hint = nearest(".".join(path), labels)
                 report.error("E0622", f"the model has no parameter '{name}'", hint=hint)
@@ -73,14 +83,20 @@ class Overrides:
             elif path in self.whole:
                 self._check_value(name, found, report)
             else:
-                for subscripts, _ in self.elements[path]:
+                for subscripts, value in self.elements[path]:
+                    self._check_type(name, found, value, report)
                     if element_positions(found, subscripts) is None:
                         report.error("E0215", f"there is no '{name}'", found.span, expected=str(list(found.total)))
 
+    def _check_type(self, name: str, found: Variable, value: np.ndarray, report: Report) -> None:
+        whole = found.type.name != "Real" and np.any(value != np.round(value))
+        if whole or (found.type.name == "Boolean" and np.any((value != 0) & (value != 1))):
+            expected = {"Integer": "an integer", "Boolean": "true or false"}.get(found.type.name, "a literal's number")
+            report.error("E0301", f"'{name}' must be {expected}", found.span, found=str(self.given[name]))
+
     def _check_value(self, name: str, found: Variable, report: Report) -> None:
-        value = np.asarray(self.whole[tuple(n for n, _ in parse_name(name))], float)
-        if found.type.name == "Integer" and np.any(value != np.round(value)):
-            report.error("E0301", f"'{name}' must be an integer", found.span, found=str(self.given[name]))
+        value = self.whole[tuple(n for n, _ in parse_name(name))]
+        self._check_type(name, found, value, report)
         shape = value.shape
         if shape not in ((), found.total):
             report.error("E0302", f"the value given for '{name}' has the wrong size", found.span,
