@@ -264,8 +264,8 @@ def test_a_spring_between_two_dampers_is_one_state():
     flat = flat_model("""
         parameter k = 3
         var x y a b f
-        1*der(der(x)) = f
-        2*der(der(y)) = -f
+        2*der(der(x)) = f
+        3*der(der(y)) = -f
         f = k*(b - a)
         f = 0.5*(der(a) - der(x))
         f = 0.7*(der(y) - der(b))
