@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from lmoc.symbolic.linearize import LinearModel
 
 
+MOST_SHOWN = 20  # states of a model whose matrices are printed, and modes in the table
+MOST_COLUMNS = 8  # coordinates in the table of modes
+
+
 def configure(parser: Parser) -> None:
     add_symbol_arguments(parser)
     add = parser.add_argument
@@ -90,55 +94,70 @@ def _about(model: LinearModel) -> str:
 
 
 def _numbers(model: LinearModel) -> str:
-    parts = [matrix("A", model.A, model.states, model.states)]
-    if model.inputs:
+    if len(model.states) > MOST_SHOWN:
+        told = f"{len(model.states)} states: the matrices can be written with -o FILE or --json"
+        return f"{told}\n\n{_modes(model)}"
+    parts = [matrix("A", model.A, model.states, model.states)] if model.states else []
+    if model.inputs and model.states:
         parts.append(matrix("B", model.B, model.states, model.inputs))
-    if model.Bd is not None:
-        parts.append(matrix("B1", model.Bd, model.states, [f"der({u})" for u in model.inputs]))
-    parts.append(matrix("C", model.C, model.outputs, model.states))
+    parts += _of_derivatives("B", model.Bs, model.states, model.inputs)
+    if model.states:
+        parts.append(matrix("C", model.C, model.outputs, model.states))
     if model.inputs and np.any(model.D != 0):
         parts.append(matrix("D", model.D, model.outputs, model.inputs))
-    if model.Dd is not None:
-        parts.append(matrix("D1", model.Dd, model.outputs, [f"der({u})" for u in model.inputs]))
+    parts += _of_derivatives("D", model.Ds, model.outputs, model.inputs)
     return "\n\n".join([*parts, _modes(model)])
+
+
+def _of_derivatives(title: str, matrices: tuple, rows: list[str], inputs: list[str]) -> list[str]:
+    """What the inputs' derivatives do, where they do anything: B1, B2, …"""
+    return [
+        matrix(f"{title}{k}", m, rows, ["der(" * k + u + ")" * k for u in inputs])
+        for k, m in enumerate(matrices)
+        if k > 0 and np.any(m != 0)
+    ]
 
 
 def _modes(model: LinearModel) -> str:
     """Eigenvalues, frequencies, damping, and the shape of each mode in the coordinates."""
     rows = []
     places = [q for q, _ in model.coordinates] or list(range(len(model.states)))
+    places = places if len(places) <= MOST_COLUMNS else []
     head = ["eigenvalue", "rad/s", "Hz", "damping", *(model.states[q] for q in places)]
     for i, value in enumerate(model.eigenvalues):
         if value.imag < 0:
             continue
         damping = model.dampings[i]
-        mode = model.modes[places, i] if model.modes.size else []
+        mode = model.modes[places, i] if places else []
         rows.append(
             [
                 complex_number(value) + (" ±" if value.imag > 0 else ""),
                 shown(abs(value)),
                 shown(abs(value) / (2 * np.pi)),
-                "–" if np.isnan(damping) else shown(damping),
+                "–" if np.isnan(damping) else shown(0.0 if abs(damping) < 1e-12 else damping),
                 *(complex_number(np.round(m, 6)) for m in mode),
             ]
         )
-    return f"{table(rows, head)}\n\n{model.stability}"
+    more = [f"… {len(rows) - MOST_SHOWN} more"] if len(rows) > MOST_SHOWN else []
+    if not rows:
+        return "no states: the outputs follow the inputs at once"
+    return "\n".join([table(rows[:MOST_SHOWN], head), *more, "", model.stability])
 
 
 def _symbols(model: LinearModel) -> str:
     from lmoc.symbolic.notation import Notation
 
-    named = [("A", model.A), ("B", model.B), ("B1", model.Bd), ("C", model.C), ("D", model.D), ("D1", model.Dd)]
-    named = [(title, m) for title, m in named if m is not None and m.rows and m.cols]
-    entries = [e for _, m in named for e in m]
+    named = [("A", model.A, 0), *(("B", m, k) for k, m in enumerate(model.Bs))]
+    named += [("C", model.C, 0), *(("D", m, k) for k, m in enumerate(model.Ds))]
+    named = [(title, m, k) for title, m, k in named if m.rows and m.cols and (k == 0 or any(m))]
+    entries = [e for _, m, _ in named for e in m]
     notation = Notation.of(*entries, names=(*model.states, *model.inputs, *model.outputs))
     parts = []
-    for title, m in named:
-        rows = model.states if title[0] in "AB" else model.outputs
-        columns = model.states if title[0] in "AC" else model.inputs
+    for title, m, k in named:
+        rows = model.states if title in "AB" else model.outputs
+        columns = model.states if title in "AC" else ["der(" * k + u + ")" * k for u in model.inputs]
         body = [[notation.name(r), *(notation.text(m[i, j]) for j in range(m.cols))] for i, r in enumerate(rows)]
-        derivative = "der({})" if title[1:] else "{}"
-        parts.append(table(body, [title, *(notation.name(derivative.format(c)) for c in columns)]))
+        parts.append(table(body, [f"{title}{k or ''}", *(notation.name(c) for c in columns)]))
     with_names = [f"  {short}  {full}" for short, full in notation.abbreviations.items()]
     return "\n\n".join(parts + (["\n".join(["with", *with_names])] if with_names else []))
 
@@ -153,6 +172,7 @@ def as_data(model: LinearModel) -> dict:
 
     data = {"states": list(model.states), "inputs": list(model.inputs), "outputs": list(model.outputs)}
     data |= {k: plain(getattr(model, k)) for k in ("A", "B", "C", "D", "Bd", "Dd")}
+    data |= {"B_by_order": [plain(m) for m in model.Bs], "D_by_order": [plain(m) for m in model.Ds]}
     data["point"] = {name: str(v) if model.symbolic else float(v) for name, v in model.point.items()}
     if not model.symbolic:
         data["eigenvalues"] = [[v.real, v.imag] for v in model.eigenvalues.tolist()]

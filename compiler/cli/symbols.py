@@ -52,6 +52,9 @@ def number(value: float) -> str:
 
 
 def complex_number(value: complex) -> str:
+    """The number, without a part that is rounding only."""
+    small = 1e-12 * abs(value)
+    value = complex(0.0 if abs(value.real) < small else value.real, 0.0 if abs(value.imag) < small else value.imag)
     if value.imag == 0:
         return number(value.real)
     return f"{number(value.real)} {'-' if value.imag < 0 else '+'} {number(abs(value.imag))}i"

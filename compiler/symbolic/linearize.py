@@ -41,9 +41,9 @@ class LinearModel:
         Outputs at the point.
     """
 
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    states: list[str]
+    inputs: list[str]
+    outputs: list[str]
     A: Matrix
     Bs: tuple[Matrix, ...]
     C: Matrix
@@ -171,9 +171,7 @@ class LinearModel:
         """A control.StateSpace (python-control must be installed)."""
         import control
 
-        return control.ss(
-            *self.matrices(), states=list(self.states), inputs=list(self.inputs), outputs=list(self.outputs)
-        )
+        return control.ss(*self.matrices(), states=self.states, inputs=self.inputs, outputs=self.outputs)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """A, B, C, D, Bd, Dd and the names as arrays, for files."""
@@ -268,9 +266,9 @@ def linearize(
         Bs.append(finish(_jacobian(f, columns)))
         Ds.append(finish(_jacobian(h, columns)))
     return LinearModel(
-        states=tuple(s.name for s in system.states),
-        inputs=tuple(u.name for u in system.inputs),
-        outputs=tuple(outputs),
+        states=[s.name for s in system.states],
+        inputs=[u.name for u in system.inputs],
+        outputs=list(outputs),
         A=finish(_jacobian(f, system.states)),
         Bs=tuple(Bs),
         C=finish(_jacobian(h, system.states)),

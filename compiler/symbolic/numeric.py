@@ -109,13 +109,25 @@ class NumericSystem:
             values, jacobian = self.matrices(x, u)
             if not np.all(np.isfinite(values[:n])):
                 return None
-            step = np.linalg.lstsq(jacobian[:n, :n], values[:n], rcond=1e-12)[0]
+            step = _newton_step(jacobian[:n, :n], values[:n])
             x = x - step
             if np.abs(step).max(initial=0.0) <= 1e-12 * (1.0 + np.abs(x).max(initial=0.0)):
                 break
         x[np.abs(x) < 1e-14 * np.abs(x).max(initial=0.0)] = 0.0
         scale = 1.0 + np.abs(jacobian[:n, :n]).sum(axis=1) * (1.0 + np.abs(x).max(initial=0.0)) if n else 1.0
         return x if np.all(np.abs(self.rates(x, u)) <= 1e-9 * scale) else None
+
+
+def _newton_step(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The solution of A x = b, the shortest best one where A is singular."""
+    try:
+        x = np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        x = np.full(len(b), np.nan)
+    size = np.abs(A).sum(axis=1) * np.abs(x).max(initial=0.0) + np.abs(b)
+    if np.all(np.isfinite(x)) and np.all(np.abs(A @ x - b) <= 1e-12 * size) and np.abs(x).max(initial=0.0) < 1e12:
+        return x
+    return np.linalg.lstsq(A, b, rcond=1e-12)[0]
 
 
 def linearize_numerically(
@@ -152,9 +164,9 @@ def linearize_numerically(
         at = int(np.searchsorted(system.input_variables, v))
         Bs[order][:, at], Ds[order][:, at] = jacobian[:n, n + column], jacobian[n:, n + column]
     return LinearModel(
-        states=tuple(system.states),
-        inputs=tuple(system.inputs),
-        outputs=tuple(outputs),
+        states=list(system.states),
+        inputs=list(system.inputs),
+        outputs=list(outputs),
         A=jacobian[:n, :n],
         Bs=tuple(Bs),
         C=jacobian[n:, :n],

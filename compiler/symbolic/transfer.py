@@ -199,7 +199,7 @@ def input_output_equation(model: LinearModel, u: str, y: str) -> InputOutputEqua
     return InputOutputEquation(u, y, tf.denominator.xreplace(p), tf.numerator.xreplace(p))
 
 
-def _index(names: tuple[str, ...], name: str, what: str) -> int:
+def _index(names: list[str], name: str, what: str) -> int:
     from lmoc.diagnostics import Diagnostic, ModelError, nearest
 
     if name in names:
