@@ -131,3 +131,31 @@ def test_arrays_of_connectors_must_fit(sizes) -> None:
     assert codes(f"model A Mass m[{a}](each m = 1); Fixed w[{b}]; equation connect(m.flange, w.flange); end A;") == [
         "E0302"
     ]
+
+
+@pytest.mark.parametrize("supported", ["false", "true"])
+def test_a_protected_connector_belongs_to_its_class(supported: str) -> None:
+    """The way in which Modelica's own library lets parts react on a housing or on the ground."""
+    dae = flat(
+        """
+        connector F Real s; flow Real f; end F;
+        model Ground F flange; equation flange.s = 0; end Ground;
+        partial model Supported
+          parameter Boolean useSupport = false; Real length; F flange; F support if useSupport;
+        protected
+          F inner_support(f = -flange.f); Ground ground if not useSupport;
+        equation
+          length = flange.s - inner_support.s;
+          connect(inner_support, support); connect(ground.flange, inner_support);
+        end Supported;
+        model Pull extends Supported; equation flange.f = -time; end Pull;
+        model Hold F a; equation a.s = 1; end Hold;
+        model A parameter Boolean held = HELD; Pull p(useSupport = held); Hold h; Hold g if held;
+        equation connect(p.flange, h.a); connect(p.support, g.a); end A;
+        """.replace("HELD", supported),
+        library=False,
+    )
+    assert "p.inner_support.f = -p.flange.f" in equations(dae)
+    balance = {"true": "p.support.f + g.a.f = 0", "false": "p.ground.flange.f - p.inner_support.f = 0"}
+    assert balance[supported] in sums(dae)
+    assert not equations(dae, "unconnected") and not dae.notes

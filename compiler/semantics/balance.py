@@ -79,7 +79,7 @@ def check_balance(
         if variable.kind == Kind.UNKNOWN and not _is_input(variable):
             count = counts[id(variable.parent.owner)]
             count.unknowns += variable.size
-            count.equations += variable.size * variable.flow  # given from outside
+            count.equations += variable.size * variable.flow_from_outside
     for variable in unbound:
         around = variable.parent.owner.parent
         counts[id(around.owner)].unknowns += variable.size
@@ -168,7 +168,7 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
     cls: Scope = part.cls
     elements = max(1, part.size)
     unknowns, equations = count.unknowns / elements, count.equations / elements
-    flows = sum(v.size for v in variables if v.flow and v.kind == Kind.UNKNOWN and v.parent.owner is part) / elements
+    flows = sum(v.size for v in variables if v.flow_from_outside and v.parent.owner is part) / elements
     unknowns, equations = f"{unknowns:g}", f"{equations:g}"
     labels: tuple[Label, ...] = ()
     if count.equations < count.unknowns:

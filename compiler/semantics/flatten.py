@@ -149,7 +149,7 @@ class _Flattening:
         layout = self.layout
         groups = equalities(self.connections, kinds)
         self.sums, connected = balances(self.connections)
-        flows = [v for v in layout.variables if v.flow and v.kind == Kind.UNKNOWN]
+        flows = [v for v in layout.variables if v.flow_from_outside]
         for variable, positions in unconnected(flows, connected, layout.count):
             slots = (variable.offset + positions)[:, None]
             part = variable.parent.owner.part

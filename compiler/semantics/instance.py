@@ -103,6 +103,18 @@ class Variable(Node):
         """A constant or a parameter."""
         return self.kind <= Kind.PARAMETER
 
+    @property
+    def flow_from_outside(self) -> bool:
+        """A flow that connections outside its part give: that of a port, not of a protected connector."""
+        if not self.flow or self.kind != Kind.UNKNOWN:
+            return False
+        node: Node = self
+        while node is not self.parent.owner:
+            if node.protected:
+                return False
+            node = node.parent
+        return True
+
 
 class Instance(Node):
     """An instance of a class with elements: the model, a part, a connector, a record."""
