@@ -135,6 +135,9 @@ def test_tearing_ends_at_the_favourite():
 def test_tearing_divides_by_safe_coefficients_only():
     rows = [frozenset({0, 1}), frozenset({0, 1})]
     found = tear(rows, [frozenset(), frozenset({1})], frozenset({1}))
+    assert found.torn == (0,)
+    assert found.steps == ((1, 1),) and found.residuals == (0,)
+    found = tear(rows, [frozenset(), frozenset()], frozenset({1}))
     assert found.torn == (1, 0)
     assert not found.steps and found.residuals == (0, 1)
 

@@ -112,6 +112,29 @@ def test_two_masses_on_a_rigid_link_between_guides():
     assert machine.derivative(np.array([x, v]), 0.0) == pytest.approx([v, a[0]], rel=1e-8)
 
 
+FOUR_BARS = """
+    input u
+    var a b c s t
+    start a = 1
+    start b = 0.3
+    start c = 1.2
+    0.4*cos(a) + 1.2*cos(b) - 0.9*cos(c) = 1
+    0.4*sin(a) + 1.2*sin(b) - 0.9*sin(c) = 0
+    0.1*der(der(a)) = u + 0.4*sin(a)*s - 0.4*cos(a)*t
+    0.2*der(der(b)) = 1.2*sin(b)*s - 1.2*cos(b)*t
+    0.3*der(der(c)) = -0.9*sin(c)*s + 0.9*cos(c)*t
+"""
+
+
+def test_four_bar_linkage_turns_by_its_crank():
+    """Closed by iteration for positions, by linear equations for velocities and for the two reactions."""
+    reduced = reduce(flat_model(FOUR_BARS))
+    assert reduced.state_names == ["a", "der(a)"]
+    blocks = [(s.unknowns.shape[1], s.linear) for s in reduced.rhs if isinstance(s, Solve)]
+    assert blocks == [(2, False), (2, True), (2, True)]
+    assert np.abs(flat_residuals(reduced, np.array([1.0, 0.7]), 0.3)).max() < 1e-6
+
+
 def test_planetary_gear_has_two_coordinates():
     flat = flat_model("""
         parameter r = 2

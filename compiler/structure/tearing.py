@@ -1,9 +1,9 @@
 """Tearing: few unknowns of a block are kept for the solver, the others follow from them one after the other.
 
 A greedy heuristic after Cellier & Kofman, "Continuous System Simulation" (2006), 7.2, and Meijer, "Tearing
-differential algebraic equations in an object-oriented modeling language" (2011): derivatives of states are torn
-first (a mechanism then ends at its mass matrix), then what stands in most of the equations. Substitution is kept
-shallow: along a chain it multiplies errors in each link.
+differential algebraic equations in an object-oriented modeling language" (2011): what no equation gives safely is
+torn first, then derivatives of states (a mechanism then ends at its mass matrix), then what stands in most of the
+equations. Substitution is kept shallow: along a chain it multiplies errors in each link.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ def tear(
         for v in found:
             users.setdefault(v, []).append(e)
     missing = [set(found) for found in unknowns]
+    solvable = set().union(*safe)
     depth: dict[int, int] = {}
     torn: list[int] = []
     steps: list[tuple[int, int]] = []
@@ -76,7 +77,8 @@ def tear(
                 settle(v, level)
         rest = [v for v in users if v not in depth]
         if rest:
-            best = max(rest, key=lambda v: (v in favourites, sum(e in open_equations for e in users[v]), -v))
+            count = {v: sum(e in open_equations for e in users[v]) for v in rest}
+            best = max(rest, key=lambda v: (v not in solvable, v in favourites, count[v], -v))
             torn.append(best)
             settle(best, 0)
     return Tearing(tuple(torn), tuple(steps), tuple(sorted(open_equations)))
