@@ -142,3 +142,13 @@ def test_several_mistakes_are_named_at_once_and_do_not_cascade() -> None:
           connect(s.a, s.b);
         end A;""")
     assert found == ["E0202", "E0201", "E0201"]
+
+
+def test_each_element_of_an_array_has_its_own_inner() -> None:
+    dae = flat("""
+        model Part outer Real g; Real x = g; end Part;
+        model Cell inner Real g = h; parameter Real h = 1; Part p[2]; end Cell;
+        model A Cell c[2](h = {3, 4}); end A;""")
+    assert "c[2].p[1].x = c[2].g" in equations(dae)
+    assert "c[2].g = c[2].h" in equations(dae)
+    assert value(dae, "c.h") == [3, 4]
