@@ -124,7 +124,7 @@ def _starts(system: System, layout: Layout, wanted: np.ndarray, first: int) -> t
     steps: list[Apply] = []
     for a in system.flat.starts:
         hit = np.flatnonzero(system.column[n.root[a.target]] >= 0)
-        jet = layout.start_of(a.target[hit])
+        jet = layout.register_behind(a.target[hit])
         hit, jet = hit[wanted[jet]], jet[wanted[jet]]
         jet, once = first_of_each(jet)
         hit = hit[once]

@@ -51,7 +51,7 @@ class Layout:
         found = np.flatnonzero(self.system.kind[variable] == INPUT)
         return np.stack([found, variable[found], order[found]])
 
-    def start_of(self, variables: np.ndarray) -> np.ndarray:
+    def register_behind(self, variables: np.ndarray) -> np.ndarray:
         """Register of the root jet behind each flat variable."""
         n = self.system.normalized
         return self.base[n.root[variables]] + n.order[variables]
@@ -71,7 +71,7 @@ def names_of_jets(system: System, layout: Layout) -> tuple[np.ndarray, np.ndarra
     if len(found):
         part = flat.per_variable(lambda b: b.part, np.int64)
         plain = flat.per_variable(lambda b: 2 * b.connector + b.protected, np.int64)
-        register = layout.start_of(found)
+        register = layout.register_behind(found)
         rank = np.lexsort((found, plain[found], part[found] != part[n.root[found]], register))
         ordered = register[rank]
         first = np.ones(len(rank), bool)
@@ -91,7 +91,7 @@ def way_back(system: System, layout: Layout) -> tuple[np.ndarray, list[Apply], n
     """
     n = system.normalized
     every = np.arange(system.flat.count)
-    register_of = layout.start_of(every)
+    register_of = layout.register_behind(every)
     moved = np.flatnonzero((n.factor != -1) | (n.offset != -1))
     if not len(moved):
         return register_of, [], moved
