@@ -157,7 +157,7 @@ def test_a_run_keeps_only_what_is_asked_for() -> None:
     )
     run = dae.simulate(stop=1, points=3, keep=["m[2].q"])
     assert run["m[2].q"] == pytest.approx([0, 0.5, 1])
-    assert run.table_names() == list(run.final) == ["m[2].q"]
+    assert list(run.columns()) == ["time", *run.final] == ["time", "m[2].q"]
     assert run.energy.balance < 1e-9
     with pytest.raises(KeyError, match="not kept"):
         run["m[3].q"]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lmoc.expression.text import number_text, to_text
-from lmoc.report.names import summarised
+from lmoc.report.names import block_pattern, patterns, summarised
 from lmoc.semantics.flat import Assignments, Block, FlatDAE, Group, Kind, Part
 from lmoc.structure.program import Apply, Program, Solve, Step, Total
 from lmoc.structure.reduced import Reduced
@@ -140,22 +140,7 @@ def column_pattern(flat: FlatDAE, variables: np.ndarray) -> str:
     first = int(variables[0])
     if (variables == first).all():
         return flat.variable_name(first)
-    block = flat.block_at(first)
-    places = variables - block.offset
-    if places.min() < 0 or places.max() >= block.size:
-        return f"{flat.variable_name(first)}…"
-    indices = np.unravel_index(places, block.dims)
-    ranges = [f"{i.min() + 1}:{i.max() + 1}" if i.min() != i.max() else str(i.min() + 1) for i in indices]
-    return _with_indices(block, ranges)
-
-
-def _with_indices(block: Block, indices: Sequence[str]) -> str:
-    left = iter(indices)
-    names = []
-    for name, dims in block.path:
-        own = ",".join(next(left) for _ in dims)
-        names.append(f"{name}[{own}]" if own else name)
-    return ".".join(names)
+    return block_pattern(flat, variables) or f"{flat.variable_name(first)}…"
 
 
 def _sums(flat: FlatDAE) -> list[str]:
@@ -232,14 +217,20 @@ def _unique(texts: Iterator[str]) -> list[str]:
     return distinct if len(distinct) <= 20 else [*distinct[:20], f"… and {len(distinct) - 20} more"]
 
 
+def register_patterns(reduced: Reduced, registers: np.ndarray, most: int = 12) -> list[str]:
+    """The jets in some registers, arrays put together."""
+    table = reduced.registers
+    return patterns(reduced.flat, table.variable[registers], table.order[registers], most)
+
+
 def _states(reduced: Reduced) -> list[str]:
-    lines = [f"    {name}" for name in summarised(reduced.state_names, 40)]
+    lines = [f"    {name}" for name in register_patterns(reduced, reduced.states, 40)]
     return [f"states ({len(reduced.states)})", *(lines or ["    none"])]
 
 
 def _quadratures(reduced: Reduced) -> list[str]:
-    names = [reduced.register_name(int(r)) for r in reduced.quadratures]
-    return [f"quadratures ({len(names)})", *(f"    {name}" for name in summarised(names, 20))] if names else []
+    names = register_patterns(reduced, reduced.quadratures, 20)
+    return [f"quadratures ({len(reduced.quadratures)})", *(f"    {name}" for name in names)] if names else []
 
 
 def _program(title: str, reduced: Reduced, program: Program, indent: str = "    ") -> list[str]:
@@ -304,7 +295,7 @@ def numeric_text(reduced: Reduced) -> str:
     plan, system = Simulator(reduced).system(default_signals(reduced.flat), True, report)
     indptr, indices = system.pattern()
     columns = np.repeat(np.arange(system.n), np.diff(indptr))
-    names = summarised([reduced.register_name(int(r)) for r in plan.states], 12)
+    names = register_patterns(reduced, plan.states)
     rows = [
         ("evaluated by", system.kind),
         ("integrated", f"{system.n}: {', '.join(names)}"),

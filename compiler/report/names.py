@@ -115,3 +115,46 @@ def _indices(name: str) -> list[str]:
 def _span_name(first: str, last: str) -> str:
     merged = iter(x if x == y else f"{x}:{y}" for x, y in zip(_indices(first), _indices(last), strict=True))
     return re.sub(r"\d+(?=[,\]])", lambda _: next(merged), first)
+
+
+def patterns(flat: FlatDAE, variables: np.ndarray, orders: np.ndarray | None = None, most: int = 12) -> list[str]:
+    """Names of jets with the members of arrays put together, without making the name of each.
+
+    Parameters
+    ----------
+    variables : (n,) indices in the flat model
+    orders : (n,) order of the derivative of each, 0 where not given
+    most : entries after which the rest is only counted
+    """
+    variables = np.asarray(variables, int)
+    orders = np.zeros(len(variables), int) if orders is None else np.asarray(orders, int)
+    key = flat.block_of[variables] * 64 + orders
+    _, first = np.unique(key, return_index=True)
+    result: list[str] = []
+    for position in np.sort(first).tolist():
+        own = variables[key == key[position]]
+        name = block_pattern(flat, own)
+        names = summarised([flat.variable_name(int(v)) for v in own], most) if name is None else [name]
+        order = int(orders[position])
+        result += ["der(" * order + n + ")" * order for n in names]
+    return result if len(result) <= most else [*result[: most - 1], f"… ({len(variables)} in all)"]
+
+
+def block_pattern(flat: FlatDAE, variables: np.ndarray) -> str | None:
+    """``m[2:10000].q`` for variables of one array that fill a range of its indices; None for others."""
+    block = flat.block_at(int(variables[0]))
+    places = variables - block.offset
+    if places.min() < 0 or places.max() >= block.size:
+        return None
+    if not block.dims:
+        return block.name(0)
+    indices = np.unravel_index(places, block.dims)
+    spans = [(int(i.min()) + 1, int(i.max()) + 1) for i in indices]
+    if np.prod([high - low + 1 for low, high in spans]) != len(variables):
+        return None
+    texts = iter(f"{low}:{high}" if low != high else str(low) for low, high in spans)
+    names = []
+    for name, dims in block.path:
+        own = ",".join(next(texts) for _ in dims)
+        names.append(f"{name}[{own}]" if own else name)
+    return ".".join(names)

@@ -70,10 +70,7 @@ class Run:
             return self.time
         if name.startswith("der(") and name.endswith(")"):
             return self._derivative(name)
-        variables = self.flat.find(name)
-        if variables is None:
-            raise UnknownNameError(name, hint_for(self.flat, name))
-        values = self.values(variables)
+        values = self.values(self._variables(name))
         return values if _is_array(self.flat, name) else values[:, 0]
 
     def __contains__(self, name: object) -> bool:
@@ -120,8 +117,9 @@ class Run:
 
     @cached_property
     def final(self) -> dict[str, float]:
-        """The last values of the outputs and the states, or of what was kept."""
-        names = [*self.outputs, *self.states] if self.kept is None else self.kept
+        """The last values of the outputs and, unless there are very many, of the states; or of what was kept."""
+        states = self.states if len(self.reduced.states) <= MANY else []
+        names = [*self.outputs, *states] if self.kept is None else self.kept
         return {name: float(self[name][-1]) for name in dict.fromkeys(names)}
 
     # --------------------------------------------------------------------- cost, energy
@@ -157,30 +155,38 @@ class Run:
 
     # ------------------------------------------------------------- tables, files, pictures
 
-    def table_names(self) -> list[str]:
-        """Columns of a table: all that changes in time, outputs first; of a large scene outputs, states and inputs.
-
-        Where the run was told what to keep, that and nothing else.
-        """
-        if self.kept is not None:
-            return self.kept
-        first = [*self.outputs, *self.states]
+    def table_variables(self) -> np.ndarray:
+        """Variables in the columns of a table: all that changes in time, outputs first, then states; of a large scene
+        only outputs and inputs, and the states where they are not too many."""
         blocks = [b for b in self.flat.blocks if b.kind >= Kind.INPUT and not b.protected]
-        if sum(b.size for b in blocks) > MANY:
-            blocks = [b for b in blocks if b.kind == Kind.INPUT]
-        return list(dict.fromkeys([*first, *(b.name(i) for b in blocks for i in range(b.size))]))
+        small = sum(b.size for b in blocks) <= MANY
+        outputs = [b for b in blocks if b.output]
+        rest = blocks if small else [b for b in blocks if b.kind == Kind.INPUT]
+        table = self.reduced.registers
+        held = self.reduced.states[table.order[self.reduced.states] == 0]
+        states = table.variable[held] if small or len(held) <= MANY else np.zeros(0, int)
+        chosen = np.concatenate([*map(_members, outputs), states, *map(_members, rest)]).astype(int)
+        order = np.sort(np.unique(chosen, return_index=True)[1])
+        return chosen[order]
 
     def columns(self, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-        """{name: (times,) values}, time first; the names of `table_names`, or those given, arrays by their members."""
+        """{name: (times,) values}, time first: the `table_variables`, or the names given, arrays by their members."""
+        if names is None and self.kept is None:
+            return {"time": self.time} | self._by_name(self.table_variables())
         columns = {"time": self.time}
-        for name in self.table_names() if names is None else names:
-            values = self[name]
-            if values.ndim == 1:
-                columns[name] = values
-            else:
-                for k, variable in enumerate(self.flat.find(name)):
-                    columns[self.flat.variable_name(int(variable))] = values[:, k]
+        for name in self.kept if names is None else names:
+            columns |= {name: self[name]} if name.startswith("der(") else self._by_name(self._variables(name))
         return columns
+
+    def _by_name(self, variables: np.ndarray) -> dict[str, np.ndarray]:
+        labels = (self.flat.variable_name(int(v)) for v in variables)
+        return dict(zip(labels, self.values(variables).T, strict=True))
+
+    def _variables(self, name: str) -> np.ndarray:
+        found = self.flat.find(name)
+        if found is None:
+            raise UnknownNameError(name, hint_for(self.flat, name))
+        return found
 
     def to_dataframe(self, names: Sequence[str] | None = None):
         """A pandas DataFrame with the time as index; columns as in `columns`."""
@@ -210,6 +216,10 @@ class Run:
     def __repr__(self) -> str:
         end = "" if self.complete else ", incomplete"
         return f"<Run of {self.flat.name}: {len(self.time)} times from {self.time[0]:g} to {self.time[-1]:g} s{end}>"
+
+
+def _members(block: Block) -> np.ndarray:
+    return np.arange(block.offset, block.offset + block.size)
 
 
 def _is_array(flat: FlatDAE, name: str) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from lmoc.report.names import summarised
+from lmoc.report.names import patterns
 from lmoc.report.run import Run
 from lmoc.semantics.flat import Block
 
@@ -19,7 +19,7 @@ def summary(run: Run) -> str:
     title = run.flat.name + (f": {run.flat.description}" if run.flat.description else "")
     lines = [title]
     lines += _labelled("reduction", " → ".join(counted(n, stage) for stage, n in stages(run.reduced.counts)))
-    lines += _labelled("states", ", ".join(summarised(run.states)) or "none")
+    lines += _labelled("states", ", ".join(_states(run)) or "none")
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
@@ -92,6 +92,11 @@ def counted(n: int, things: str) -> str:
     return f"{_number(n)} {things.removesuffix('s') if n == 1 else things}"
 
 
+def _states(run: Run) -> list[str]:
+    table, states = run.reduced.registers, run.reduced.states
+    return patterns(run.flat, table.variable[states], table.order[states])
+
+
 def _solver(stats: Mapping[str, Any]) -> str:
     reason = stats.get("reason", "")
     return f"{stats.get('solver', 'none')}" + (f" ({reason})" if reason else "")
@@ -123,16 +128,16 @@ def energy_text(run: Run) -> str:
 
 
 def final_rows(run: Run) -> list[tuple[str, float, str, str]]:
-    """(name, value, unit, description) of the outputs, then of the states that are not outputs; or of what was kept."""
+    """(name, value, unit, description) of the outputs, then of the states that are not outputs already; or of what was
+    kept."""
     if run.kept is not None:
         return [_final_row(run, name) for name in run.kept[:_MOST_ROWS]]
-    outputs = {int(run.reduced.register_of[b.offset + i]) for b in run.flat.blocks if b.output for i in range(b.size)}
     names = list(run.outputs)
-    if len(names) + len(run.states) > _MOST_ROWS and names:
-        return [_final_row(run, name) for name in names[:_MOST_ROWS]]
-    names += [n for n, r in zip(run.states, run.reduced.states.tolist(), strict=True) if r not in outputs]
-    shown = names if len(names) <= _MOST_ROWS else [*names[: _MOST_ROWS - 4], *names[-3:]]
-    return [_final_row(run, name) for name in shown]
+    if len(names) + len(run.reduced.states) <= _MOST_ROWS or not names:
+        shown = {int(run.reduced.register_of[b.offset + i]) for b in run.flat.blocks if b.output for i in range(b.size)}
+        fitting = run.reduced.states[:_MOST_ROWS].tolist()
+        names += [run.reduced.register_name(r) for r in fitting if r not in shown]
+    return [_final_row(run, name) for name in names[:_MOST_ROWS]]
 
 
 def _final_row(run: Run, name: str) -> tuple[str, float, str, str]:
