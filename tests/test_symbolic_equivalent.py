@@ -1,11 +1,12 @@
 """Equivalent constants of networks (sections 7 and 8 of the notes)."""
 
-import lmoc
 import pytest
 import sympy as sp
+from symbolic_truth import ROOT, equal
+
+import lmoc
 from lmoc.diagnostics import ModelError
 from lmoc.symbolic.equivalent import equivalent
-from symbolic_truth import ROOT, equal
 
 k1, k2, c1, c2, c, m, J, J1, J2, N, r, s = sp.symbols("k1 k2 c1 c2 c m J J1 J2 N r s")
 
