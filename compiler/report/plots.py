@@ -92,15 +92,19 @@ def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None =
 
 def choose(run: Run) -> list[str]:
     """What a picture shows when nothing is asked for: what was kept, else the outputs, else the states."""
-    return list(run.kept if run.kept is not None else run.outputs or run.states)
+    if run.kept is not None:
+        return list(run.kept)
+    registers = run.reduced.states
+    some = registers if len(registers) <= MOST_CURVES else registers[_spread(len(registers), MOST_CURVES)]
+    return run.outputs or [run.reduced.register_name(int(r)) for r in some]
 
 
 def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]:
     """Names in panels of one unit each, in order of appearance; arrays by their members."""
     panels: dict[str, list[str]] = {}
     for name in names:
-        values = run[name]
-        members = [name] if values.ndim == 1 else [run.flat.variable_name(int(v)) for v in run.flat.find(name)]
+        found = run.flat.find(name)
+        members = [name] if found is None or len(found) == 1 else [run.flat.variable_name(int(v)) for v in found]
         panels.setdefault(run.unit(members[0]), []).extend(members)
     return list(panels.items())[:MOST_PANELS]
 
