@@ -3,6 +3,11 @@
 import pytest
 from flattening import codes, equations, flat, mistakes, value
 
+from lmoc.diagnostics import ModelError, Report
+from lmoc.semantics.flatten import flatten
+from lmoc.source import Source
+from lmoc.syntax.parse import parse
+
 
 def test_a_constant_of_an_enclosing_package_is_found() -> None:
     dae = flat("""
@@ -152,3 +157,31 @@ def test_each_element_of_an_array_has_its_own_inner() -> None:
     assert "c[2].p[1].x = c[2].g" in equations(dae)
     assert "c[2].g = c[2].h" in equations(dae)
     assert value(dae, "c.h") == [3, 4]
+
+
+def test_files_within_a_package() -> None:
+    texts = (
+        "package P constant Real c = 2; end P;",
+        "within P; package Q model B parameter Real p = c; end B; end Q;",
+        "within P.Q; model D extends B; parameter Real q = 2*p; end D;",
+        "model A P.Q.D d; end A;",
+    )
+    report = Report()
+    files = [parse(Source(f"{k}.lmo", text), report) for k, text in enumerate(texts)]
+    dae = flatten(files, (), "A", {}, report)
+    assert value(dae, "d.q") == 4
+    with pytest.raises(ModelError) as error:
+        flatten([files[1]], (), None, {}, Report())
+    assert error.value.diagnostics[0].code == "E0202"
+    assert flatten(files, (), "P.Q.D", {}, Report()).name == "P.Q.D"
+
+
+def test_which_model() -> None:
+    one = "model B Real x = 1; end B; model C extends B; end C; package P model D B b; end D; end P;"
+    assert codes(one) == ["E0603"]
+    assert codes(one, model="X") == ["E0601"]
+    assert flat(one, model="P.D").name == "P.D"
+    assert flat(one, model="Inertia").name == "Inertia"
+    assert codes("partial model A end A;") == ["E0602"]
+    assert codes("partial model A end A;", model="A") == ["E0209"]
+    assert codes("package P end P;", model="P") == ["E0601"]

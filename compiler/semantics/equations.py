@@ -13,7 +13,7 @@ from lmoc.semantics.functions import call_all
 from lmoc.semantics.instance import Instance, Node, Variable
 from lmoc.semantics.records import field_of
 from lmoc.semantics.reference import element_index, find_start, locate, unknown_name
-from lmoc.semantics.translate import LARGE, MAX_UNROLLED, dims_text, iteration, sizes_differ
+from lmoc.semantics.translate import LARGE, MAX_UNROLLED, changes, dims_text, iteration, sizes_differ
 from lmoc.semantics.value import Value, number
 from lmoc.semantics.wrong import NotOneGroup, RowsDiffer, Wrong
 from lmoc.syntax import tree
@@ -163,6 +163,11 @@ class EquationSection:
             if condition.type != "Boolean" or condition.dims:
                 found = condition.type if not condition.dims else f"an array {dims_text(condition.dims)}"
                 raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=found)
+            if changes(context, condition):
+                raise Wrong(
+                    "E0211", "the condition of an if-equation must be known when compiling, but changes in time",
+                    condition_tree.span, hint="write one equation with an if-expression: x = if … then … else …",
+                )  # fmt: skip
             holds = np.asarray(context.known(condition, condition_tree.span, "the condition of an if-equation"))
             if holds.ndim == 0 and left is None:
                 if holds:

@@ -153,6 +153,8 @@ class Scope:
                     table[element.name] = self.local[element.name]
             elif isinstance(element, tree.Extends) and id(element) in known:
                 self._inherit(table, *next(bases))
+        for name, scope in self.local.items():  # of other files that are `within` this package
+            table.setdefault(name, scope)
         return table
 
     def _inherit(self, table: dict, clause: tree.Extends, resolved: Resolved) -> None:
