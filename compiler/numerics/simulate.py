@@ -10,11 +10,11 @@ import numpy as np
 from lmoc.diagnostics import Diagnostic, Report, SimulationError, nearest
 from lmoc.numerics import integrators
 from lmoc.numerics.checks import run_checks
-from lmoc.numerics.diagnosis import first_not_finite
+from lmoc.numerics.diagnosis import first_not_finite, lost_ahead
 from lmoc.numerics.initialization import initial_state, seed_blocks, targets
-from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem
+from lmoc.numerics.integrators.base import COLLAPSED, NOT_FINITE, Outcome, Problem
 from lmoc.numerics.kinks import break_times
-from lmoc.numerics.observe import Observer, Recorder, Trajectory
+from lmoc.numerics.observe import Observer, Recorder, Trajectory, find
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals
@@ -109,7 +109,8 @@ class _Run:
         self.times = times
         self.report = report
         self.progress = None if progress is None else lambda t: progress(t, float(times[-1]))
-        keep = None if options.keep is None else (*options.keep, *_ledger_names(observer))
+        ledger = _ledger_names(observer) if options.energy else ()
+        keep = None if options.keep is None else (*options.keep, *ledger)
         self.recorder = Recorder(observer, times, keep)
 
     def go(self, initial: Mapping[str, float], began: float, lowered: float) -> Trajectory:
@@ -142,9 +143,9 @@ class _Run:
         derivative = np.empty(len(x))
         self.system.rhs(float(self.times[0]), x, derivative)
         if not (np.isfinite(derivative).all() and np.isfinite(x).all()):
-            found = first_not_finite(self.observer, float(self.times[0]), x)
+            found, span = first_not_finite(self.observer, float(self.times[0]), x)
             hint = "look at the start values, and at divisions by zero"
-            self.report.error("E0535", f"{found} at the start", hint=hint)
+            self.report.error("E0535", f"{found} at the start", span, hint=hint)
             self.report.check()
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
@@ -156,16 +157,13 @@ class _Run:
             return Outcome(float(self.times[0]), x, 1), {"solver": "none", "reason": "only the start"}
         options, experiment = self.options, self.plan.reduced.flat.experiment
         rtol = options.tolerance(experiment)
-        atol = rtol * 1e-3 * self.plan.nominal(self.observer.values)
-        if options.atol is not None:
-            atol = np.full(len(x), float(options.atol))
         deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
         problem = Problem(
             self.system,
             x,
             self.times,
             rtol,
-            atol,
+            self._absolute_tolerances(x, rtol),
             self.plan.tested,
             self.recorder,
             options.max_steps,
@@ -174,6 +172,15 @@ class _Run:
             breaks=break_times(self.plan, self.observer.base, float(self.times[0]), float(self.times[-1])),
         )
         return integrators.run(problem, options.solver)
+
+    def _absolute_tolerances(self, x: np.ndarray, rtol: float) -> np.ndarray:
+        """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
+        plan, atol = self.plan, self.options.atol
+        result = np.full(len(x), atol, float) if atol is not None else rtol * 1e-3 * plan.nominal(self.observer.values)
+        if plan.ledger.any():
+            stored = self.observer(find(self.observer.flat, "ledger.stored"), self.times[:1], x[None])
+            result[plan.ledger] = np.fmax(result[plan.ledger], rtol * np.abs(stored[0]))
+        return result
 
     def _trajectory(self, outcome: Outcome, stats: dict[str, object]) -> Trajectory:
         reached = self.recorder.reached
@@ -188,12 +195,11 @@ class _Run:
         )
 
     def _explain(self, outcome: Outcome) -> str:
-        reason = outcome.failure
-        found = first_not_finite(self.observer, outcome.time, outcome.x)
-        if not found and reason == NOT_FINITE:
-            found = "beyond this point something has no finite value"
+        found = ""
+        if outcome.failure in (NOT_FINITE, COLLAPSED):
+            found = lost_ahead(self.observer, self.system, outcome.time, outcome.x, float(self.times[-1]))
         detail = f": {found}" if found else ""
-        return f"the run stopped at t = {outcome.time:.6g} s of {self.times[-1]:g} s: {reason}{detail}"
+        return f"the run stopped at t = {outcome.time:.6g} s of {self.times[-1]:g} s: {outcome.failure}{detail}"
 
 
 def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.ndarray:

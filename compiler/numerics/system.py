@@ -19,7 +19,7 @@ from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.numerics.signals import Signal
 from lmoc.structure.program import Program
 
-COMPILED_ROWS = 4000  # programs with more rows are worth a call of the C compiler
+COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compiler
 
 
 class System(ABC):

@@ -18,6 +18,7 @@ PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", jacobian=True, 
 ADAMS = Properties("adams", "Adams", stiff=False, order="1-12", jacobian=True, library="SUNDIALS")
 
 _LOOK = 64  # evaluations between two looks at the clock
+_BATCH = 200_000  # numbers gathered before they are handed on
 
 
 class Expired(Exception):
@@ -35,6 +36,7 @@ class Frame:
         self.x, self.f = np.empty(self.system.n), np.empty(self.system.n)
         self.values = np.empty(len(self.layout.place))
         self.calls = 0
+        self.batch: list[np.ndarray] = []
 
     def arrange(self, x: np.ndarray) -> np.ndarray:
         """From the system's order to the solver's."""
@@ -67,9 +69,18 @@ class Frame:
         self.layout.write(self.values, scale, shift, target)
 
     def sink(self, k: int, x: np.ndarray) -> None:
+        """Gather the states at the output times: what is computed from them is computed for many times at once."""
         self.last = self.state(x)
-        self.problem.sink(k, self.last[None])
+        self.batch.append(self.last)
         self.reached, self.time = k + 1, float(self.problem.times[k])
+        if len(self.batch) * len(self.last) > _BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand on what has been gathered."""
+        if self.batch:
+            self.problem.sink(self.reached - len(self.batch), np.array(self.batch))
+            self.batch = []
 
     reached: int = 1
     time: float = np.nan
@@ -82,12 +93,14 @@ class Frame:
         return Matrix(y.kind, fill, y.lower, y.upper, y.indptr, y.indices)
 
     def expired(self) -> Outcome:
+        self.flush()
         x = self.problem.x if self.last is None else self.last
         t = float(self.problem.times[0]) if self.last is None else self.time
         return Outcome(t, x, self.reached, TOO_LONG)
 
     def outcome(self, result) -> Outcome:
         """From what the native loop returns."""
+        self.flush()
         calls = result.rhs_evaluations
         counts = {"steps": result.steps, "evaluations": calls, "jacobians": result.jacobian_evaluations}
         failure = NOT_FINITE if "no finite value" in result.failure else result.failure
