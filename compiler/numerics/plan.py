@@ -57,6 +57,12 @@ class Plan:
         return len(self.reduced.states)
 
     @cached_property
+    def ledger(self) -> np.ndarray:
+        """(n,) whether a component is work or heat of the energy ledger."""
+        variables = [v for name in LEDGER for v in _variables(self.reduced, name)]
+        return np.isin(self.reduced.registers.variable[self.states], variables)
+
+    @cached_property
     def row_count(self) -> int:
         """Rows of all steps, as a measure of size."""
         return program_rows(self.program)
