@@ -17,7 +17,7 @@ from lmoc.expression.dag import ONE, ZERO, slots
 from lmoc.semantics.flat import Block, FlatDAE, Kind, StateSelect
 from lmoc.structure.affine import Affine, codes, composed, resolve
 from lmoc.structure.affine_forest import UNUSED, orient
-from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, leaves_of
+from lmoc.structure.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, leaves_of, linear_form
 from lmoc.structure.derived import NONE, DerivedParameters
 from lmoc.structure.equations import Equations, Loops
 from lmoc.structure.substitution import Rows, equal_columns_merged, merged, substituted
@@ -216,10 +216,10 @@ class Elimination:
         return True
 
     def _beside_positions(self) -> np.ndarray:
-        """The variables, no coordinates themselves, that stand in an equation with undifferentiated ones; a mask."""
+        """The variables, no coordinates themselves, in linear equations with undifferentiated coordinates; a mask."""
         mask = np.zeros(self.flat.count + 1, bool)
         for g in self.groups:
-            if form_of(g.shape, g.kinds).role == Role.NONE:
+            if form_of(g.shape, g.kinds).role == Role.NONE and linear_form(g.shape, g.kinds) is not None:
                 columns = [g.column(leaf) for leaf in leaves_of(g.shape, g.kinds, UNKNOWN) if leaf.value[1] == 0]
                 if len(columns) > 1:
                     table = np.stack(columns, axis=1)

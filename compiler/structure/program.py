@@ -40,7 +40,7 @@ class Total:
 
 @dataclass(frozen=True, eq=False)
 class Solve:
-    """Implicit equations: ``w[unknowns[b, :]]`` such that ``w[residuals[b, :]]`` vanish, for each instance b on its own.
+    """Implicit equations: ``w[unknowns[b, :]]`` such that ``w[residuals[b, :]]`` vanish, each instance b on its own.
 
     `inner` computes the residual registers (and what is torn between) from the unknowns and from what stands.
 
@@ -119,20 +119,34 @@ def read(step: Step) -> np.ndarray:
 
 def needed_steps(program: Program, registers: np.ndarray, count: int) -> Program:
     """The steps without which the given registers are not filled, in order; rows that nobody needs are left out."""
+    return split_program(program, registers, count)[0]
+
+
+def split_program(program: Program, registers: np.ndarray, count: int) -> tuple[Program, Program]:
+    """A program in two: the steps without which the given registers are not filled, and what is left of the others."""
     wanted = np.zeros(count, bool)
     wanted[registers] = True
     kept: list[Step] = []
+    left: list[Step] = []
     for step in reversed(program):
         hit = wanted[written(step)]
-        if not hit.any():
-            continue
-        if isinstance(step, Apply) and not hit.all():
-            step = Apply(step.shape, step.slots[hit], step.out[hit])
-        elif isinstance(step, Total) and not hit.all():
-            step = _rows_of_total(step, np.flatnonzero(hit))
-        wanted[read(step)] = True
-        kept.append(step)
-    return tuple(reversed(kept))
+        if isinstance(step, Solve):
+            hit[:] = hit.any()
+        if hit.any():
+            part = _rows(step, hit)
+            wanted[read(part)] = True
+            kept.append(part)
+        if not hit.all():
+            left.append(_rows(step, ~hit))
+    return tuple(reversed(kept)), tuple(reversed(left))
+
+
+def _rows(step: Step, chosen: np.ndarray) -> Step:
+    if chosen.all():
+        return step
+    if isinstance(step, Apply):
+        return Apply(step.shape, step.slots[chosen], step.out[chosen])
+    return _rows_of_total(step, np.flatnonzero(chosen))
 
 
 def _rows_of_total(step: Total, rows: np.ndarray) -> Total:

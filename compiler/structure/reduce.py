@@ -16,6 +16,7 @@ from lmoc.structure import diagnosis, preferences
 from lmoc.structure.assemble import assemble
 from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized
+from lmoc.structure.program import split_program
 from lmoc.structure.reduced import Reduced
 from lmoc.structure.selection import select
 from lmoc.structure.sigma import highest_value_transversal
@@ -67,10 +68,12 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     diagnosis.refused_states(system, states or (), layout, is_state, selection.c, report)
     values = layout.known_values(selection.sample.value[0])
     solution = Solution(square, square.needed_for(registers + 1), selection.derivatives(), values)
-    programs = solution.run()
+    block_program, others = solution.run()
     if solution.singular:
         diagnosis.singular_blocks(system, square, layout, selection.jacobian(), solution.singular, report)
     report.check()
     notes = diagnosis.notes(system, selection.choice, selection.tied)
     quadratures = np.flatnonzero(selection.quadrature)
-    return assemble(system, layout, programs, registers, quadratures, solution.helpers, notes)
+    # what is solved together with a derivative is not needed for it where the solution is a formula
+    rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
+    return assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
