@@ -308,3 +308,8 @@ def test_the_size_of_an_array_of_parts() -> None:
     assert value(dae, "n") == 2
     assert "x = 2" in equations(dae)
     assert "y[3] = m[2,3].q" in equations(dae)
+
+
+def test_a_mistake_in_a_loop_is_said_once() -> None:
+    assert codes("model A Real x[3]; equation for i in 1:3 loop x[i + 3] = nothing; end for; end A;") == ["E0215"]
+    assert codes("model A Real x[3]; equation for i in 1:3 loop x[i] = nothing*i; end for; end A;") == ["E0201"]

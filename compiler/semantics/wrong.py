@@ -24,9 +24,14 @@ class Wrong(Exception):
         return self.diagnostic.code if self.diagnostic else ""
 
     def put_into(self, report: Report) -> None:
-        """Report it, unless the same has been said before."""
-        if self.diagnostic is not None and self.diagnostic not in report.diagnostics:
-            report.diagnostics.append(self.diagnostic)
+        """Report it, unless as much has been said of the same place before (in another round of a loop, say)."""
+        new = self.diagnostic
+        if new is None:
+            return
+        for old in report.diagnostics:
+            if old == new or (old.code == new.code and new.span is not None and old.span == new.span):
+                return
+        report.diagnostics.append(new)
 
 
 class NotOneGroup(Wrong):
