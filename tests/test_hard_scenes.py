@@ -4,9 +4,10 @@ import json
 from functools import cache
 from pathlib import Path
 
-import lmoc
 import numpy as np
 import pytest
+
+import lmoc
 
 ROOT = Path(__file__).parents[1]
 SCENES = json.loads((ROOT / "tests/data/scenes.json").read_text())

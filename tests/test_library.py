@@ -3,9 +3,10 @@
 import importlib.util
 from pathlib import Path
 
-import lmoc
 import numpy as np
 import pytest
+
+import lmoc
 from lmoc import library
 from lmoc.syntax import tree
 
