@@ -67,7 +67,18 @@ def test_singular_for_these_values():
     (error,) = errors(text)
     assert error.code == "E0405"
     assert "x, y and z cannot be determined" in error.message
-    reduce(flat_model(text.replace("2*a*y", "5*a*y")))
+    well = reduce(flat_model(text.replace("2*a*y", "5*a*y")))
+    assert well.broken_guard(well.values) is None
+
+
+def test_values_for_which_equations_lose_their_solution_break_a_guard():
+    rows = "x + a*y + z = time\n2*x + 2*b*y + z = 3\n3*x + 3*a*y + z = 3*time"
+    reduced = reduce(flat_model(f"parameter a = 2\nparameter b = 3\nvar x y z\n{rows}"))
+    values = reduced.values.copy()
+    values[:2] = 4, 4
+    assert "one solution" in reduced.broken_guard(values)
+    values[:2] = 4, 5
+    assert reduced.broken_guard(values) is None
 
 
 def test_singular_in_a_large_block():

@@ -8,6 +8,7 @@ its rows at once or not at all.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from lmoc.structure.block_equations import BatchRows, SquareSystem, SumRows
 from lmoc.structure.coefficients import is_constant
 from lmoc.structure.explicit import as_formula, jointly_linear, pivot, solved
 from lmoc.structure.program import Apply, Solve, Step, Total
-from lmoc.structure.small_blocks import SingularBlocks
+from lmoc.structure.small_blocks import Surroundings
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +69,8 @@ def pieces_of(system: SquareSystem, equations: np.ndarray) -> tuple[list[Piece],
     return found, sums
 
 
-def steps_of(
-    system: SquareSystem, equations: np.ndarray, favourite: np.ndarray, values: np.ndarray, new_registers
-) -> list[Step]:
-    """One block as one `Solve`; parameters as in `small_blocks.steps_of`, `equations` sorted.
+def steps_of(system: SquareSystem, equations: np.ndarray, around: Surroundings) -> list[Step]:
+    """One block as one `Solve`; its equations sorted.
 
     Raises
     ------
@@ -84,8 +83,8 @@ def steps_of(
     pairs = list(zip(pieces, rows, strict=True))
     constant = linear and all(is_constant(c, p.rows.batch.kinds) for p, r in pairs for _, c in r)
     if constant:
-        _check(pieces, rows, sums, equations, unknowns, values)
-    definitions = _definitions(pieces, favourite, system.registers)
+        around.test(partial(_singular, pieces, rows, sums, equations, unknowns), equations[None, :])
+    definitions = _definitions(pieces, around.favourite, system.registers)
     steps: list[Step] = []
     computed = []
     for p, leaf in definitions:
@@ -96,11 +95,11 @@ def steps_of(
     residuals = []
     for p in pieces:
         if id(p) not in taken:
-            out = new_registers(len(p.equations))
+            out = around.new_registers(len(p.equations))
             residuals.append(out)
             steps.append(p.apply(p.residual, out))
     for s, which in sums:
-        out = new_registers(len(which))
+        out = around.new_registers(len(which))
         residuals.append(out)
         steps.append(total(s, which, out))
     torn = np.setdiff1d(unknowns, np.concatenate(computed)) if computed else unknowns
@@ -144,8 +143,8 @@ def _definitions(pieces: list[Piece], favourite: np.ndarray, registers: int) -> 
     return result
 
 
-def _check(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> None:
-    """Factorize the matrix with the present values."""
+def _singular(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(1,) whether the matrix cannot be factorized with these values."""
     from scipy.sparse import csc_matrix, diags
     from scipy.sparse.linalg import splu
 
@@ -168,14 +167,13 @@ def _check(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray, va
         entry.append(step.coefficient[inside])
     entry = np.concatenate(entry)
     if not np.isfinite(entry).all():
-        return
+        return np.array([False])
     n = len(equations)
     matrix = csc_matrix((entry, (np.concatenate(row), np.concatenate(column))), (n, n))
     largest = abs(matrix).max(axis=1).toarray().ravel()
     matrix = csc_matrix(diags(1 / np.where(largest > 0, largest, 1)) @ matrix)
     try:
         pivots = np.abs(splu(matrix).U.diagonal())
-    except RuntimeError:
-        raise SingularBlocks(equations[None, :]) from None
-    if pivots.min() <= 1e-14 * pivots.max():
-        raise SingularBlocks(equations[None, :])
+    except RuntimeError:  # SuperLU: "Factor is exactly singular"
+        return np.array([True])
+    return np.array([pivots.min() <= 1e-14 * pivots.max()])

@@ -7,6 +7,7 @@ Linear elimination (`normalize`), the Σ-method (`sigma`), choice of states (`se
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from lmoc.diagnostics import Report
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure import diagnosis, preferences
 from lmoc.structure.assemble import assemble
+from lmoc.structure.derived import derived_values
+from lmoc.structure.layout import Layout
 from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized
 from lmoc.structure.program import split_program
-from lmoc.structure.reduced import Reduced
+from lmoc.structure.reduced import Guard, Reduced
 from lmoc.structure.selection import select
 from lmoc.structure.sigma import highest_value_transversal
 from lmoc.structure.solution import Solution
@@ -76,4 +79,19 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     quadratures = np.flatnonzero(selection.quadrature)
     # what is solved together with a derivative is not needed for it where the solution is a formula
     rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
-    return assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
+    reduced = assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
+    return replace(reduced, guards=(*reduced.guards, *_regularity(normalized, layout, solution)))
+
+
+def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
+    """The assumption that linear equations with parameter coefficients keep a unique solution."""
+    tests = solution.tests
+    if not tests:
+        return []
+
+    def holds(values: np.ndarray) -> bool:
+        known = np.concatenate([values, derived_values(normalized.derived, values)])
+        registers = layout.known_values(known)
+        return not any(singular(registers).any() for singular in tests)
+
+    return [Guard(holds, "the linear equations between massless parts have one solution")]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -110,6 +111,31 @@ def first_occurrence(table: np.ndarray) -> np.ndarray:
     return result
 
 
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What blocks need to know of the rest, and what they tell it.
+
+    Attributes
+    ----------
+    favourite : (registers,) mask of the derivatives of states: torn first
+    values : (registers,) numbers of the parameters, generic ones where there are none
+    new_registers : gives that many fresh registers
+    tests : for each kind of linear blocks with parameter coefficients: which of them are singular, given `values`
+    """
+
+    favourite: np.ndarray
+    values: np.ndarray
+    new_registers: Callable[[int], np.ndarray]
+    tests: list[Callable[[np.ndarray], np.ndarray]]
+
+    def test(self, singular: Callable[[np.ndarray], np.ndarray], equations: np.ndarray) -> None:
+        """Put blocks to the test with the present values, and keep the test for others."""
+        bad = singular(self.values)
+        if bad.any():
+            raise SingularBlocks(equations[np.flatnonzero(bad)])
+        self.tests.append(singular)
+
+
 class SingularBlocks(Exception):
     """Linear equations with parameter coefficients whose matrix is singular for the present values."""
 
@@ -117,14 +143,8 @@ class SingularBlocks(Exception):
         self.equations = equations
 
 
-def steps_of(blocks: AlikeBlocks, favourite: np.ndarray, values: np.ndarray, new_registers) -> list[Step]:
+def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     """Steps that compute everything in these blocks.
-
-    Parameters
-    ----------
-    favourite : (registers,) mask of the derivatives of states: torn first
-    values : (registers,) numbers of the parameters, generic ones where there are none
-    new_registers : callable giving that many fresh registers
 
     Raises
     ------
@@ -135,40 +155,38 @@ def steps_of(blocks: AlikeBlocks, favourite: np.ndarray, values: np.ndarray, new
         frozenset(v for v in found if pivot(r, blocks.kinds, slot(v)) is not None)
         for found, r in zip(unknowns, blocks.residuals, strict=False)
     ]
-    favourites = frozenset(v for v in blocks.internal if favourite[blocks.registers[0, v]])
+    favourites = frozenset(v for v in blocks.internal if around.favourite[blocks.registers[0, v]])
     order = tear(unknowns, safe, favourites)
     inner = [(v, solved(blocks.residuals[e], slot(v))) for e, v in order.steps]
     linear = [jointly_linear(r, tuple(slot(v) for v in blocks.internal)) for r in blocks.residuals]
     is_linear = all(row is not None for row in linear)
     constant = is_linear and all(is_constant(c, blocks.kinds) for row in linear for _, c in row)
     if constant:
-        _check(blocks, linear, values)
+        around.test(partial(_singular, blocks, linear), blocks.equations)
     explicit = _formulas(blocks, order, inner, constant, favourites) if is_linear else None
     if explicit is not None:
         torn = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=False)]
         return torn + [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
-    residuals = new_registers(len(blocks.equations) * len(order.residuals)).reshape(len(blocks.equations), -1)
+    residuals = around.new_registers(len(blocks.equations) * len(order.residuals)).reshape(len(blocks.equations), -1)
     steps = [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
     steps += [blocks.apply(blocks.residuals[e], residuals[:, i]) for i, e in enumerate(order.residuals)]
     return [Solve(tuple(steps), blocks.registers[:, list(order.torn)], residuals, is_linear, constant)]
 
 
-def _check(blocks: AlikeBlocks, linear: list, values: np.ndarray) -> None:
-    """Compare the smallest singular value with the largest, rows and columns scaled."""
+def _singular(blocks: AlikeBlocks, linear: list, values: np.ndarray) -> np.ndarray:
+    """(instances,) whether the smallest singular value is nothing beside the largest, rows and columns scaled."""
     place = {slot(v): i for i, v in enumerate(blocks.internal)}
     matrix = np.zeros((len(blocks.equations), len(linear), len(place)))
     for e, row in enumerate(linear):
         for leaf, c in row:
             matrix[:, e, place[leaf]] = evaluate(c, lambda k, _: values[blocks.registers[:, k]])
     if not np.isfinite(matrix).all():
-        return
+        return np.zeros(len(matrix), bool)
     for axis in (2, 1):
         largest = np.abs(matrix).max(axis=axis, keepdims=True)
         matrix /= np.where(largest > 0, largest, 1)
     found = np.linalg.svd(matrix, compute_uv=False)
-    bad = found[:, -1] <= 1e-13 * found[:, 0]
-    if bad.any():
-        raise SingularBlocks(blocks.equations[np.flatnonzero(bad)])
+    return found[:, -1] <= 1e-13 * found[:, 0]
 
 
 def _formulas(

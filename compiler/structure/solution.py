@@ -26,6 +26,7 @@ class Solution:
     Attributes
     ----------
     helpers : how many registers beyond the system's own have been used
+    tests : see `small_blocks.Surroundings`
     singular : the equations of blocks whose matrix is singular for the present values
     """
 
@@ -34,6 +35,7 @@ class Solution:
     favourite: np.ndarray
     values: np.ndarray
     helpers: int = 0
+    tests: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
     singular: list[np.ndarray] = field(default_factory=list)
     _steps: list[tuple[bool, int, Step]] = field(default_factory=list)
     _explicit: dict[tuple, list[tuple[np.ndarray, np.ndarray]]] = field(default_factory=dict)
@@ -139,7 +141,8 @@ class Solution:
 
     def _add(self, needed: bool, level: int, maker: Callable[..., list[Step]], *what) -> None:
         try:
-            steps = maker(*what, self.favourite, self.values, self.new_registers)
+            around = small_blocks.Surroundings(self.favourite, self.values, self.new_registers, self.tests)
+            steps = maker(*what, around)
         except small_blocks.SingularBlocks as error:
             self.singular.append(error.equations[0])
             return
