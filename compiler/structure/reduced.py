@@ -16,7 +16,8 @@ from lmoc.structure.program import Program, Registers
 class Guard:
     """A decision that depends on parameter values: re-check it for another parameter set.
 
-    `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed ("wheel.J = 0").
+    `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed, such as
+    ``wheel.J = 0``.
     """
 
     holds: Callable[[np.ndarray], bool]
@@ -42,7 +43,7 @@ class Reduced:
     parameter_program : Program
         Fills the DERIVED registers from the KNOWN ones; run once for each parameter set.
     states, derivatives : (n,) registers
-        ``d w[states[i]] / dt = w[derivatives[i]]``. A derivative may itself be a state (q̇ of a second-order coordinate).
+        ``d w[states[i]] / dt = w[derivatives[i]]``. A derivative may be a state (q̇ of a second-order coordinate).
     quadratures, quadrature_derivatives : (m,) registers
         Integrated along, read by no equation.
     rhs : Program
@@ -56,7 +57,7 @@ class Reduced:
     guards : what depends on the parameter values
     notes : dropped redundant equations, chosen coordinates that deserve a word, quadratures
     counts : {"parts", "equations", "after aliases", "states", …} in the order of the stages, for people
-    undetermined : (k,) flat variables whose value the model does not determine (reactions in a redundant loop), reported as NaN
+    undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 
     flat: FlatDAE

@@ -31,7 +31,9 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True, eq=False)
 class CFunction:
-    """The text of one C function ``void name(double time, double *w, const int64_t *m, const void *const *tab)`` and its data.
+    """The text of one C function and its data.
+
+    The function is ``void name(double time, double *w, const int64_t *m, const void *const *tab)``.
 
     Attributes
     ----------
@@ -247,7 +249,8 @@ def _write_dense_solve(writer: _Writer, step: Solve) -> None:
         f"    double *row = a + i*{size * (size + 1)};",
         f"    if (pass <= {size})",
         f"      for (int k = 0; k < {size}; k++)",
-        f"        row[k*{size + 1} + (pass ? pass - 1 : {size})] = w[r[i*{size} + k]] - (pass ? row[k*{size + 1} + {size}] : 0);",
+        f"        row[k*{size + 1} + (pass ? pass - 1 : {size})] ="
+        f" w[r[i*{size} + k]] - (pass ? row[k*{size + 1} + {size}] : 0);",
         f"    if (pass == {size}) {{",
         f"      lmoc_dense_solve({size}, row);",
         f"      for (int k = 0; k < {size}; k++) w[u[i*{size} + k]] = -row[k*{size + 1} + {size}];",

@@ -84,7 +84,8 @@ static void lmoc_derivatives(const lmoc_call *c, double time, const double *x, d
 }
 
 /* out = x + h*sum_j a[j]*k[j] over the stages with a coefficient, in pieces that stay in the cache */
-static void lmoc_stage(int64_t n, int stages, const double *a, double h, const double *x, const double *k, double *out) {
+static void lmoc_stage(int64_t n, int stages, const double *a, double h, const double *x, const double *k,
+                       double *out) {
   for (int64_t low = 0; low < n; low += 1024) {
     const int64_t high = low + 1024 < n ? low + 1024 : n;
     for (int64_t i = low; i < high; i++) out[i] = 0;
