@@ -18,8 +18,8 @@ class JetGroup:
     """Equations ``residual(slots[i]) = 0``; a leaf ``slot(k, n)`` is the n-th derivative of the variable in column k.
 
     `slots` holds extended variable indices: below ``flat.count`` a variable of the flat model (a root, an input, a
-    parameter), from there on a derived parameter. Every column holds one kind. A group whose coefficients are zero for the present
-    parameter values has been split off with a residual in which those terms no longer stand.
+    parameter), from there on a derived parameter. Every column holds one kind. A group whose coefficients are zero for
+    the present parameter values has been split off with a residual in which those terms no longer stand.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ class NativeSystem(VectorSystem):
         self.kernel(t)
 
     def callback(self, order: np.ndarray | None):
-        """The right-hand side as SUNDIALS calls it, for states in a new order; None if Python must be asked for inputs."""
+        """The right-hand side as SUNDIALS calls it, for states in a new order; None if inputs are asked from Python."""
         if self.samplers:
             return None
         states, derivatives = self.plan.states, self.plan.derivatives
