@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Union
 
 # operator -> number of arguments; the elementary functions are those of the Modelica specification, 3.7.1-3.7.3
 UNARY = frozenset(
@@ -24,7 +23,7 @@ TERNARY = frozenset({"if"})  # condition, value if true, value if false
 RELATIONS = frozenset("lt le gt ge eq ne".split())
 LOGICAL = RELATIONS | {"and", "or", "not"}
 
-Number = Union[int, float]
+Number = int | float
 
 
 class Expr:
