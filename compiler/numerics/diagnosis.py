@@ -7,11 +7,35 @@ import numpy as np
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.observe import Observer
 from lmoc.numerics.slices import sample
+from lmoc.numerics.system import System
+from lmoc.semantics.flat import FlatDAE
+from lmoc.source import Span
 from lmoc.structure.program import Solve, written
+from lmoc.structure.reduced import Reduced
+
+_AHEAD = 40  # halvings of the distance at which a lost value is looked for
 
 
-def first_not_finite(observer: Observer, time: float, x: np.ndarray) -> str:
-    """A sentence about the first variable that has no finite value at (time, x); empty where all have one."""
+def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, stop: float) -> str:
+    """What has no finite value at (time, x), or else a little further on along the motion; empty where nothing."""
+    found = first_not_finite(observer, time, x)[0]
+    rate = np.empty(len(x))
+    system.rhs(time, x, rate)
+    if found or not np.isfinite(rate).all():
+        return found
+    for k in range(_AHEAD, 6, -1):
+        distance = (stop - time) * 0.5**k
+        found = first_not_finite(observer, time + distance, x + distance * rate)[0]
+        if found:
+            return f"beyond this point {found}"
+    return ""
+
+
+def first_not_finite(observer: Observer, time: float, x: np.ndarray) -> tuple[str, Span | None]:
+    """A sentence about the first variable that has no finite value at (time, x), and where it is declared.
+
+    Empty where all have one.
+    """
     plan, reduced = observer.plan, observer.plan.reduced
     w = observer.base.copy()
     w[plan.states] = x
@@ -28,14 +52,22 @@ def first_not_finite(observer: Observer, time: float, x: np.ndarray) -> str:
                 bad = registers[~np.isfinite(w[registers])]
                 if len(bad):
                     return _sentence(reduced, bad, w, isinstance(step, Solve) and not step.linear)
-    return ""
+    return "", None
 
 
-def _sentence(reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) -> str:
+def _sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) -> tuple[str, Span | None]:
     named = [r for r in bad.tolist() if r < reduced.registers.count and reduced.registers.variable[r] >= 0]
     if not named:
-        return "an intermediate result has no finite value"
+        return "an intermediate result has no finite value", None
     name = reduced.register_name(named[0])
+    span = _place(reduced.flat, int(reduced.registers.variable[named[0]]))
     if nonlinear:
-        return f"the nonlinear equations for {name} have no solution near the last one"
-    return f"{name} has no finite value ({w[named[0]]})"
+        return f"the nonlinear equations for {name} have no solution near the last one", span
+    return f"{name} has no finite value ({w[named[0]]})", span
+
+
+def _place(flat: FlatDAE, variable: int) -> Span | None:
+    """Where the user declared the part with this variable, else the variable's own declaration."""
+    block = flat.block_at(variable)
+    part = flat.parts[block.part].span if block.part < len(flat.parts) else None
+    return part or block.span

@@ -133,12 +133,12 @@ def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:
         step = components.step(jacobian, residual, x)
         size = 1.0 + np.abs(x).max(initial=0.0)
         length = np.abs(step).max(initial=0.0)
-        factor = 1.0
-        worst = np.abs(residual[system.hard]).max(initial=0.0)
+        weight = _row_weights(jacobian, system.hard)
+        worst, factor = np.linalg.norm(weight * residual), 1.0
         for _ in range(8):  # shorter steps while the fixed values get worse
             trial, _unused = system.evaluate(x + factor * step)
-            new = np.abs(trial[system.hard]).max(initial=0.0)
-            if np.isfinite(trial).all() and new <= max(worst * (1 - factor / 4), _MET):
+            new = np.linalg.norm(weight * trial)
+            if new <= max(worst, _MET):
                 break
             factor /= 2
         x += factor * step
@@ -147,6 +147,13 @@ def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:
         before = length
     residual, jacobian = system.evaluate(x)
     _judge(system, components, jacobian, residual, report)
+
+
+def _row_weights(jacobian, hard: np.ndarray) -> np.ndarray:
+    """One over the length of each fixed row, as the least squares weigh it; 0 for the others."""
+    rows, _, values = jacobian
+    size = np.sqrt(np.bincount(rows, values**2, minlength=len(hard)))
+    return np.where(hard & (size > 0), 1.0 / np.where(size > 0, size, 1.0), 0.0)
 
 
 def _judge(system: StartSystem, components: Components, jacobian, residual: np.ndarray, report: Report) -> None:

@@ -57,7 +57,7 @@ class _Run:
         if not np.isfinite(stepper.f).all():
             return self.outcome(NOT_FINITE)
         h = initial_step(problem, stepper.f, end - self.t)
-        grow = _GROW
+        grow, lost = _GROW, False
         while self.t < end:
             if self.steps + self.rejected >= problem.max_steps:
                 return self.outcome(TOO_MANY)
@@ -67,8 +67,9 @@ class _Run:
             if t_new + 1e-3 * h >= end:
                 t_new, h = end, end - self.t
             if h <= 8e-16 * abs(t_new) or h < 1e-300:
-                return self.outcome(COLLAPSED)
+                return self.outcome(NOT_FINITE if lost else COLLAPSED)
             error, stiffness = stepper.attempt(self.t, h)
+            lost = not math.isfinite(error)
             if error < 1.0:
                 if self.accept(t_new, h, stiffness):
                     return self.outcome("", stiff=True, step=h)
@@ -76,8 +77,7 @@ class _Run:
                 grow = _GROW
             else:
                 self.rejected += 1
-                factor = _SAFETY * error**-0.125 if math.isfinite(error) else 0.1
-                h *= max(_SHRINK, factor) if math.isfinite(error) else 0.1
+                h *= 0.1 if lost else max(_SHRINK, _SAFETY * error**-0.125)
                 grow = 1.0
         return self.outcome("")
 
