@@ -119,3 +119,38 @@ def test_gear_train_with_weightless_shafts_has_two_states(length):
     torque = np.array([run[f"gear[{i + 1}].b.tau"][-1] for i in range(length)])
     transmitted = 2 - 0.3 * alpha
     assert np.allclose(torque, -transmitted * np.cumprod(ratios), rtol=1e-8)
+
+
+def test_loop_of_two_arms_is_solved_for_the_second_angle():
+    """0.5 sin(a) = 0.9 sin(b) with inertias on both shafts, against the equation of motion in a alone; a turns over."""
+    from scipy.integrate import solve_ivp
+
+    dae = lmoc.compile_text(
+        """model Loop
+          Inertia a(J = 0.5, theta(start = 0.3, fixed = true), omega(start = 2, fixed = true)), b(J = 0.8);
+          Arm arm1(l = 0.5), arm2(l = 0.9);
+          Torque drive(tau = 0.7);
+        equation
+          connect(drive.shaft, a.shaft);
+          connect(a.shaft, arm1.shaft);
+          connect(arm1.flange, arm2.flange);
+          connect(arm2.shaft, b.shaft);
+        end Loop;"""
+    )
+    ratio = 0.5 / 0.9
+
+    def rate(t, z):
+        s = ratio * np.sin(z[0])
+        c = np.sqrt(1 - s * s)
+        slope = ratio * np.cos(z[0]) / c  # db/da
+        bend = (s * slope**2 - ratio * np.sin(z[0])) / c
+        return [z[1], (0.7 - 0.8 * slope * bend * z[1] ** 2) / (0.5 + 0.8 * slope**2)]
+
+    times = np.linspace(0, 5, 11)
+    exact = solve_ivp(rate, (0, 5), [0.3, 2], method="DOP853", t_eval=times, rtol=1e-11, atol=1e-13)
+    assert len(dae.states) == 2
+    run = dae.simulate(times=times, rtol=1e-9)
+    assert np.abs(run["a.theta"] - exact.y[0]).max() < 1e-6
+    assert np.abs(run["b.theta"] - np.arcsin(ratio * np.sin(exact.y[0]))).max() < 1e-6
+    assert np.abs(0.5 * np.sin(run["a.theta"]) - 0.9 * np.sin(run["b.theta"])).max() < 1e-12
+    assert run.energy.balance < 1e-7
