@@ -12,12 +12,15 @@ import numpy as np
 from lmoc.symbolic.notation import Formula, Notation
 from lmoc.symbolic.sorting import Equation, gathered, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style
-from lmoc.symbolic.system import SymbolicSystem, jet_symbol, symbolic_system
+from lmoc.symbolic.system import jet_symbol, symbolic_system
 
 if TYPE_CHECKING:
     import sympy
 
     from lmoc.structure.reduced import Reduced
+
+
+MOST_SOLVED = 3  # coordinates; with more, forces are not tried with the accelerations solved
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +178,7 @@ def _told(full: str) -> str:
     return f"deviation of {full[1:]}" if full.startswith("δ") else full
 
 
-def equations_of_motion(
-    reduced: Reduced,
-    values: np.ndarray | None = None,
-    forces: bool = False,
-    system: SymbolicSystem | None = None,
-) -> EquationsOfMotion:
+def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forces: bool = False) -> EquationsOfMotion:
     """Equations of motion of a reduced system.
 
     Parameters
@@ -190,8 +188,6 @@ def equations_of_motion(
         Parameter values in force.
     forces : bool
         With the internal forces of ideal parts (rods, strings, gears).
-    system : SymbolicSystem, optional
-        If it is already at hand.
 
     Raises
     ------
@@ -200,21 +196,28 @@ def equations_of_motion(
     """
     from lmoc.symbolic.motion import accelerations, derive
 
-    system = symbolic_system(reduced, values) if system is None else system
-    motion = derive(reduced, system, values, forces)
-    late = [*(u.name for u in system.inputs), *(q.name for q in motion.coordinates)]
+    values = reduced.values if values is None else values
+    motion, outline = derive(reduced, values, forces)
+    late = [*(u.name for u in outline.inputs), *(q.name for q in motion.coordinates)]
     equations = tuple(
         sorted_equation(r, q, n, motion.coordinates, late, clear_all=not motion.balanced)
         for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
     )
-    solved = accelerations(system) if forces else {}
+    small = motion.forces and len(motion.coordinates) <= MOST_SOLVED
+    solved = accelerations(symbolic_system(reduced, values)) if small else {}
     found = {name: _shortest(value, solved, late) for name, value in motion.forces.items()}
     occurring = [e.residual for e in equations] + list(found.values())
-    notation = Notation.of(*occurring, names=found, late=late, given=system.own_names | motion.own_names)
-    descriptions = _descriptions(reduced.flat, notation.short)
+    notation = Notation.of(*occurring, names=found, late=late, given={**outline.own_names, **motion.own_names})
     flat = reduced.flat
-    open_ones = tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else ()
-    return EquationsOfMotion(system.name, equations, found, notation, descriptions, system.assumptions, open_ones)
+    return EquationsOfMotion(
+        name=outline.name,
+        equations=equations,
+        forces=found,
+        notation=notation,
+        descriptions=_descriptions(flat, notation.short),
+        assumptions=outline.assumptions,
+        undetermined=tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else (),
+    )
 
 
 def _descriptions(flat, names: Iterable[str]) -> dict[str, tuple[str, str]]:

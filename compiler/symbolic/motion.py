@@ -22,7 +22,7 @@ from lmoc.semantics.flat import Kind
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, SymbolicSystem, jet_symbol
+from lmoc.symbolic.system import Interpreter, Outline, SymbolicSystem, jet_symbol, symbolic_system
 
 if TYPE_CHECKING:
     import sympy
@@ -57,7 +57,7 @@ class Motion:
 class Kinematics:
     """Known motion: parameters, inputs, states and potentials, in jets of the coordinates."""
 
-    def __init__(self, interpreter: Interpreter, system: SymbolicSystem, potentials: list[int]):
+    def __init__(self, interpreter: Interpreter, system: Outline, potentials: list[int]):
         reduced = interpreter.reduced
         self.interpreter = interpreter
         self.coordinates = [system.states[q] for q, _ in system.coordinates]
@@ -70,7 +70,6 @@ class Kinematics:
         held = {int(reduced.registers.variable[r]) for r in registers if reduced.registers.order[r] == 0}
         interpreter.fill([int(reduced.register_of[v]) for v in potentials if reduced.register_of[v] >= 0])
         self.known = held | set(potentials)
-        self._rates: dict[sympy.Symbol, sympy.Expr] = {}
 
     def _quadratures(self, reduced: Reduced) -> dict:
         names = [self.interpreter.w[int(r)] for r in reduced.quadratures]
@@ -111,33 +110,37 @@ class Kinematics:
         return sp.S.Zero
 
 
-def derive(reduced: Reduced, system: SymbolicSystem, values: np.ndarray | None = None, forces: bool = False) -> Motion:
+def derive(reduced: Reduced, values: np.ndarray, forces: bool = False) -> tuple[Motion, Outline]:
     """Equations of motion of a reduced system.
 
     Parameters
     ----------
     reduced, values : as in `symbolic_system`
-    system : SymbolicSystem
-        Its explicit form: the test of what is derived, and the fall-back.
     forces : bool
         With the internal forces of ideal parts.
+
+    Raises
+    ------
+    ModelError
+        E0660 where the scene is too large, or has neither form.
     """
-    interpreter = Interpreter(reduced, reduced.values if values is None else values)
-    interpreter.run(reduced.parameter_program)
-    interpreter.run(reduced.rhs)
+    interpreter = Interpreter(reduced, values)
+    outline = interpreter.outline()
     try:
-        found = _virtual_power(interpreter, system, forces)
+        found = _virtual_power(interpreter, outline, forces)
     except (ModelError, NotLinearError):
         found = None
-    return found if found is not None and agrees(found, system) else explicit(system)
+    if found is not None and agrees(found, interpreter, values):
+        return found, outline
+    return explicit(symbolic_system(reduced, values)), outline
 
 
-def _virtual_power(interpreter: Interpreter, system: SymbolicSystem, forces: bool) -> Motion | None:
+def _virtual_power(interpreter: Interpreter, outline: Outline, forces: bool) -> Motion | None:
     import sympy as sp
 
     flat = interpreter.reduced.flat
     ports = _ports(flat)
-    kinematics = Kinematics(interpreter, system, [p for p, _ in ports])
+    kinematics = Kinematics(interpreter, outline, [p for p, _ in ports])
     laws = PartLaws(flat, kinematics)
     elimination, unknowns, right = laws.solve_relations()
     tied = {
@@ -233,22 +236,61 @@ def explicit(system: SymbolicSystem) -> Motion:
     return Motion(coordinates, orders, tuple(residuals), {}, False)
 
 
-def agrees(motion: Motion, system: SymbolicSystem) -> bool:
-    """The residuals vanish with the explicit derivatives, and determine them; tried at random numbers."""
+def agrees(motion: Motion, interpreter: Interpreter, values: np.ndarray) -> bool:
+    """The residuals vanish with the rates of the numeric system, and determine them; tried at a random point."""
+    point = _random_point(motion, interpreter, values)
+    highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders, strict=True)]
+    if not highest:
+        return True
+    matrix = np.zeros((len(highest), len(highest)))
+    for i, r in enumerate(motion.residuals):
+        for j in np.flatnonzero([x in r.free_symbols for x in highest]):
+            matrix[i, j] = _number(slope(r, highest[j]), point)
+    largest = np.abs(matrix).max(axis=1, initial=0.0)
+    if not np.all(largest > 0) or np.linalg.matrix_rank(matrix / largest[:, None]) < len(highest):
+        return False
+    terms = [[_number(term, point) for term in r.as_ordered_terms()] for r in motion.residuals]
+    return all(abs(sum(t)) <= 1e-8 * sum(map(abs, t)) for t in terms)
+
+
+def _random_point(motion: Motion, interpreter: Interpreter, values: np.ndarray) -> dict[sympy.Symbol, sympy.Float]:
+    """Numbers for all symbols that fit together: the rates are those of the numeric system."""
     import sympy as sp
 
-    values = accelerations(system)
-    highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders, strict=True)]
-    symbols = set().union(*(r.free_symbols for r in (*motion.residuals, *values.values())), set()) - set(highest)
+    from lmoc.symbolic.numeric import NumericSystem
+
+    reduced, flat = interpreter.reduced, interpreter.reduced.flat
     generator = np.random.default_rng(7)
-    ordered = sorted(symbols, key=lambda s: s.name)
-    numbers_used = generator.uniform(0.5, 1.5, len(ordered))
-    point = {s: sp.Float(v, 30) for s, v in zip(ordered, numbers_used, strict=True)}
-    numbers = {x: v.xreplace(point).evalf(30) for x, v in values.items()}
-    matrix = sp.Matrix(
-        [[slope(r, x).xreplace(point).xreplace(numbers).evalf(30) for x in highest] for r in motion.residuals]
-    )
-    if len(highest) != len(motion.residuals) or (highest and abs(matrix.det()) < 1e-20):
-        return False
-    left = [r.xreplace(point).xreplace(numbers).evalf(30) for r in motion.residuals]
-    return all(v.is_number and abs(v) < 1e-15 for v in left)
+    values = _with_all_values(flat, values, generator)
+    system = NumericSystem(reduced, values, ())
+    x = generator.uniform(0.2, 0.9, len(reduced.states))
+    jets = generator.uniform(0.2, 0.9, reduced.inputs.shape[1])
+    rates = system.rates_with(x, jets, 0.4)
+    point = {sp.Symbol("time"): 0.4}
+    for (_, variable, order), value in zip(reduced.inputs.T.tolist(), jets, strict=True):
+        point[jet_symbol(flat.variable_name(variable), order)] = value
+    for q, v in interpreter.outline().coordinates:
+        name = interpreter.w[int(reduced.states[q])].name
+        numbers = [x[q], x[v], rates[v]] if v >= 0 else [x[q], rates[q]]
+        point |= {jet_symbol(name, n): value for n, value in enumerate(numbers)}
+    point |= {s: float(values[v]) for s, v in interpreter.parameters.variable.items()}
+    symbols = set().union(*(r.free_symbols for r in motion.residuals), set())
+    point |= {s: generator.uniform(0.2, 0.9) for s in symbols - set(point)}
+    return {s: sp.Float(float(value), 17) for s, value in point.items()}
+
+
+def _with_all_values(flat, values: np.ndarray, generator) -> np.ndarray:
+    """Parameter values with random ones where there are none, and what is bound to them."""
+    values = values.copy()
+    bound = np.concatenate([a.target for a in flat.bindings]) if flat.bindings else np.zeros(0, int)
+    free = np.isnan(values) & np.isin(flat.kind, (Kind.CONSTANT, Kind.PARAMETER))
+    free[bound.astype(int)] = False
+    values[free] = generator.uniform(0.5, 1.5, int(free.sum()))
+    for a in flat.bindings:
+        if flat.kind[a.target[0]] in (Kind.CONSTANT, Kind.PARAMETER):
+            values[a.target] = np.where(np.isnan(values[a.target]), a.values(values), values[a.target])
+    return values
+
+
+def _number(value: sympy.Expr, point: dict[sympy.Symbol, float]) -> float:
+    return float(value.xreplace(point))

@@ -14,6 +14,7 @@ from lmoc.semantics.flat import Kind
 from lmoc.structure.program import needed_steps, read
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.linearize import LinearModel, no_value
+from lmoc.symbolic.system import coordinates_of
 
 if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibrium
@@ -69,11 +70,19 @@ class NumericSystem:
             raise no_value(sorted({self.reduced.flat.variable_name(int(v)) for v in missing[:12]}))
 
     def _place(self, x: np.ndarray, u: np.ndarray, time: float) -> None:
-        self._w[self.reduced.states] = x
         orders, variables = self.jets[2], self.jets[1]
         at = np.searchsorted(self.input_variables, variables)
-        self._w[self.jets[0]] = np.where(orders == 0, u[at], 0.0) if len(variables) else 0.0
+        self._run(x, np.where(orders == 0, u[at], 0.0) if len(variables) else np.zeros(0), time)
+
+    def _run(self, x: np.ndarray, jets: np.ndarray, time: float) -> None:
+        self._w[self.reduced.states] = x
+        self._w[self.jets[0]] = jets
         self._interpreter.run(self._w, time)
+
+    def rates_with(self, x: np.ndarray, jets: np.ndarray, time: float) -> np.ndarray:
+        """(n,) derivatives of the states for given inputs and their derivatives, in the order of `jets`."""
+        self._run(x, jets, time)
+        return self._w[self.reduced.derivatives].copy()
 
     def rates(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> np.ndarray:
         """(n,) derivatives of the states; the inputs' derivatives are zero."""
@@ -177,7 +186,7 @@ def linearize_numerically(
         },
         drift=found[:n],
         output_values=found[n:],
-        coordinates=coordinates(reduced),
+        coordinates=coordinates_of(reduced),
     )
 
 
@@ -224,12 +233,3 @@ def variable(reduced: Reduced, name: str) -> int:
         hint = nearest(name, flat.names()) if flat.count < 5000 else ""
         raise ModelError([Diagnostic("E0661", f"there is no variable '{name}'", hint=hint)])
     return int(found[0])
-
-
-def coordinates(reduced: Reduced) -> tuple[tuple[int, int], ...]:
-    """(position, velocity) as indices of states, as `SymbolicSystem.coordinates`."""
-    place = {int(r): i for i, r in enumerate(reduced.states)}
-    velocity = {i: place[int(d)] for i, d in enumerate(reduced.derivatives) if int(d) in place}
-    seen = set(velocity.values())
-    found = [(i, velocity.get(i, -1)) for i in range(len(reduced.states)) if i not in seen]
-    return tuple(sorted(found, key=lambda pair: pair[1] < 0))

@@ -32,12 +32,15 @@ class ParameterSymbols:
     ----------
     used : {Symbol: value}
         The independent parameters met so far; NaN for one without a value.
+    variable : {Symbol: flat variable}
+        Where they stand.
     """
 
     def __init__(self, flat: FlatDAE, values: np.ndarray):
         self.flat = flat
         self.values = values
         self.used: dict[sympy.Symbol, float] = {}
+        self.variable: dict[sympy.Symbol, int] = {}
         self._known: dict[int, sympy.Expr] = {}
         self._row: dict[int, tuple[int, int]] = {}
         for b, assignments in enumerate(flat.bindings):
@@ -68,6 +71,7 @@ class ParameterSymbols:
                 return exact(value)
         symbol = sp.Symbol(self.flat.variable_name(variable))
         self.used[symbol] = value
+        self.variable[symbol] = variable
         return symbol
 
 

@@ -132,7 +132,7 @@ def lowest(value: sympy.Expr) -> sympy.Expr:
         forms.append(sp.collect(top, alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
     if bottom.is_Add or top.is_Add and len(top.args) <= MOST_FACTORED:
         forms.append(sp.factor(cancelled))
-    shortest = min((cancelled, *forms), key=lambda e: (len(sp.sstr(e)), not e.is_Add))
+    shortest = min((cancelled, *forms), key=lambda e: (e.count_ops(), e.is_Add, len(sp.sstr(e))))
     return _sign_inside(shortest)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from lmoc.diagnostics import Diagnostic, ModelError
 from lmoc.expression.to_sympy import lower
 from lmoc.semantics.flat import Kind
-from lmoc.structure.program import Apply, Program, Solve, Step, Total
+from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_steps
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
@@ -95,10 +95,40 @@ class SymbolicSystem:
         return {s: exact(v) for s, v in self.values.items() if not np.isnan(v)}
 
 
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """What moves, without its equations: as `SymbolicSystem`, for derivations that need no solved form."""
+
+    name: str
+    states: tuple[sympy.Symbol, ...]
+    coordinates: tuple[tuple[int, int], ...]
+    inputs: tuple[sympy.Symbol, ...]
+    own_names: Mapping[str, str]
+    assumptions: tuple[str, ...]
+
+
+def coordinates_of(reduced: Reduced) -> tuple[tuple[int, int], ...]:
+    """(position, velocity) as indices of states, as `SymbolicSystem.coordinates`."""
+    place = {int(r): i for i, r in enumerate(reduced.states)}
+    velocity = {i: place[int(d)] for i, d in enumerate(reduced.derivatives) if int(d) in place}
+    seen = set(velocity.values())
+    found = [(i, velocity.get(i, -1)) for i in range(len(reduced.states)) if i not in seen]
+    return tuple(sorted(found, key=lambda pair: pair[1] < 0))
+
+
 def jet_symbol(name: str, order: int) -> sympy.Symbol:
     import sympy as sp
 
     return sp.Symbol("der(" * order + name + ")" * order)
+
+
+def _check_size(reduced: Reduced) -> None:
+    count, states = reduced.flat.equation_count, len(reduced.states)
+    if count > MOST_EQUATIONS or states > MOST_STATES:
+        raise refuse(
+            f"{reduced.flat.name or 'the model'} has {count} equations and {states} states: too many for symbols",
+            hint="a linear model in numbers has no such limit: `lmoc linearize`",
+        )
 
 
 def refuse(message: str, hint: str = "") -> ModelError:
@@ -125,16 +155,9 @@ def symbolic_system(
         E0660 where the scene is too large, or implicit equations have no closed solution.
     """
     flat = reduced.flat
-    if flat.equation_count > MOST_EQUATIONS or len(reduced.states) > MOST_STATES:
-        raise refuse(
-            f"{flat.name or 'the model'} has {flat.equation_count} equations and {len(reduced.states)} states: "
-            "too many for equations in symbols",
-            hint="a linear model in numbers has no such limit: `lmoc linearize`",
-        )
     interpreter = Interpreter(reduced, reduced.values if values is None else values)
-    interpreter.run(reduced.parameter_program)
     interpreter.run(reduced.rhs)
-    outputs = [n for b in flat.blocks if b.output for n in range(b.offset, b.offset + b.size)]
+    outputs = _outputs(flat)
     wanted = [(flat.variable_name(v), v) for v in outputs] + [(n, _only(flat, n)) for n in variables]
     interpreter.fill([int(reduced.register_of[v]) for _, v in wanted if reduced.register_of[v] >= 0])
     values_of = {name: arrange(interpreter.variable(v), interpreter) for name, v in wanted}
@@ -151,6 +174,10 @@ def symbolic_system(
         variables={n: values_of[n] for n in variables},
         assumptions=tuple(g.text for g in reduced.guards),
     )
+
+
+def _outputs(flat) -> list[int]:
+    return [n for b in flat.blocks if b.output for n in range(b.offset, b.offset + b.size)]
 
 
 def _only(flat, name: str) -> int:
@@ -173,6 +200,7 @@ class Interpreter:
     """
 
     def __init__(self, reduced: Reduced, values: np.ndarray):
+        _check_size(reduced)
         self.reduced = reduced
         self.parameters = ParameterSymbols(reduced.flat, values)
         self.w: dict[int, sympy.Expr] = {}
@@ -192,7 +220,21 @@ class Interpreter:
             name = flat.variable_name(v)
             jets = tuple(jet_symbol(name, k) for k in range(highest.get(v, 0) + 1))
             self.input_symbols[jets[0]] = jets
-        self._observed = False
+        self.run(reduced.parameter_program)
+
+    def outline(self) -> Outline:
+        """States, coordinates and inputs; no program is run for it."""
+        reduced, flat = self.reduced, self.reduced.flat
+        names = {int(r): self.w[int(r)].name for r in reduced.states}
+        same = [(int(reduced.register_of[v]), flat.variable_name(v)) for v in reversed(_outputs(flat))]
+        return Outline(
+            name=flat.name,
+            states=tuple(self.w[int(r)] for r in reduced.states),
+            coordinates=coordinates_of(reduced),
+            inputs=tuple(self.input_symbols),
+            own_names={names[r]: own for r, own in same if r in names},
+            assumptions=tuple(g.text for g in reduced.guards),
+        )
 
     def variable(self, variable: int) -> sympy.Expr:
         """Expression of a flat variable; `fill` its register before."""
@@ -206,12 +248,11 @@ class Interpreter:
         return self.w[register]
 
     def fill(self, registers: list[int]) -> None:
-        """Run what is needed of the observing program."""
-        from lmoc.structure.program import needed_steps
-
+        """Run what is needed of the programs for some registers, and not yet done."""
         missing = np.array([r for r in registers if r not in self.w], int)
         if len(missing):
-            self.run(needed_steps(self.reduced.observe, missing, self.reduced.registers.count), again=False)
+            program = self.reduced.rhs + self.reduced.observe
+            self.run(needed_steps(program, missing, self.reduced.registers.count), again=False)
 
     def run(self, program: Program, again: bool = True) -> None:
         for step in program:
@@ -230,7 +271,8 @@ class Interpreter:
                     self.w[out] = sum((_times(c, self.w[r]) for r, c in terms), start=_zero())
         else:
             for unknowns, residuals in zip(step.unknowns.tolist(), step.residuals.tolist(), strict=True):
-                self._solve(step, unknowns, residuals)
+                if again or any(r not in self.w for r in unknowns):
+                    self._solve(step, unknowns, residuals)
 
     def _solve(self, step: Solve, unknowns: list[int], residuals: list[int]) -> None:
         import sympy as sp
