@@ -8,8 +8,10 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from lmoc.expression.dag import function, slot
 from lmoc.structure import blocks, matching
 from lmoc.structure.dulmage_mendelsohn import components, decompose
+from lmoc.structure.explicit import solved
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.sigma import highest_value_transversal, offsets
 from lmoc.structure.small_blocks import first_occurrence
@@ -158,3 +160,11 @@ def test_tearing_keeps_substitutions_shallow():
 def test_equal_numbers_are_found_in_each_row():
     table = np.array([[5, 7, 5, 7], [1, 1, 2, 1]])
     assert first_occurrence(table).tolist() == [[0, 1, 0, 1], [0, 0, 2, 0]]
+
+
+def test_only_the_factor_with_the_unknown_must_vanish():
+    """A massless lever at its dead centre: cos(theta)*(l1*f1 + l2*f2) = 0."""
+    theta, l1, f1, l2, f2 = (slot(i) for i in range(5))
+    assert solved(-(function("cos", theta) * (l1 * f1 + l2 * f2)), f2) is -(l1 * f1 / l2)
+    assert solved(f2 * f2, f2) is None
+    assert solved(function("sin", f2) - f1, f2) is None

@@ -18,7 +18,16 @@ def as_formula(expr: Expr) -> tuple[Expr, tuple[Expr, ...]]:
 
 @cache
 def solved(residual: Expr, leaf: Expr) -> Expr | None:
-    """The value of `leaf` for which the residual vanishes, where that is linear in it; else None."""
+    """The value of `leaf` for which the residual vanishes, where that is linear in it; else None.
+
+    Of a product only the factor with the leaf must vanish: ``cos(theta)*(l1*f1 + l2*f2) = 0`` gives f2 at a dead
+    centre too.
+    """
+    while residual.op in ("mul", "neg"):
+        having = [a for a in residual.args if leaf in slots(a)]
+        if len(having) != 1:
+            break
+        residual = having[0]
     parts = linear_parts(residual, (leaf,))
     if parts is None or leaf not in parts[0]:
         return None
