@@ -289,6 +289,11 @@ CATALOGUE: dict[str, Entry] = {
         "Where the formula has a kink or a jump its derivative is an impulse, which the run leaves out. Smooth the "
         "signal, or give its motion as a table.",
     ),
+    "W0525": Entry(
+        "a table does not cover the run",
+        "The run begins before the first point of the table or goes on after its last. The outermost values are held "
+        "there, with slope zero.",
+    ),
     "E0530": Entry(
         "a parameter without a value",
         "The equations of the run read a parameter that has neither a binding nor a value from the command.",

@@ -212,6 +212,7 @@ class DAE(SymbolicMethods):
         """
         from lmoc.numerics.options import RunOptions
 
+        _check_initial(initial or {})
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
         options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
@@ -311,6 +312,20 @@ class DAE(SymbolicMethods):
             f"<DAE {self.name}: {self.reduced.counts['parts']} parts, {self.flat.equation_count} flat equations, "
             f"{len(self.reduced.states)} states>"
         )
+
+
+def _check_initial(initial: Mapping[str, Value]) -> None:
+    """Start values must be finite numbers (E0621); whether the model has the names is seen later."""
+    report = Report()
+    for name, value in initial.items():
+        try:
+            fits = bool(np.isfinite(np.asarray(value, float)).all())
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            found = f"{value!r:.80}"
+            report.error("E0621", f"the start value of '{name}' does not fit", expected="a number", found=found)
+    report.check()
 
 
 def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:

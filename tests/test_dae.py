@@ -154,3 +154,16 @@ def test_casadi_functions_follow_the_bindings(dae):
     assert a == pytest.approx(np.array([[0, 1], [-9, 0]]))
     assert b == pytest.approx(np.array([[0], [0.5]]))
     assert (c.tolist(), d.tolist()) == ([[1, 0]], [[0]])
+
+
+@pytest.mark.parametrize("value", [float("nan"), "half", None])
+def test_start_values_are_finite_numbers(dae, value):
+    with pytest.raises(lmoc.ModelError, match="E0621"):
+        dae.simulate(initial={"body.q": value})
+
+
+def test_a_table_that_ends_early_is_told(dae):
+    run = dae.simulate(stop=3, inputs={"f": ([0, 1], [0, 2])})
+    assert [note.code for note in run.notes] == ["W0525"]
+    assert run["f"][-1] == 2
+    assert dae.simulate(stop=1, inputs={"f": ([0, 1], [0, 2])}).notes == ()

@@ -94,6 +94,13 @@ def gives(signal: Signal, order: int) -> bool:
     return True
 
 
+def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:
+    """A sampled signal at many times."""
+    if isinstance(signal, Table):
+        return signal.curve(times, order)
+    return np.array([float(signal.value(t, order)) for t in times.tolist()])
+
+
 def default_signals(flat: FlatDAE) -> dict[int, Signal]:
     """The bindings of top-level inputs as formulas, by variable."""
     found: dict[int, Signal] = {}
@@ -158,6 +165,19 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
         found=f"{type(given).__name__} {given!r:.60}",
     )
     return None
+
+
+def note_held_ends(signals: Mapping[int, Signal], flat: FlatDAE, times: np.ndarray, report: Report) -> None:
+    """Warn where a run goes beyond the points of a table."""
+    for variable, signal in signals.items():
+        if isinstance(signal, Table):
+            first, last = float(signal.curve.knots[0]), float(signal.curve.knots[-1])
+            if times[0] < first or times[-1] > last:
+                report.warning(
+                    "W0525",
+                    f"the table for input '{flat.variable_name(variable)}' covers {first:g} … {last:g} s of a run over "
+                    f"{times[0]:g} … {times[-1]:g} s: its outermost values are held",
+                )
 
 
 def _table(times: np.ndarray, values: np.ndarray, name: str, report: Report) -> Table | None:

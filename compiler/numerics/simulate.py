@@ -17,7 +17,7 @@ from lmoc.numerics.kinks import break_times
 from lmoc.numerics.observe import Observer, Recorder, Trajectory, find
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
-from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals
+from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, note_held_ends
 from lmoc.numerics.system import System, make_system
 from lmoc.structure.reduced import Reduced
 
@@ -77,6 +77,7 @@ class Simulator:
         times = check_options(options, self.reduced, report)
         signals = bind_signals(self.reduced.flat, inputs, report)
         report.check()
+        note_held_ends(signals, self.reduced.flat, times, report)
         plan, system = self.system(signals, options.energy, report)
         lowered = clock.perf_counter()
         base = plan.base(values, signals)
