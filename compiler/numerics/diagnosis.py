@@ -6,7 +6,7 @@ import numpy as np
 
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.observe import Observer
-from lmoc.numerics.slices import sample
+from lmoc.numerics.signals import sample
 from lmoc.numerics.system import System
 from lmoc.semantics.flat import FlatDAE
 from lmoc.source import Span

@@ -11,7 +11,7 @@ from lmoc.numerics.casadi_system import CASADI_ROWS
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.plan import Plan, program_rows, walk
 from lmoc.numerics.segments import SegmentedProgram, can_segment
-from lmoc.numerics.signals import Formula, Signal, Table
+from lmoc.numerics.signals import Formula, Signal, sample
 from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
 
 _CHUNK = 20_000_000  # numbers held at once while a trajectory is evaluated
@@ -73,13 +73,6 @@ def _runner(program: Program, count: int):
         w[:] = rows.T
 
     return run
-
-
-def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:
-    """A sampled signal at many times."""
-    if isinstance(signal, Table):
-        return signal.curve(times, order)
-    return np.array([float(signal.value(t, order)) for t in times.tolist()])
 
 
 def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.segments import SegmentedProgram, can_segment
-from lmoc.numerics.signals import Signal
+from lmoc.numerics.signals import Signal, sample
 from lmoc.structure.program import Program
 
 COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compiler
@@ -42,16 +42,23 @@ class System(ABC):
         self.evaluations = 0
         self.jacobians = 0
         self.samplers: list[Callable[[float], float]] = []
+        self._sampled: list[tuple[Signal, int]] = []
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         """Take the parameter values of a run (`Plan.base`) and the functions behind sampled inputs."""
         self.evaluations = self.jacobians = 0
         self.samplers = [_sampler(signals[v], order) for v, order in self.plan.samplers]
+        self._sampled = [(signals[v], order) for v, order in self.plan.samplers]
 
     def sample(self, t: float, out: np.ndarray) -> None:
         """Values of the sampled inputs at one time."""
         for k, call in enumerate(self.samplers):
             out[k] = call(t)
+
+    def sample_many(self, times: np.ndarray, out: np.ndarray) -> None:
+        """Values of the sampled inputs at several times, (times, inputs); tables take all times at once."""
+        for k, (signal, order) in enumerate(self._sampled):
+            out[:, k] = sample(signal, order, times)
 
     def opened(self) -> System | None:
         """The index-1 form with the unknowns of large blocks as algebraic variables; None: there are no such blocks."""

@@ -110,7 +110,6 @@ class CasadiStepper(Stepper):
         function = step_function(system.function, n, inputs, len(system.p), system.plan.tested)
         self.call = Buffered(function, (self.t, self.h, self.x, self.f, system.p, self.u, self.rtol, self.atol))
         self.numbers, self.x_new, self.f_new, self.terms = self.call.results
-        self.times = table.C.tolist()
 
     def start(self, t, x, rtol, atol, tested) -> None:
         self.x[:], self.rtol[0], self.atol[:] = x, rtol, atol
@@ -119,8 +118,7 @@ class CasadiStepper(Stepper):
     def attempt(self, t: float, h: float) -> tuple[float, float]:
         self.t[0], self.h[0] = t, h
         if self.system.samplers:
-            for i, c in enumerate(self.times):
-                self.system.sample(t + c * h, self.u[i])
+            self.system.sample_many(t + table.C * h, self.u)
         self.call()
         self.system.evaluations += 15
         error, stiffness = self.numbers.tolist()
