@@ -112,8 +112,6 @@ def _failed(failure: SimulationError, arguments: argparse.Namespace) -> int:
     if run is not None and len(run.time):
         _tell(run, arguments)
     terminal.failure(str(failure))
-    if failure.time is not None:
-        print(f"        time reached: {failure.time:.6g} s", file=sys.stderr)
     if run is not None and arguments.output is not None:
         print(f"        the result until then is in {arguments.output}", file=sys.stderr)
     return FAILED_RUN

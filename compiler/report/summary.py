@@ -23,7 +23,7 @@ def summary(run: Run) -> str:
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
-    lines += ["", f"at t = {run.time[-1]:g} s", *_table(final_rows(run))]
+    lines += ["", f"at t = {run.time[-1]:g} s" + ("" if run.complete else ", where the run broke off"), *_table(final_rows(run))]
     return "\n".join(lines)
 
 

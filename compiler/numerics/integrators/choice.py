@@ -97,10 +97,13 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     stats: dict[str, object] = {"solver": "dop853", "reason": "not stiff"}
     if not outcome.stiff and outcome.failure not in (COLLAPSED, NOT_FINITE):
         return outcome, stats
+    spent = problem.system.evaluations
     name, why = stiff_method(problem, outcome)
     later = integrator(name)(_rest(problem, outcome, name))
     later.reached += outcome.reached - 1
     later.counts = _added(outcome.counts, later.counts)
+    if "evaluations" in later.counts:  # SUNDIALS counts its own, and the system those of Python
+        later.counts["evaluations"] += spent
     met = "stiffness" if outcome.stiff else outcome.failure
     solvers = "dop853" if name == "dop853" else f"dop853, {name}"
     return later, {"solver": solvers, "reason": f"{met} at t = {outcome.time:.4g} s, then {why}"}
