@@ -5,7 +5,10 @@ Each function returns (seconds to build, seconds to run, position of the first m
 
 from __future__ import annotations
 
+import subprocess
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -67,6 +70,31 @@ def scipy_ivp(n: int, method: str = "DOP853", points: int = 501) -> tuple[float,
     begin = time.perf_counter()
     done = solve_ivp(rhs, (0, STOP), start(n), method, np.linspace(0, STOP, points), rtol=RTOL, atol=ATOL)
     return 0.0, time.perf_counter() - begin, float(done.y[0, -1])
+
+
+def sundials_c(n: int, points: int = 501) -> tuple[float, float, float]:
+    """`chain.c`: CVODE with a band matrix by hand.
+
+    Raises
+    ------
+    OSError
+        Where there is no compiler, or the headers of SUNDIALS are not installed.
+    """
+    source = Path(__file__).with_name("chain.c")
+    libraries = ["cvode", "nvecserial", "sunmatrixband", "sunlinsolband"]
+    with tempfile.TemporaryDirectory() as folder:
+        program = str(Path(folder) / "chain")
+        begin = time.perf_counter()
+        link = [f"-lsundials_{name}" for name in libraries] + ["-lm"]
+        command = ["cc", "-O3", "-march=native", str(source), "-o", program, *link]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            raise OSError("the headers of SUNDIALS are not installed")
+        built = time.perf_counter() - begin
+        arguments = [str(a) for a in (n, mode(n), points, RTOL, ATOL)]
+        answer = subprocess.run([program, *arguments], capture_output=True, text=True, check=True).stdout
+    ran, end = map(float, answer.split())
+    return built, ran, end
 
 
 def sympy_lagrange(n: int) -> tuple[float, float, float]:

@@ -54,6 +54,7 @@ def tools(n: int, quick: bool) -> dict[str, Callable[[], Measured]]:
         "lmoc auto, no C": lambda: lmoc_chain(n, "auto", compiler=False),
         "lmoc cvode, no C": lambda: lmoc_chain(n, "cvode", compiler=False),
         "casadi cvodes": lambda: peers.casadi_cvodes(n),
+        "C with CVODE": lambda: peers.sundials_c(n),
         "scipy DOP853": lambda: peers.scipy_ivp(n),
     }
     if find_spec("rumoca") and n <= (10 if quick else 400):
