@@ -134,6 +134,19 @@ def test_many_equal_parts_at_once():
     assert run.states[0, 1::2] == pytest.approx(np.arange(1000) / 2 - 1)
 
 
+def test_one_part_with_many_states():
+    """A thousand and more states tied together by wishes for their differences, one of them fixed."""
+    s, n = Scene(), 1100
+    x = [s.state(f"x{i}") for i in range(n)]
+    for i in range(n - 1):
+        s.begin(s.define(f"gap{i}", x[i + 1] - x[i]), 0.01 * i)
+    s.begin(s.define("twice", 2 * x[0]), 6.0, True)
+    run = simulate(s.reduced(), options=START)
+    i = np.arange(n)
+    assert run.states[0] == pytest.approx(3.0 + 0.01 * i * (i - 1) / 2, rel=1e-9)
+    assert run["twice"][0] == pytest.approx(6.0, abs=1e-9)
+
+
 def linkage(start: float) -> tuple[Scene, tuple]:
     """cos(angle) = 1 - q by Newton: two branches, the start value of the angle chooses."""
     s = Scene()

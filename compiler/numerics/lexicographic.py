@@ -9,6 +9,8 @@ import numpy as np
 from lmoc.distinct import distinct
 
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
+_DENSE = 1000  # states of a part up to which it is solved with dense matrices
+_SHORT, _REPEATED = 1e-8, 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +39,13 @@ class Components:
         d = np.zeros(self.states)
         lookup = _Lookup(jacobian, self.states)
         for batch in self.batches:
+            if batch.states.shape[1] > _DENSE:
+                for rows in zip(batch.hard, batch.soft, batch.states, strict=True):
+                    d[rows[2]] = _large(jacobian, residual, *rows, self.states)
+                continue
             hard = lookup.blocks(batch.hard, batch.states)
             soft = lookup.blocks(batch.soft, batch.states)
-            own = _lexicographic(hard, residual[batch.hard], soft, residual[batch.soft], x[batch.states])
-            d[batch.states] = own
+            d[batch.states] = _lexicographic(hard, residual[batch.hard], soft, residual[batch.soft], x[batch.states])
         return d
 
     def connected(self, rows: np.ndarray) -> list[np.ndarray]:
@@ -146,6 +151,36 @@ def _lexicographic(hard, r_hard, soft, r_soft, x) -> np.ndarray:
         free = free - inverse @ inside
     rest = (free @ (x + d)[..., None])[..., 0]
     return d - rest
+
+
+def _large(jacobian, residual, hard: np.ndarray, soft: np.ndarray, states: np.ndarray, count: int) -> np.ndarray:
+    """The step for one part with many states, from the sparse conditions of optimality.
+
+    Where the rows leave a choice the step is short (so states stay near zero, where they began). It is a step of
+    Levenberg and Marquardt's method: repeated, it meets the start values as closely as can be.
+    """
+    from scipy.sparse import bmat, coo_matrix, identity
+    from scipy.sparse.linalg import splu
+
+    rows, columns, values = jacobian
+    size = np.sqrt(np.bincount(rows, values**2, minlength=len(residual)))
+    size[size == 0] = 1.0
+    place = np.full(count, -1)
+    place[states] = np.arange(len(states))
+
+    def part(own: np.ndarray):
+        number = np.full(len(residual), -1)
+        number[own] = np.arange(len(own))
+        used = number[rows] >= 0
+        entries = values[used] / size[rows[used]], (number[rows[used]], place[columns[used]])
+        return coo_matrix(entries, shape=(len(own), len(states))).tocsr()
+
+    fixed, wished = part(hard), part(soft)
+    top = wished.T @ wished + _SHORT * identity(len(states))
+    # the small negative block keeps the matrix regular where fixed rows repeat each other
+    matrix = bmat([[top, fixed.T], [fixed, -_REPEATED * identity(len(hard))]]).tocsc()
+    right = np.concatenate([-wished.T @ (residual[soft] / size[soft]), -residual[hard] / size[hard]])
+    return splu(matrix).solve(right)[: len(states)]
 
 
 def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -6,8 +6,6 @@ the end, and no Python package is imported for it.
 
 from __future__ import annotations
 
-import time as clock
-
 import numpy as np
 
 from lmoc.numerics.integrators.base import NOT_FINITE, TOO_LONG, Outcome, Problem, Properties
@@ -55,8 +53,7 @@ class Frame:
 
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.calls += 1
-        deadline = self.problem.deadline
-        if deadline is not None and self.calls % _LOOK == 0 and clock.monotonic() > deadline:
+        if self.calls % _LOOK == 0 and self.watch.expired(t):
             raise Expired
         if self.order is None:
             self.system.rhs(t, x, out)
