@@ -30,6 +30,7 @@ lint: $(VENV)/.installed-test
 docs: $(VENV)/.installed
 	@$(BIN)/python -m lmoc.catalogue > docs/diagnostics.md
 	@$(BIN)/python docs/make_library.py
+	@$(BIN)/lmoc run $(DEMO) --quiet --plot docs/suspension.png
 
 bench-quick: $(VENV)/.installed-test
 	@$(BIN)/python -m benchmarks.startup --runs 7

@@ -278,7 +278,7 @@ class DAE(SymbolicMethods):
             return self, self.reduced, self.values, []
         clock = clock or Clock()
         overrides = _indexed(self.flat, parameters)
-        structural = {n: v for n, v in parameters.items() if self.flat.block_at(int(self.flat.find(n)[0])).structural}
+        structural = {name: value for name, value in parameters.items() if self._reshapes(name, value)}
         if structural:
             scene = self._reshape(structural, clock)
             rest = {n: v for n, v in parameters.items() if n not in structural}
@@ -288,6 +288,11 @@ class DAE(SymbolicMethods):
         values = self.flat.parameter_values({**_indexed(self.flat, self.flat.overrides), **overrides})
         reduced, notes = self._reduction(values, clock)
         return self, reduced, values, notes
+
+    def _reshapes(self, name: str, value: Value) -> bool:
+        """Whether a value shapes the flat model and differs from the one that has shaped it."""
+        variables = self.flat.find(name)
+        return self.flat.block_at(int(variables[0])).structural and bool(np.any(self.values[variables] != value))
 
     def _reshape(self, structural: Mapping[str, Value], clock: Clock) -> DAE:
         key = tuple(sorted((name, np.asarray(value, float).tobytes()) for name, value in structural.items()))
