@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.integrators.base import NOT_FINITE, TOO_LONG, Outcome, Problem, Properties
+from lmoc.numerics.integrators.base import NOT_FINITE, TOO_LONG, Outcome, Problem, Properties, Watch
 from lmoc.numerics.integrators.matrices import Layout, layout_of
 from lmoc.numerics.system import System
 
@@ -33,6 +33,7 @@ class Frame:
         self.order = order
         self.x, self.f = np.empty(self.system.n), np.empty(self.system.n)
         self.values = np.empty(len(self.layout.place))
+        self.watch = Watch(problem)
         self.calls = 0
         self.batch: list[np.ndarray] = []
 
