@@ -239,3 +239,14 @@ def test_a_balanced_lever_rests_in_every_position():
     assert equal(condition / (l1 * m1 - l2 * m2), 1)
     tilted = dae.equilibria(parameters={"m1": 3.0})
     assert {e["body.theta"] for e in tilted} == {sp.pi / 2, -sp.pi / 2} and all(e.isolated for e in tilted)
+
+
+@pytest.mark.parametrize(
+    "text", ["a/b + b/a", "1/(1/a + 1/b)", "(a**2 - b**2)/(a - b)", "sin(a)/(a + a*b) + 1/a", "(a + b)/(a + b)**2"]
+)
+def test_lowest_terms_by_field_arithmetic(text):
+    from lmoc.symbolic.rational import cancelled
+
+    value = sp.sympify(text)
+    assert equal(cancelled(value), value)
+    assert cancelled(value).count_ops() <= sp.cancel(value).count_ops()

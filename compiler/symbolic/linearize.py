@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, refuse
 
@@ -144,9 +145,7 @@ class LinearModel:
         return replace(self, Bs=tuple(Bs), Ds=tuple(Ds))
 
     def _clean(self, matrix: Matrix) -> Matrix:
-        import sympy as sp
-
-        return matrix.applyfunc(sp.cancel) if self.symbolic else matrix
+        return matrix.applyfunc(cancelled) if self.symbolic else matrix
 
     def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(A, B, C, D) of the realization, for scipy.signal and python-control.
@@ -300,7 +299,7 @@ def _column(matrix: Matrix) -> Matrix:
 def _lowest(value: sympy.Expr) -> sympy.Expr:
     import sympy as sp
 
-    return sp.factor_terms(sp.cancel(value)) if value.free_symbols else value
+    return sp.factor_terms(cancelled(value)) if value.free_symbols else value
 
 
 def numeric_matrix(matrix: sympy.Matrix, system: SymbolicSystem, values: Mapping | None = None) -> np.ndarray:

@@ -20,6 +20,7 @@ from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_st
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
+from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 MOST_EQUATIONS = 3000  # flat ones; beyond, symbols help nobody
 MOST_STATES = 120
+MOST_OPERATIONS = 2_000  # of an expression that is brought into lowest terms; a longer one stays as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,10 +329,12 @@ def in_lowest_terms(value: sympy.Expr, moving: set[sympy.Symbol]) -> sympy.Expr:
     """Write what is linear in the moving symbols as ``Σ coefficient·symbol + rest`` with cancelled coefficients."""
     import sympy as sp
 
+    if value.count_ops() > MOST_OPERATIONS:
+        return value
     present = sorted(value.free_symbols & moving, key=lambda s: s.name)
     coefficients = [slope(value, x) for x in present]
     if any(c.free_symbols & moving for c in coefficients):
         return value
     rest = value.xreplace({x: sp.S.Zero for x in present})
-    terms = [sp.factor_terms(sp.cancel(c)) * x for c, x in zip(coefficients, present, strict=True)]
-    return sp.Add(*terms, sp.factor_terms(sp.cancel(rest)))
+    terms = [sp.factor_terms(cancelled(c)) * x for c, x in zip(coefficients, present, strict=True)]
+    return sp.Add(*terms, sp.factor_terms(cancelled(rest)))
