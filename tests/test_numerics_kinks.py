@@ -29,6 +29,8 @@ def breaks(formula: str, start=0.0, stop=10.0):
         ("if time > 2 and time <= 2.0001 then 1e3 else 0", [2.0, 2.0001]),
         ("if sin(time) > 0 then 1 else -1", [np.pi, 2 * np.pi, 3 * np.pi]),
         ("if time < 0 then 1 else if time > 20 then 2 else 3", []),
+        ("floor(time/4)", [4.0, 8.0]),
+        ("if mod(time, 4) < 1 then 1 else 0", [1.0, 4.0, 5.0, 8.0, 9.0]),
         ("sin(time)", []),
         ("time^2", []),
     ],

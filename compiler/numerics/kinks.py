@@ -6,18 +6,20 @@ may fall between two steps unseen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from lmoc.expression.calculus import linear_parts
-from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
+from lmoc.expression.dag import TIME, Expr, depends_on_time, function, postorder, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.numerics.plan import Plan, walk
 from lmoc.structure.program import Apply
 
 _DIFFERENCE = frozenset("lt le gt ge min max".split())  # something happens where the arguments are equal
 _ZERO = frozenset("abs sign".split())  # … where the argument is zero
+_STAIRS = frozenset("floor ceil integer mod rem div_integer".split())  # … where it, or the quotient, is a whole number
 _SAMPLES = 4001  # points at which a switch that is not linear in time is looked at
 _MOST = 10_000
 
@@ -43,6 +45,9 @@ def _candidates(shape: Expr) -> Iterator[Expr]:
             expression = node.args[0] - node.args[1]
         elif node.op in _ZERO:
             expression = node.args[0]
+        elif node.op in _STAIRS:
+            quotient = node.args[0] / node.args[1] if len(node.args) == 2 else node.args[0]
+            expression = function("sin", quotient * math.pi)
         else:
             continue
         if depends_on_time(expression):

@@ -17,7 +17,7 @@ from lmoc.numerics.kinks import break_times
 from lmoc.numerics.observe import Observer, Recorder, Trajectory, find
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
-from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, note_held_ends
+from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
 from lmoc.numerics.system import System, make_system
 from lmoc.structure.reduced import Reduced
 
@@ -226,11 +226,10 @@ def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.n
 
 def _kind_key(signal: Signal) -> tuple:
     if isinstance(signal, Formula):
-        return "formula", id(signal.shape), signal.variables
+        return "formula", signal.shape, signal.variables
     if isinstance(signal, Constant):
         return ("constant",)
-    # functions differ in the derivatives they have
-    return type(signal).__name__, getattr(signal, "at_order", lambda order: None)(1) is None
+    return type(signal).__name__, *(gives(signal, order) for order in range(4))
 
 
 def _check_parameters(plan: Plan, base: np.ndarray, report: Report) -> None:
