@@ -163,3 +163,20 @@ def test_a_run_keeps_only_what_is_asked_for() -> None:
         run["m[3].q"]
     with pytest.raises(lmoc.ModelError, match="did you mean 'm.q'"):
         dae.simulate(keep=["m.qq"])
+
+
+REST = """model M Mass m(m = 2, g = -9.81); Spring s(k = 10); Fixed f; {}
+equation connect(f.flange, s.a); connect(s.b, m.flange); end M;"""
+
+
+def test_derivatives_of_derivatives_that_are_states():
+    run = lmoc.compile_text(REST.format("")).simulate(stop=1)
+    assert np.array_equal(run["der(m.v)"], run["m.a"])
+    assert np.array_equal(run["der(m.q)"], run["m.v"])
+
+
+def test_a_start_at_rest_given_by_derivatives():
+    """The second derivative of a position is that of a velocity, which is a state itself."""
+    for given in ("der(m.q) = 0; der(m.v) = 0;", "m.v = 0; der(m.v) = 0;", "der(m.v) = 0;", "m.v = 0; m.a = 0;"):
+        run = lmoc.compile_text(REST.format("initial equation " + given)).simulate(stop=1)
+        assert run["m.q"] == pytest.approx(-2 * 9.81 / 10), given

@@ -97,6 +97,8 @@ class _InitialEquations:
         self.plan = plan
         self.report = report
         self.jets = _jets(plan)
+        self.derivative = dict(zip(reduced.states.tolist(), reduced.derivatives.tolist(), strict=True))
+        self.derivative |= zip(reduced.quadratures.tolist(), reduced.quadrature_derivatives.tolist(), strict=True)
         self.constants = dict(zip(plan.known[1].tolist(), plan.known[0].tolist(), strict=True))
         self.parameters: list[int] = []
         self.rows: list[tuple[Group, int]] = []
@@ -151,13 +153,15 @@ class _InitialEquations:
         if variable in self.constants:
             return self.constants[variable]
         register = int(self.plan.reduced.register_of[variable])
-        if order == 0 and register >= 0:
-            return register
-        found = self.jets.get((variable, order))
-        if found is None and register >= 0:  # the variable is a jet of another one: v = der(q), so der(v) = der(der(q))
+        if register < 0:
+            return self.jets.get((variable, order))
+        for _ in range(order):  # a variable may be a jet of another one: v = der(q), so der(v) = der(der(q))
             table = self.plan.reduced.registers
-            found = self.jets.get((int(table.variable[register]), int(table.order[register]) + order))
-        return found
+            jet = (int(table.variable[register]), int(table.order[register]) + 1)
+            register = self.derivative.get(register, self.jets.get(jet, -1))
+            if register < 0:
+                return self.jets.get((variable, order))
+        return register
 
 
 def _jets(plan: Plan) -> dict[tuple[int, int], int]:

@@ -87,15 +87,29 @@ class Run:
         found = self.flat.find(inner)
         if found is None or len(found) != 1:
             raise UnknownNameError(name, hint_for(self.flat, inner))
-        table = self.reduced.registers
-        register = np.flatnonzero((table.variable == found[0]) & (table.order == order))
-        if not len(register):
+        register = self._derivative_register(int(found[0]), order)
+        if register < 0:
             raise UnknownNameError(name, "of derivatives only those of states are at hand")
         from lmoc.numerics.slices import Slice
 
         observer = self.trajectory.observer
-        part = Slice(observer.plan, register[:1], observer.base, observer.signals)
+        part = Slice(observer.plan, np.array([register]), observer.base, observer.signals)
         return part(self.time, self.trajectory.table)[:, 0]
+
+    def _derivative_register(self, variable: int, order: int) -> int:
+        """Where a derivative stands, -1 if nowhere. A variable may be a jet of another one: v = der(q)."""
+        reduced, table = self.reduced, self.reduced.registers
+        own = np.flatnonzero((table.variable == variable) & (table.order == order))
+        if len(own):
+            return int(own[0])
+        register = int(reduced.register_of[variable])
+        for _ in range(order):
+            integrated = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
+            if register not in integrated:
+                return -1
+            rates = np.concatenate([reduced.derivatives, reduced.quadrature_derivatives])
+            register = int(rates[integrated.index(register)])
+        return register
 
     @property
     def states(self) -> list[str]:
