@@ -6,7 +6,7 @@ from conftest import SPRING
 from test_dae import CHAIN
 
 import lmoc
-from lmoc.report.names import UnknownNameError, summarised
+from lmoc.report.names import UnknownNameError, patterns, summarised
 from lmoc.report.run import _per_second
 
 
@@ -180,3 +180,13 @@ def test_a_start_at_rest_given_by_derivatives():
     for given in ("der(m.q) = 0; der(m.v) = 0;", "m.v = 0; der(m.v) = 0;", "der(m.v) = 0;", "m.v = 0; m.a = 0;"):
         run = lmoc.compile_text(REST.format("initial equation " + given)).simulate(stop=1)
         assert run["m.q"] == pytest.approx(-2 * 9.81 / 10), given
+
+
+def test_names_of_large_arrays_are_put_together_without_making_them(chain):
+    flat = chain.flat
+    assert patterns(flat, flat.find("m.q")) == ["m[1:3].q"]
+    assert patterns(flat, flat.find("m[2:3].q")) == ["m[2:3].q"]
+    assert patterns(flat, flat.find("m.q")[[0, 2]]) == ["m[1].q", "m[3].q"]
+    both = np.ravel([flat.find("m.q"), flat.find("m.v")], order="F")
+    assert patterns(flat, both, np.tile([0, 1], 3)) == ["m[1:3].q", "der(m[1:3].v)"]
+    assert patterns(flat, flat.find("wall.flange.q")) == ["wall.flange.q"]
