@@ -7,7 +7,7 @@ changes, in several by Newton's method from many starts. Each result says how it
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,8 @@ from lmoc.symbolic.system import SymbolicSystem, refuse
 
 if TYPE_CHECKING:
     import sympy
+
+LinearAbout = Callable[[Mapping[str, float]], LinearModel]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +87,20 @@ class Equilibrium(Mapping):
         return f"Equilibrium({{{values}}}, stability={self.stability!r})"
 
 
-def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = None) -> list[Equilibrium]:
+def equilibria(
+    system: SymbolicSystem, inputs: Mapping[str, object] | None = None, linear_model: LinearAbout | None = None
+) -> list[Equilibrium]:
     """All states of rest of a system for constant inputs.
 
     Parameters
     ----------
     system : SymbolicSystem
+        The solved form, or one with the same states of rest (`symbolic.motion.balances`).
     inputs : {name: number or expression}, optional
         Constant values; inputs not named stay symbols as long as the equations are linear or polynomial, and are
         zero in a numeric search.
+    linear_model : callable, optional
+        Gives the linear model about ``{name: number}``; without it, that of `system`.
 
     Returns
     -------
@@ -124,7 +131,8 @@ def equilibria(system: SymbolicSystem, inputs: Mapping[str, object] | None = Non
         found = _nonlinear(rest, unknowns, system, given)
     found = [replace(root, conditions=(*root.conditions, *balanced)) for root in found]
     nonlinear = not is_linear(system)
-    return [_finished(system, root, at_rest, given, nonlinear) for root in found]
+    about = linear_model or (lambda point: linearize(system, {sp.Symbol(n): v for n, v in point.items()}))
+    return [_finished(system, root, at_rest, given, nonlinear, about) for root in found]
 
 
 def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) -> tuple[list, list]:
@@ -150,23 +158,23 @@ def _exact(value) -> sympy.Expr:
     return exact(value) if isinstance(value, (int, float)) else sp.sympify(value)
 
 
-def _finished(system, root: Root, at_rest, given, nonlinear: bool) -> Equilibrium:
+def _finished(system, root: Root, at_rest, given, nonlinear: bool, about: LinearAbout) -> Equilibrium:
     values = {x: at_rest.get(x, root.values.get(x, x)) for x in system.states}
     free = tuple(x for x in system.states if values[x] == x)
-    model = _model(system, values, given)
+    model = _model(system, values, given, about)
     return Equilibrium(values, free, root.conditions, root.how, model, nonlinear, system.own_names)
 
 
-def _model(system: SymbolicSystem, values, given) -> LinearModel | None:
+def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearModel | None:
     import sympy as sp
 
     from lmoc.diagnostics import ModelError
 
     inputs = {u: given.get(u, sp.S.Zero) for u in system.inputs}
     numbers = {**system.numbers, **inputs}
-    point = {x: v.xreplace(numbers) if v != x else sp.S.Zero for x, v in values.items()}
+    point = {x: v.xreplace(numbers) if v != x else sp.S.Zero for x, v in values.items()} | inputs
     try:
-        return linearize(system, point | inputs)
+        return about({x.name: float(v) for x, v in point.items()})
     except (ModelError, TypeError, ZeroDivisionError):  # a value is missing, or the point lies at infinity
         return None
 

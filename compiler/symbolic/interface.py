@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 from lmoc.diagnostics import Diagnostic, ModelError, nearest
 
 if TYPE_CHECKING:
+    import numpy as np
     import sympy
 
+    from lmoc.structure.reduced import Reduced
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibrium
     from lmoc.symbolic.equivalent import Equivalent
@@ -58,19 +60,9 @@ class SymbolicMethods:
         Inputs not given stay symbols as long as the equations can be solved in symbols, otherwise they are zero. A
         scene that is too large for symbols gets the one state of rest that Newton's method finds.
         """
-        from lmoc.symbolic.equilibria import equilibria
-
         scene, reduced, values, _ = self.prepared(parameters or {})
         _check_names(inputs or {}, scene.inputs)
-        try:
-            system = self.symbolic(parameters=parameters)
-        except ModelError as error:
-            if [d.code for d in error.diagnostics] != ["E0660"]:
-                raise
-            from lmoc.symbolic.numeric import equilibria_numerically
-
-            return equilibria_numerically(reduced, values, inputs or {})
-        return equilibria(system, inputs)
+        return _equilibria(reduced, values, inputs or {})
 
     def linearize(
         self,
@@ -122,8 +114,9 @@ class SymbolicMethods:
             rest = system.rest(u)
             found = {} if rest is None else dict(zip(system.states, rest.tolist(), strict=True))
             return {**found, **inputs}
-        only = only_equilibrium(self.symbolic(parameters=parameters), inputs)
-        return self._numbers({symbol.name: value for symbol, value in only.items()}, parameters)
+        _, reduced, values, _ = self.prepared(parameters or {})
+        only = _only(_equilibria(reduced, values, {name: 0 for name in system.inputs} | dict(inputs)))
+        return self._numbers({**only, **inputs}, parameters)
 
     def _numbers(self, point: Point, parameters: Point | None = None) -> dict[str, float]:
         """Expressions in parameters as numbers."""
@@ -203,23 +196,40 @@ def symbolic_point(system: SymbolicSystem, at: Point | None, inputs: Point) -> d
 
 
 def only_equilibrium(system: SymbolicSystem, inputs: Point) -> dict:
-    """The one isolated equilibrium, inputs not given at zero.
+    """The one isolated equilibrium, inputs not given at zero. Errors as `_only`."""
+    import sympy as sp
+
+    from lmoc.symbolic.equilibria import equilibria
+
+    at_zero = {u.name: 0 for u in system.inputs} | dict(inputs)
+    found = _only(equilibria(system, at_zero))
+    return {**found.values, **{sp.Symbol(n): sp.sympify(v) for n, v in at_zero.items()}}
+
+
+def _only(found: list[Equilibrium]) -> Equilibrium:
+    """The one that is isolated.
 
     Raises
     ------
     ModelError
         E0663 where there is not exactly one.
     """
-    import sympy as sp
+    if len(found) == 1 and found[0].isolated:
+        return found[0]
+    shown = "; ".join(", ".join(f"{n} = {v}" for n, v in e.items()) for e in found) or "none"
+    hint = "say where: a time, or a point {state: value}"
+    raise ModelError([Diagnostic("E0663", "there is not one equilibrium to be linear about", found=shown, hint=hint)])
 
+
+def _equilibria(reduced: Reduced, values: np.ndarray, inputs: Point) -> list[Equilibrium]:
     from lmoc.symbolic.equilibria import equilibria
+    from lmoc.symbolic.motion import balances
+    from lmoc.symbolic.numeric import equilibria_numerically, linearize_numerically
 
-    at_zero = {u.name: 0 for u in system.inputs} | dict(inputs)
-    found = equilibria(system, at_zero)
-    if len(found) != 1 or not found[0].isolated:
-        shown = "; ".join(", ".join(f"{n} = {v}" for n, v in e.items()) for e in found) or "none"
-        hint = "say where: a time, or a point {state: value}"
-        raise ModelError(
-            [Diagnostic("E0663", "there is not one equilibrium to be linear about", found=shown, hint=hint)]
-        )
-    return {**found[0].values, **{sp.Symbol(n): sp.sympify(v) for n, v in at_zero.items()}}
+    try:
+        system = balances(reduced, values)
+    except ModelError as error:
+        if [d.code for d in error.diagnostics] != ["E0660"]:
+            raise
+        return equilibria_numerically(reduced, values, inputs)
+    return equilibria(system, inputs, lambda point: linearize_numerically(reduced, values, point, ()))

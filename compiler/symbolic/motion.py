@@ -12,7 +12,7 @@ Scenes whose forces are not all tied to ports get the explicit form, one solved 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +44,8 @@ class Motion:
     balanced : bool
         By virtual power; otherwise each residual is a solved equation.
     own_names : {force: name of the top-level variable that is the same}
+    values : {Symbol: float}
+        Values of the parameters that occur.
     """
 
     coordinates: tuple[sympy.Symbol, ...]
@@ -52,6 +54,7 @@ class Motion:
     forces: Mapping[str, sympy.Expr]
     balanced: bool
     own_names: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[sympy.Symbol, float] = field(default_factory=dict)
 
 
 class Kinematics:
@@ -131,8 +134,41 @@ def derive(reduced: Reduced, values: np.ndarray, forces: bool = False) -> tuple[
     except (ModelError, NotLinearError):
         found = None
     if found is not None and agrees(found, interpreter, values):
-        return found, outline
+        return replace(found, values=dict(interpreter.parameters.used)), outline
     return explicit(symbolic_system(reduced, values)), outline
+
+
+def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
+    """A system with the same states of rest: in the place of accelerations the forces that would cause them.
+
+    Nothing is divided by a mass matrix, so its equations are far shorter than the solved ones. A scene without
+    equations by virtual power gives its solved form.
+    """
+    import sympy as sp
+
+    motion, outline = derive(reduced, values)
+    if not motion.balanced:
+        return symbolic_system(reduced, values)
+    states = outline.states
+    rest: dict[sympy.Symbol, sympy.Expr] = {}
+    for q, v in outline.coordinates:
+        name = states[q].name
+        rest |= {jet_symbol(name, 2): sp.S.Zero, jet_symbol(name, 1): states[v] if v >= 0 else sp.S.Zero}
+    rates = list(states)
+    for (q, v), residual in zip(outline.coordinates, motion.residuals, strict=True):
+        rates[v if v >= 0 else q] = -residual.xreplace(rest)
+        if v >= 0:
+            rates[q] = states[v]
+    occurring = set().union(*(r.free_symbols for r in rates), set())
+    return SymbolicSystem(
+        name=outline.name,
+        states=states,
+        derivatives=tuple(rates),
+        inputs=outline.inputs,
+        input_jets=outline.input_jets,
+        outputs={own: sp.Symbol(state) for state, own in outline.own_names.items()},
+        values={s: v for s, v in motion.values.items() if s in occurring},
+    )
 
 
 def _virtual_power(interpreter: Interpreter, outline: Outline, forces: bool) -> Motion | None:

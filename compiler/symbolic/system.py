@@ -105,6 +105,7 @@ class Outline:
     states: tuple[sympy.Symbol, ...]
     coordinates: tuple[tuple[int, int], ...]
     inputs: tuple[sympy.Symbol, ...]
+    input_jets: Mapping[sympy.Symbol, tuple[sympy.Symbol, ...]]
     own_names: Mapping[str, str]
     assumptions: tuple[str, ...]
 
@@ -234,6 +235,7 @@ class Interpreter:
             states=tuple(self.w[int(r)] for r in reduced.states),
             coordinates=coordinates_of(reduced),
             inputs=tuple(self.input_symbols),
+            input_jets=self.input_symbols,
             own_names={names[r]: own for r, own in same if r in names},
             assumptions=tuple(g.text for g in reduced.guards),
         )
