@@ -199,6 +199,8 @@ def test_assertions():
         simulate(with_check(True))
     assert failure.value.time == pytest.approx(np.arccos(-0.5) / 5, abs=0.02)
     assert failure.value.partial.time[-1] == failure.value.time
+    with pytest.raises(SimulationError, match="hits the wall"):
+        simulate(with_check(True), options=RunOptions(keep=("v",)))
     run = simulate(with_check(False))
     assert [n.code for n in run.notes] == ["W0551"]
 

@@ -21,7 +21,7 @@ def run_checks(run: Trajectory) -> Trajectory:
         At the first output time at which an assertion of level error does not hold; the partial result ends there.
     """
     flat = run.observer.flat
-    if not flat.checks or run.kept is not None:
+    if not flat.checks:
         return run
     report = Report()
     failures: list[tuple[int, Check, int]] = []

@@ -15,7 +15,8 @@ from lmoc.semantics.flat import FlatDAE, Group
 if TYPE_CHECKING:
     from lmoc.numerics.observe import Trajectory
 
-_SAMPLES = 200  # times at which the exchange between stores is looked at
+_SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at
+_VALUES = 2_000_000  # values looked at, where that allows more than the least
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,8 @@ def measure(run: Trajectory) -> Energy:
 def exchanged_energy(run: Trajectory) -> float:
     """Half of Σ |term - term at the start| over the terms of all stored energies, at its largest."""
     flat = run.observer.flat
-    rows = distinct(np.linspace(0, len(run.time) - 1, min(_SAMPLES, len(run.time))).astype(int))
+    samples = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
+    rows = np.arange(0, len(run.time), -(-len(run.time) // samples))
     total = np.zeros(len(rows))
     for group, expression, own in _energy_groups(flat):
         used = distinct(group.slots[own])

@@ -69,7 +69,7 @@ class Recorder:
         self.observer = observer
         self.times = times
         self.reached = 0
-        self.variables = None if keep is None else np.unique(np.concatenate([find(observer.flat, n) for n in keep]))
+        self.variables = None if keep is None else _retained(observer.flat, keep)
         self._evaluate = None if keep is None else observer.prepare(self.variables)
         width = len(observer.plan.states) if keep is None else len(self.variables)
         self.table = np.empty((len(times), width))
@@ -78,6 +78,12 @@ class Recorder:
         last = first + len(states)
         self.table[first:last] = states if self._evaluate is None else self._evaluate(self.times[first:last], states)
         self.reached = max(self.reached, last)
+
+
+def _retained(flat: FlatDAE, keep: tuple[str, ...]) -> np.ndarray:
+    """The variables of these names, and those that the model's assertions look at."""
+    judged = [check.slots.ravel() for check in flat.checks]
+    return distinct(np.concatenate([*(find(flat, name) for name in keep), *judged, np.zeros(0, int)]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

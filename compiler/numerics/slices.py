@@ -14,7 +14,7 @@ from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.numerics.signals import Formula, Signal, sample
 from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
 
-_CHUNK = 20_000_000  # numbers held at once while a trajectory is evaluated
+_CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
 
 
 class Slice:
