@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic, nearest
+from lmoc.distinct import distinct
 from lmoc.numerics.energy import Energy, measure
 from lmoc.numerics.plan import LEDGER, Plan
 from lmoc.numerics.signals import Signal
