@@ -88,8 +88,8 @@ class Run:
         if found is None or len(found) != 1:
             raise UnknownNameError(name, hint_for(self.flat, inner))
         register = self._derivative_register(int(found[0]), order)
-        if register < 0:
-            raise UnknownNameError(name, "of derivatives only those of states are at hand")
+        if register < 0 or self.trajectory.kept is not None:
+            raise UnknownNameError(name, "of derivatives only those of states are at hand, where all is kept")
         from lmoc.numerics.slices import Slice
 
         observer = self.trajectory.observer

@@ -23,7 +23,8 @@ def summary(run: Run) -> str:
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
-    lines += ["", f"at t = {run.time[-1]:g} s" + ("" if run.complete else ", where the run broke off"), *_table(final_rows(run))]
+    where = "" if run.complete else ", where the run broke off"
+    lines += ["", f"at t = {run.time[-1]:g} s{where}", *_table(final_rows(run))]
     return "\n".join(lines)
 
 
@@ -98,8 +99,12 @@ def _states(run: Run) -> list[str]:
 
 
 def _solver(stats: Mapping[str, Any]) -> str:
-    reason = stats.get("reason", "")
-    return f"{stats.get('solver', 'none')}" + (f" ({reason})" if reason else "")
+    reason, matrix, by = (stats.get(key, "") for key in ("reason", "matrix", "evaluation"))
+    text = f"{stats.get('solver', 'none')}" + (f" ({reason})" if reason else "")
+    if matrix:
+        text += f"; Jacobian {matrix}"
+    # casadi is the rule for small scenes and not worth a word
+    return text if by in ("", "casadi") or stats.get("solver") == "none" else f"{text}; evaluated by {by}"
 
 
 def _cost(run: Run) -> str:
