@@ -250,3 +250,13 @@ def test_lowest_terms_by_field_arithmetic(text):
     value = sp.sympify(text)
     assert equal(cancelled(value), value)
     assert cancelled(value).count_ops() <= sp.cancel(value).count_ops()
+
+
+def test_members_of_a_family_follow_its_free_state():
+    y, w = sp.symbols("y w")
+    coupled = SymbolicSystem("pair", (x, y, v, w), (v, w, k * (y - 2 * x) - v, k * (2 * x - y) - w), values={k: 3.0})
+    (found,) = equilibria(coupled)
+    (free,) = found.free
+    other = ({x, y} - {free}).pop()
+    assert equal(found.values[other], 2 * x if other == y else y / 2)
+    assert found.stability == "neutral"

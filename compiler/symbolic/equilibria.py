@@ -171,8 +171,9 @@ def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearM
     from lmoc.diagnostics import ModelError
 
     inputs = {u: given.get(u, sp.S.Zero) for u in system.inputs}
-    numbers = {**system.numbers, **inputs}
-    point = {x: v.xreplace(numbers) if v != x else sp.S.Zero for x, v in values.items()} | inputs
+    free = {x: sp.S.Zero for x, v in values.items() if v == x}
+    numbers = {**system.numbers, **inputs, **free}
+    point = {x: v.xreplace(numbers) for x, v in values.items()} | inputs
     try:
         return about({x.name: float(v) for x, v in point.items()})
     except (ModelError, TypeError, ZeroDivisionError):  # a value is missing, or the point lies at infinity
