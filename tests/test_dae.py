@@ -167,3 +167,12 @@ def test_a_table_that_ends_early_is_told(dae):
     assert [note.code for note in run.notes] == ["W0525"]
     assert run["f"][-1] == 2
     assert dae.simulate(stop=1, inputs={"f": ([0, 1], [0, 2])}).notes == ()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"points": 2.5}, {"points": "a"}, {"start": "0"}, {"stop": "a"}, {"stop": float("inf")}, {"start": float("nan")}],
+)
+def test_times_are_finite_numbers(dae, options):
+    with pytest.raises(lmoc.ModelError, match="E0541"):
+        dae.simulate(**options)

@@ -196,3 +196,11 @@ def test_values_from_outside_that_do_not_fit(name: str, given, code: str) -> Non
         flatten_text(text, None, {name: given})
     assert [d.code for d in error.value.diagnostics] == [code]
     assert value(flatten_text(text, None, {"b": False, "n": 3, "v": [5, 6]}), "v") == [5, 6]
+
+
+def test_a_record_of_parameters() -> None:
+    """`parameter` before a record makes parameters of its fields, nested ones too."""
+    text = """record P Real m = 1; Real k = 4; end P; record Q P p; Integer n = 2; end Q;
+      model M parameter Q q(p.k = 9); parameter Real s[q.n] = fill(q.p.k*q.p.m, q.n); end M;"""
+    assert value(flatten_text(text, "M", {}), "s") == [9, 9]
+    assert value(flatten_text(text, "M", {"q.p.m": 3}), "s") == [27, 27]

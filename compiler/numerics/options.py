@@ -58,19 +58,25 @@ class RunOptions:
             if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
                 raise ValueError("the output times must be finite and increase")
             return times
-        start = _first(self.start, experiment.start, 0.0)
-        stop = _first(self.stop, experiment.stop, start + 10.0 if self.start is not None else 10.0)
+        start = _finite("start", _first(self.start, experiment.start, 0.0))
+        stop = _finite("stop", _first(self.stop, experiment.stop, start + 10.0 if self.start is not None else 10.0))
         if not stop > start:
             raise ValueError(f"the stop time {stop:g} s must lie after the start time {start:g} s")
         points = self.points
         if points is None:
             points = 501 if not experiment.interval else max(2, round((stop - start) / experiment.interval) + 1)
-        if points < 2:
+        if _finite("points", points) != int(points) or points < 2:
             raise ValueError(f"a run has at least 2 output points, found {points}")
-        return np.linspace(start, stop, points)
+        return np.linspace(start, stop, int(points))
 
     def tolerance(self, experiment: Experiment) -> float:
         return float(_first(self.rtol, experiment.tolerance, 1e-6))
+
+
+def _finite(name: str, value) -> float:
+    if not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
+        raise ValueError(f"{name} must be a finite number, found {value!r}")
+    return float(value)
 
 
 def _first(*values):

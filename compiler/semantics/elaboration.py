@@ -239,18 +239,19 @@ class Elaboration:
         made.causality = causality
         made.flow = component.flow
         made.output = causality == "output" and instance.parent is None
-        if component.variability == "constant":
+        variability = component.variability or _of_record(instance)
+        if variability == "constant":
             made.kind = Kind.CONSTANT
-        elif component.variability == "parameter":
+        elif variability == "parameter":
             made.kind = Kind.PARAMETER
         elif causality == "input" and instance.parent is None:
             made.kind = Kind.INPUT
-        elif component.variability == "discrete" or resolved.base.name != "Real":
+        elif variability == "discrete" or resolved.base.name != "Real":
             raise Wrong(
                 "E0230",
                 f"'{component.name}' changes at events only, and events are not available yet",
                 component.span,
-                hint="declare it as a parameter or constant" if component.variability != "discrete" else "",
+                hint="declare it as a parameter or constant" if variability != "discrete" else "",
             )
         return made
 
@@ -375,6 +376,15 @@ def _in_connector(instance: Instance | None) -> bool:
             return True
         instance = instance.parent if instance.kind == "record" else None
     return False
+
+
+def _of_record(instance: Instance | None) -> str:
+    """The variability that a record gives to its fields: `parameter` before a record makes all of them parameters."""
+    while instance is not None and instance.kind == "record":
+        if instance.component.variability:
+            return instance.component.variability
+        instance = instance.parent
+    return ""
 
 
 def require_boolean(value: Value, expression: tree.Expression) -> None:
