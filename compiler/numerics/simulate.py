@@ -191,7 +191,10 @@ class _Run:
             self.times[:reached],
             self.recorder.table[:reached],
             self.recorder.variables,
-            stats | {"evaluations": self.system.evaluations} | outcome.counts | {"evaluation": self.system.kind},
+            stats
+            | {"evaluations": self.system.evaluations}
+            | outcome.counts
+            | {"evaluation": self.system.kind, "matrix": outcome.matrix},
             notes=tuple(dict.fromkeys(notes)),
         )
 

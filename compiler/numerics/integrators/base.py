@@ -62,6 +62,7 @@ class Outcome:
     stiff : it ended because the problem is stiff and the method explicit
     step : the last step size, where the method tells
     counts : steps, rejected, … for the statistics
+    matrix : how an implicit method has stored its Jacobian, empty for an explicit one
     """
 
     time: float
@@ -71,6 +72,7 @@ class Outcome:
     stiff: bool = False
     counts: dict[str, int] = field(default_factory=dict)
     step: float = np.inf
+    matrix: str = ""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     for edge in (*problem.breaks.tolist(), np.inf):
         later, said = _smooth(_until(problem, outcome, begin, edge), method)
         later.counts = _added(outcome.counts, later.counts)
+        later.matrix = later.matrix or outcome.matrix
         later.reached = int(np.searchsorted(problem.times, later.time + _near(later.time), "right"))
         outcome, begin = later, edge + _near(edge) / 4
         if not stats or "," in said["solver"]:  # where a stiff method has taken over, it goes on

@@ -32,7 +32,7 @@ class Frame:
         order = self.layout.order
         self.order = order
         self.x, self.f = np.empty(self.system.n), np.empty(self.system.n)
-        self.values = np.empty(len(self.layout.place))
+        self.values = np.empty(len(self.system.pattern()[1]))
         self.watch = Watch(problem)
         self.calls = 0
         self.batch: list[np.ndarray] = []
@@ -102,7 +102,8 @@ class Frame:
         calls = result.rhs_evaluations
         counts = {"steps": result.steps, "evaluations": calls, "jacobians": result.jacobian_evaluations}
         failure = NOT_FINITE if "no finite value" in result.failure else result.failure
-        return Outcome(result.time, self.state(result.x), self.reached, failure, False, counts)
+        x = self.state(result.x)
+        return Outcome(result.time, x, self.reached, failure, False, counts, matrix=self.layout.text)
 
 
 def integrate(problem: Problem, method: str = "bdf") -> Outcome:

@@ -20,13 +20,17 @@ class Layout:
     ----------
     kind : "dense", "band" or "sparse"
     order : (n,) the states in the order in which the solver has them; None as they are
-    place : positions in the flat storage of the entries of `System.pattern`
+    entries : which entries of `System.pattern` are stored: those in rows of quadratures are not. Nothing reads a
+        quadrature, so Newton's method converges without them, and the ledger of energy, which depends on every
+        state, does not fill a band.
+    place : positions of the entries in the flat storage
     diagonal : positions of the diagonal
     size : numbers stored
     """
 
     kind: str
     order: np.ndarray | None
+    entries: np.ndarray
     place: np.ndarray
     diagonal: np.ndarray
     size: int
@@ -35,11 +39,18 @@ class Layout:
     indptr: np.ndarray | None = None
     indices: np.ndarray | None = None
 
+    @property
+    def text(self) -> str:
+        """In words, for the statistics."""
+        if self.kind == "band":
+            return f"band of {self.lower} + 1 + {self.upper}, reverse Cuthill–McKee"
+        return "sparse" if self.kind == "sparse" else "dense"
+
     def write(self, values: np.ndarray, scale: float, shift: float | np.ndarray, target: np.ndarray) -> None:
         """Write into storage as `native.cvode.Matrix.fill` is asked to; `shift` may differ along the diagonal."""
         flat = target.reshape(-1) if target.flags.c_contiguous else np.zeros(self.size)
         flat[:] = 0.0
-        flat[self.place] = scale * values
+        flat[self.place] = scale * values[self.entries]
         flat[self.diagonal] += shift
         if not target.flags.c_contiguous:
             target[...] = flat.reshape(target.shape)
@@ -50,9 +61,11 @@ def layout_of(system: System) -> Layout:
     n = system.n
     indptr, rows = system.pattern()
     columns = np.repeat(np.arange(n), np.diff(indptr))
+    entries = np.flatnonzero((rows < system.plan.state_count) | (rows >= len(system.plan.states)))
+    rows, columns = rows[entries], columns[entries]
     diagonal = np.arange(n)
     if n <= _DENSE:
-        return Layout("dense", None, columns * n + rows, diagonal * n + diagonal, n * n)
+        return Layout("dense", None, entries, columns * n + rows, diagonal * n + diagonal, n * n)
     order = _narrow(rows, columns, n)
     new = np.empty(n, int)
     new[order] = np.arange(n)
@@ -61,9 +74,9 @@ def layout_of(system: System) -> Layout:
     if lower + upper <= _BAND:
         width = lower + upper + 1
         return Layout(
-            "band", order, j * width + upper + i - j, diagonal * width + upper, n * width, lower, upper
+            "band", order, entries, j * width + upper + i - j, diagonal * width + upper, n * width, lower, upper
         )
-    return _sparse(rows, columns, n)
+    return _sparse(entries, rows, columns, n)
 
 
 def _narrow(rows: np.ndarray, columns: np.ndarray, n: int) -> np.ndarray:
@@ -75,11 +88,11 @@ def _narrow(rows: np.ndarray, columns: np.ndarray, n: int) -> np.ndarray:
     return reverse_cuthill_mckee(graph, symmetric_mode=True)
 
 
-def _sparse(rows: np.ndarray, columns: np.ndarray, n: int) -> Layout:
+def _sparse(entries: np.ndarray, rows: np.ndarray, columns: np.ndarray, n: int) -> Layout:
     """The pattern together with the diagonal, by columns."""
     key, diagonal = columns.astype(np.int64) * n + rows, np.arange(n, dtype=np.int64) * (n + 1)
     every = np.union1d(key, diagonal)
     column, row = np.divmod(every, n)
     indptr = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=n))]).astype(np.int32)
     places = np.searchsorted(every, key), np.searchsorted(every, diagonal)
-    return Layout("sparse", None, *places, len(every), indptr=indptr, indices=row.astype(np.int32))
+    return Layout("sparse", None, entries, *places, len(every), indptr=indptr, indices=row.astype(np.int32))
