@@ -205,7 +205,7 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
     linear = system.is_linear()
     how = "Newton's method from the state zero" + ("" if linear else "; there may be others")
     symbols = [sp.Symbol(name) for name in system.states]
-    free = _free(model.A)
+    free = _free(model.A) if linear else set()
     at = {s: s if i in free else sp.Float(v) for i, (s, v) in enumerate(zip(symbols, found.tolist(), strict=True))}
     return [Equilibrium(at, tuple(symbols[i] for i in sorted(free)), how=how, model=model, nonlinear=not linear)]
 
