@@ -183,5 +183,12 @@ def test_which_model() -> None:
     assert flat(one, model="P.D").name == "P.D"
     assert flat(one, model="Inertia").name == "Inertia"
     assert codes("partial model A end A;") == ["E0602"]
+
+
+def test_the_one_model_at_the_top_is_meant() -> None:
+    library = "package P model D Real x = 1; end D; model E Real x = 1; end E; end P; block G Real x = 1; end G; "
+    assert flat(library + "partial model A end A; model B extends A; P.D d; end B;").name == "B"
+    assert codes(library) == ["E0603"]
+    assert codes(library + "model B end B; model C end C;") == ["E0603"]
     assert codes("partial model A end A;", model="A") == ["E0209"]
     assert codes("package P end P;", model="P") == ["E0601"]

@@ -39,14 +39,20 @@ def _fill(root: Scope, files: Sequence[tree.File]) -> None:
 
 
 def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> Scope:
-    """The model of that name; without one, the only model that no other class of the files uses or extends."""
+    """The model of that name; without one, the only model that no other class of the files uses or extends.
+
+    The one `model` at the top is meant too: it may bring a library along, in packages or as blocks, of which it need
+    not use everything.
+    """
     models = [scope for scope in _all_classes(root) if _can_run(scope)]
     if name is not None:
         return _named(root, models, name)
     used = _used(root)
     free = [scope for scope in models if id(scope) not in used]
-    if len(free) == 1:
-        return free[0]
+    at_top = [scope for scope in models if scope.parent is root and scope.kind == "model"]
+    for meant in (free, at_top):
+        if len(meant) == 1:
+            return meant[0]
     span = files[0].span if files else None
     if not models:
         raise Wrong("E0602", "there is no model to run in the file", span and _first_line(files),
