@@ -1,7 +1,8 @@
 """The index-1 form: unknowns of large blocks become algebraic variables of the integrator.
 
-In a long mechanism the accelerations and reactions form one sparse block. Solved inside the right-hand side, it makes
-the Jacobian dense (an inverse); left open, the integrator's own sparse Newton matrix contains it.
+In a network of massless nodes their positions form one sparse block, in a long mechanism the accelerations and
+reactions. Solved inside the right-hand side, it makes the Jacobian dense (an inverse); left open, the integrator's own
+sparse Newton matrix contains it.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ LARGE = 60  # unknowns of a block that is worth opening
 
 
 def open_blocks(program: Program, smallest: int = LARGE) -> tuple[Program, np.ndarray, np.ndarray]:
-    """The program with its large varying blocks replaced by their inner steps; their unknowns and residuals."""
+    """The program with its large blocks replaced by their inner steps; their unknowns and residuals."""
     steps, unknowns, residuals = [], [np.zeros(0, int)], [np.zeros(0, int)]
     for step in program:
-        if isinstance(step, Solve) and not step.constant and step.unknowns.shape[1] >= smallest:
+        if isinstance(step, Solve) and step.unknowns.shape[1] >= smallest:
             inner, u, r = open_blocks(step.inner, smallest)
             steps += inner
             unknowns += [step.unknowns.ravel(), u]

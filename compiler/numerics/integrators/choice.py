@@ -126,6 +126,8 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     system = problem.system
     jacobian = system.jacobian(outcome.time, outcome.x) if system.n <= _EIGENVALUES else np.array([[np.nan]])
     if not np.isfinite(jacobian).all():
+        if system.plan.has_large_blocks:
+            return "ida", "BDF on the index-1 form, whose matrix is sparse"
         return "cvode", "BDF"
     values, vectors = np.linalg.eig(jacobian)
     k = int(np.argmax(np.abs(values)))
