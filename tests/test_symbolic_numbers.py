@@ -147,3 +147,11 @@ def test_a_scene_too_large_for_symbols_still_rests():
 def test_equilibria_know_their_inputs():
     with pytest.raises(ModelError, match="neither a state nor an input"):
         compiled("notes/ex02_spring_mass_damper").equilibria(inputs={"g": 1.0})
+
+
+def test_a_value_given_from_outside_stays_a_symbol():
+    parts = "Fixed w; Spring s(k = 50); Mass b(m = 2);"
+    text = f"model A {parts} equation connect(w.flange, s.a); connect(s.b, b.flange); end A;"
+    given = lmoc.compile_text(text, parameters={"s.k": 60, "b.g": 9.81}).equations()
+    assert given.lines() == ["m·q̈ + k·q = g·m"]
+    assert lmoc.compile_text(text).equations().lines() == ["m·q̈ + k·q = 0"]

@@ -77,4 +77,4 @@ class ParameterSymbols:
 
 def _from_library(span) -> bool:
     """A number written in the library and not in the user's file."""
-    return span is None or span.source.name.startswith(("lmoc:", "stdlib/", "<library"))
+    return span is not None and span.source.name.startswith("stdlib/")
