@@ -190,3 +190,44 @@ def test_names_of_large_arrays_are_put_together_without_making_them(chain):
     both = np.ravel([flat.find("m.q"), flat.find("m.v")], order="F")
     assert patterns(flat, both, np.tile([0, 1], 3)) == ["m[1:3].q", "der(m[1:3].v)"]
     assert patterns(flat, flat.find("wall.flange.q")) == ["wall.flange.q"]
+
+
+ELECTRICAL = """
+package El
+  connector Pin Real v(unit = "V"); flow Real i(unit = "A"); end Pin;
+  partial model TwoPin Pin p, n; Real v; Real i; equation v = p.v - n.v; p.i + n.i = 0; i = p.i; end TwoPin;
+  model Resistor extends TwoPin; parameter Real R; equation v = R*i; end Resistor;
+  model Coil extends TwoPin; parameter Real L; equation v = L*der(i); end Coil;
+  model Source extends TwoPin; input Real u; equation v = u; end Source;
+  model Ground Pin p; equation p.v = 0; end Ground;
+end El;
+"""
+MOTOR = """
+model Machine extends El.TwoPin; Shaft shaft; parameter Real k; equation v = k*der(shaft.theta); shaft.tau = -k*i;
+end Machine;
+model M
+  El.Source s(u = if time < 1 then 5 else 2*time); El.Resistor r(R = 2); El.Coil l(L = 0.1); El.Ground g;
+  Machine e(k = 0.5); Inertia J(J = 0.3); TorsionDamper d(c = 0.05); FixedShaft f;
+equation
+  connect(s.p, r.p); connect(r.n, l.p); connect(l.n, e.p); connect(e.n, s.n); connect(g.p, s.n);
+  connect(e.shaft, J.shaft); connect(J.shaft, d.b); connect(d.a, f.shaft);
+end M;
+"""
+
+
+def test_the_power_of_electrical_ports_is_current_times_voltage():
+    """Parts that state nothing are sources of what comes out of their ports, whatever its kind."""
+    run = lmoc.compile_text(ELECTRICAL + MOTOR).simulate(stop=2, rtol=1e-8)
+    assert run["r.power"] == pytest.approx(-2 * run["l.i"] ** 2, abs=1e-9)
+    assert run["s.power"] == pytest.approx(run["s.u"] * run["l.i"], abs=1e-9)
+    assert run["e.power"] == pytest.approx(0, abs=1e-9)
+    assert run.energy.balance < 1e-7
+
+
+def test_a_scene_in_which_nothing_states_its_energy_has_an_empty_ledger():
+    run = lmoc.compile_text(ELECTRICAL + """
+        model M El.Source s(u = 5); El.Resistor r(R = 2); El.Coil l(L = 0.1); El.Ground g;
+        equation connect(s.p, r.p); connect(r.n, l.p); connect(l.n, s.n); connect(g.p, s.n); end M;""").simulate(stop=1)
+    assert run["l.i"] == pytest.approx(2.5 * (1 - np.exp(-20 * run.time)), abs=1e-5)
+    assert run["r.power"] == pytest.approx(-2 * run["l.i"] ** 2, abs=1e-9)
+    assert run.energy.balance == 0

@@ -1,17 +1,21 @@
 """The energy ledger: what a scene stores, loses and is given, as variables of the flat model.
 
 A part states its `energy`, its `loss` or the `power` it delivers. A part with ports that states none of them is taken
-as a source of what comes out of its ports, −Σ flow·der(potential).
+as a source of what comes out of its ports: −Σ flow·der(potential), or what the units of the ports say is a power,
+−Σ flow·potential (voltage and current, pressure and volume flow) or −Σ flow (temperature and heat flow). Where no part
+of a scene states anything, these cancel in every connection, and the ledger is empty.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from lmoc.expression import dag
 from lmoc.semantics.flat import Block, Group, Kind, Part, Sums
+from lmoc.semantics.units import UnitError, parse_unit
 
 TOTALS = (("stored", "J"), ("lost", "W"), ("supplied", "W"), ("work", "J"), ("heat", "J"))
 STATED = {"energy": "stored", "loss": "lost", "power": "supplied"}
@@ -64,6 +68,8 @@ def ledger(blocks: list[Block], parts: list[Part], count: int, zero: np.ndarray)
         for name, block in own.items():
             index = block.offset + np.arange(block.size)
             terms[STATED[name]].append(index[~zero[index]])
+    if not stated:
+        terms["supplied"] = []
     totals = {}
     for name, unit in TOTALS:
         path = (("ledger", ()), (name, ()))
@@ -101,12 +107,27 @@ def _port_power(number: int, part: Part, blocks: list[Block], offset: int) -> tu
         across, through = blocks[potential], blocks[flow]
         inner = across.size // size if size else 0
         for k in range(inner):
-            speed = dag.slot(len(columns), 1)
-            columns.append(across.offset + np.arange(size) * inner + k)
-            force = dag.slot(len(columns))
+            out = dag.slot(len(columns))
             columns.append(through.offset + np.arange(size) * inner + k)
-            power = dag.sub(power, dag.mul(force, speed))
+            for order in _factors(across.unit, through.unit):
+                out = dag.mul(out, dag.slot(len(columns), order))
+                columns.append(across.offset + np.arange(size) * inner + k)
+            power = dag.sub(power, out)
     return block, Group(dag.slot(0), power, np.column_stack(columns), part.span, number, "ledger")
+
+
+@cache
+def _factors(potential: str, flow: str) -> tuple[int, ...]:
+    """The order of the potential's derivative that makes a power of the flow; nothing where the flow is one itself."""
+    try:
+        across, through = parse_unit(potential), parse_unit(flow)
+    except UnitError:
+        return (1,)
+    watt = parse_unit("W")
+    if through is not None and through.exponents == watt.exponents:
+        return ()
+    product = None if across is None or through is None else across * through
+    return (0,) if product is not None and product.exponents == watt.exponents else (1,)
 
 
 def join_sums(first: Sums, second: Sums) -> Sums:
