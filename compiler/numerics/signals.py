@@ -104,9 +104,7 @@ def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:
 def default_signals(flat: FlatDAE) -> dict[int, Signal]:
     """The bindings of top-level inputs as formulas, by variable."""
     found: dict[int, Signal] = {}
-    for a in flat.bindings:
-        if flat.kind[a.target[0]] != Kind.INPUT:
-            continue
+    for a in flat.input_bindings:
         for target, slots in zip(a.target.tolist(), a.slots.tolist(), strict=True):
             found[target] = Formula(a.shape, tuple(slots))
     return found

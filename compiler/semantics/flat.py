@@ -227,6 +227,11 @@ class FlatDAE:
     def kind(self) -> np.ndarray:
         return self.per_variable(lambda b: b.kind, np.uint8)
 
+    @cached_property
+    def input_bindings(self) -> tuple[Assignments, ...]:
+        """The default signals of inputs."""
+        return tuple(a for a in self.bindings if self.kind[a.target[0]] == Kind.INPUT)
+
     def per_variable(self, value, dtype) -> np.ndarray:
         """An array over all variables with ``value(block)`` repeated over each block."""
         return np.repeat(np.array([value(b) for b in self.blocks], dtype), [b.size for b in self.blocks])
@@ -249,6 +254,11 @@ class FlatDAE:
     def block_at(self, variable: int) -> Block:
         """The block of a variable; blocks of size 0 are never returned."""
         return self.blocks[bisect_right(self._offsets, variable) - 1]
+
+    def declared_at(self, variable: int) -> Span | None:
+        """Where the part that a variable belongs to is declared; for one of the model itself, its own declaration."""
+        block = self.block_at(variable)
+        return self.parts[block.part].span or block.span
 
     def variable_name(self, variable: int) -> str:
         block = self.block_at(variable)
