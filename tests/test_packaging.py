@@ -58,3 +58,8 @@ def test_running_a_small_scene_loads_nothing_heavy(scene):
     )
     done = subprocess.run([sys.executable, "-c", program, str(scene)], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0 []", done.stderr
+
+
+def test_the_package_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "lmoc", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"lmoc {lmoc.__version__}\n"
