@@ -176,3 +176,20 @@ def test_a_table_that_ends_early_is_told(dae):
 def test_times_are_finite_numbers(dae, options):
     with pytest.raises(lmoc.ModelError, match="E0541"):
         dae.simulate(**options)
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "line"),
+    [
+        ("model M\n parameter Real s;\n Mass m(m = 2*s); end M;", ["s"], 2),
+        ("model M\n parameter Real a, b;\n parameter Real c = a + b;\n Mass m[2](each m = c); end M;", ["a", "b"], 2),
+        ("model M\n parameter Real spare;\n Mass m; end M;", ["m.m"], 3),
+    ],
+)
+def test_a_run_asks_for_the_parameters_that_the_user_left_open(text, names, line):
+    """By the names that have to be given, not those bound to them; also where only an energy needs them."""
+    with pytest.raises(lmoc.ModelError) as error:
+        lmoc.compile_text(text).simulate()
+    found = error.value.diagnostics
+    assert [d.message.split("'")[1] for d in found if d.code == "E0530"] == names
+    assert {d.span.line for d in found if d.code == "E0530"} == {line}

@@ -11,6 +11,7 @@ import numpy as np
 from lmoc.diagnostics import Diagnostic, Report
 from lmoc.expression.dag import Expr
 from lmoc.numerics.signals import Constant, Formula, Signal, gives
+from lmoc.semantics.flat import Kind
 from lmoc.structure.program import Apply, Program, Solve, needed_steps, read, written
 from lmoc.structure.reduced import Reduced
 
@@ -98,6 +99,16 @@ class Plan:
     def full_program(self) -> Program:
         """Fills every register that the reduced system knows of."""
         return self.input_program + self.reduced.rhs + self.reduced.observe
+
+    @cached_property
+    def read_parameters(self) -> np.ndarray:
+        """Registers with the values of parameters that an equation reads."""
+        flat, steps = self.reduced.flat, (*self.reduced.parameter_program, *self.full_program)
+        shown = self.reduced.register_of[flat.kind > Kind.PARAMETER]  # a variable may be a parameter by another name
+        used = np.zeros(self.count + 1, bool)  # the last one stands for "nowhere"
+        for registers in (shown, *map(read, steps)):
+            used[registers] = True
+        return self.known[0][used[self.known[0]]]
 
     def base(self, values: np.ndarray, signals: Mapping[int, Signal]) -> np.ndarray:
         """The register vector with everything that does not change during a run; NaN elsewhere."""

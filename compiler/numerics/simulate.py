@@ -19,6 +19,7 @@ from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
 from lmoc.numerics.system import System, make_system
+from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.reduced import Reduced
 
 Progress = Callable[[float, float], None]  # (time reached, stop time)
@@ -81,7 +82,7 @@ class Simulator:
         plan, system = self.system(signals, options.energy, report)
         lowered = clock.perf_counter()
         base = plan.base(values, signals)
-        _check_parameters(plan, base, report)
+        _check_parameters(plan, base, values, report)
         report.check()
         run = _Run(plan, system, Observer(plan, values, base, signals), options, times, report, progress)
         return run.go(initial or {}, began, lowered)
@@ -235,18 +236,29 @@ def _kind_key(signal: Signal) -> tuple:
     return type(signal).__name__, *(gives(signal, order) for order in range(4))
 
 
-def _check_parameters(plan: Plan, base: np.ndarray, report: Report) -> None:
+def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: Report) -> None:
     """Every parameter that the equations read has a value."""
     flat, known = plan.reduced.flat, plan.known
-    used = np.isin(known[0], plan.parameters)
-    missing = known[1][np.isnan(base[known[0]]) & used]
+    missing = known[1][np.isnan(base[known[0]]) & np.isin(known[0], plan.read_parameters)]
     if not len(missing):
         missing = _needed_for_derived(plan, base)
-    for variable in missing[:10].tolist():
+    unbound = dict.fromkeys(source for v in missing[:10].tolist() for source in _sources(flat, v, values))
+    for variable in unbound:
         block = flat.block_at(variable)
         name = flat.variable_name(variable)
         hint = f"--set {name}=…, or bind it in the model"
-        report.error("E0530", f"parameter '{name}' has no value", block.span, hint=hint)
+        span = flat.declared_at(variable) if block.part else block.span
+        report.error("E0530", f"parameter '{name}' has no value", span, hint=hint)
+
+
+def _sources(flat: FlatDAE, variable: int, values: np.ndarray) -> list[int]:
+    """The parameters without value that the binding of one comes from; itself, where nothing else lacks a value."""
+    for binding in flat.bindings:
+        row = np.flatnonzero(binding.target == variable)
+        if len(row):
+            open_ones = [v for v in binding.slots[row[0]].tolist() if np.isnan(values[v])]
+            return [source for v in open_ones for source in _sources(flat, v, values)] or [variable]
+    return [variable]
 
 
 def _needed_for_derived(plan: Plan, base: np.ndarray) -> np.ndarray:
