@@ -114,8 +114,14 @@ def _cost(run: Run) -> str:
         for key, word in (("steps", "steps"), ("evaluations", "evaluations"))
         if key in stats
     ]
-    times = [f"{stage} {_milliseconds(1e3 * s)}" for stage, s in run.timings.items() if s >= 5e-4]
-    return "; ".join(filter(None, [", ".join(counted), ", ".join(times)]))
+    return "; ".join(filter(None, [", ".join(counted), times_text(run.timings)]))
+
+
+def times_text(timings: Mapping[str, float]) -> str:
+    """Wall time of the stages in their order: in milliseconds, or in seconds where one of them takes more."""
+    scale, unit, digits = (1e3, "ms", 0) if max(timings.values(), default=0) < 1 else (1, "s", 2)
+    shown = {stage: text for stage, s in timings.items() if float(text := f"{scale * s:.{digits}f}") > 0}
+    return f"{', '.join(f'{stage} {text}' for stage, text in shown.items())} {unit}" if shown else ""
 
 
 def energy_text(run: Run) -> str:
@@ -175,7 +181,3 @@ def _whole(text: str) -> str:
 
 def _number(n: float) -> str:
     return f"{n:,}".replace(",", " ") if isinstance(n, int) else f"{n:g}"
-
-
-def _milliseconds(ms: float) -> str:
-    return f"{ms:.0f} ms" if ms < 1000 else f"{ms / 1000:.1f} s"
