@@ -141,7 +141,8 @@ def reduce(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, cloc
     with clock.stage("reduce"):
         from lmoc.structure.reduce import reduce as reduce_flat
 
-        report = Report()
+        # what was warned about before may be the reason why this fails: a part that is connected to nothing
+        report = Report([d for d in flat.notes if d.severity == "warning"])
         reduced = reduce_flat(flat, values, states, report)
         report.check()
     return reduced

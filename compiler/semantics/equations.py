@@ -7,6 +7,8 @@ from math import prod
 
 import numpy as np
 
+from lmoc.diagnostics import nearest
+from lmoc.semantics.builtins import EVENTS
 from lmoc.semantics.context import Context
 from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.functions import call_all
@@ -252,8 +254,11 @@ class EquationSection:
     def check(self, outer: Context, e: tree.CallEquation) -> None:
         """``assert(condition, message, level)``."""
         name = str(e.call.function)
-        if name != "assert":
+        if name in EVENTS:
             raise Wrong("E0230", f"'{name}' belongs to events, which are not available yet", e.span)
+        if name != "assert":
+            raise Wrong("E0203", f"there is no statement '{name}'", e.call.function.span,
+                        hint=nearest(name, ("connect", "assert", *EVENTS)))  # fmt: skip
         context = self._fresh(outer)
         context.quiet = 1  # a check is not integrated over
         given = dict(zip(("condition", "message", "level"), e.call.arguments)) | dict(e.call.named)

@@ -246,7 +246,7 @@ def _count(number: int, noun: str) -> str:
 
 
 def _span(flat: FlatDAE, variable: int):
-    return flat.block_at(variable).span
+    return flat.declared_at(variable)
 
 
 def _at(equations: Equations, sources: Sequence[int], report: Report, code: str, message: str, fallback=None, **more):
