@@ -94,7 +94,7 @@ def test_stiff_and_undamped_with_the_fast_mode_at_work():
     assert run["energy"] == pytest.approx(run["energy"][0], rel=1e-5)
 
 
-@pytest.mark.parametrize("solver", ["dop853", "cvode", "adams", "ida", "radau", "auto"])
+@pytest.mark.parametrize("solver", ["dop853", "cvode", "adams", "ida", "cvodes", "radau", "auto"])
 def test_a_solution_that_ends_is_told_with_what_was_reached(solver):
     s = Scene()
     x = s.state("x", 1.0)

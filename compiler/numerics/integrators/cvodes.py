@@ -8,6 +8,8 @@ from lmoc.numerics.integrators import cvode
 from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem, Properties
 from lmoc.numerics.system import CasadiSystem
 
+# between two output times. It does not see that its steps no longer move the time; `cvode`, which takes over, does
+MAX_STEPS = 20_000
 PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", jacobian=True, library="casadi")
 
 
@@ -51,8 +53,9 @@ def _solver(problem: Problem):
         options = {
             "reltol": problem.rtol,
             "abstol": float(problem.atol.min()),
-            "max_num_steps": problem.max_steps,
+            "max_num_steps": min(problem.max_steps, MAX_STEPS),
             "disable_internal_warnings": True,
+            "show_eval_warnings": False,
         }
         grid = problem.times[1:]
         system.native_integrators[key] = ca.integrator("run", "cvodes", dae, float(problem.times[0]), grid, options)
