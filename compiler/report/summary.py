@@ -118,10 +118,11 @@ def _cost(run: Run) -> str:
 
 
 def times_text(timings: Mapping[str, float]) -> str:
-    """Wall time of the stages in their order: in milliseconds, or in seconds where one of them takes more."""
+    """Wall time of the stages that matter: in milliseconds, or in seconds where one of them takes more."""
+    least = 0.02 * sum(timings.values())
     scale, unit, digits = (1e3, "ms", 0) if max(timings.values(), default=0) < 1 else (1, "s", 2)
-    shown = {stage: text for stage, s in timings.items() if float(text := f"{scale * s:.{digits}f}") > 0}
-    return f"{', '.join(f'{stage} {text}' for stage, text in shown.items())} {unit}" if shown else ""
+    shown = [f"{stage} {scale * seconds:.{digits}f}" for stage, seconds in timings.items() if seconds > least]
+    return f"{', '.join(shown)} {unit}" if shown else ""
 
 
 def energy_text(run: Run) -> str:
