@@ -326,6 +326,11 @@ CATALOGUE: dict[str, Entry] = {
         "an initial equation uses an unknown derivative",
         "The derivative does not occur in the reduced equations, so no value of it is known at the start.",
     ),
+    "W0537": Entry(
+        "a value that is not finite at the start",
+        "A variable that the motion does not depend on comes out as infinite or as no number at all (a division by "
+        "zero, the logarithm of a negative number). The run goes on; everything computed from it is just as useless.",
+    ),
     "E0540": Entry("no such solver", "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits."),
     "E0541": Entry(
         "options of the run that cannot be used",

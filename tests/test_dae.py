@@ -193,3 +193,18 @@ def test_a_run_asks_for_the_parameters_that_the_user_left_open(text, names, line
     found = error.value.diagnostics
     assert [d.message.split("'")[1] for d in found if d.code == "E0530"] == names
     assert {d.span.line for d in found if d.code == "E0530"} == {line}
+
+
+def test_equations_that_no_derivative_needs_have_a_solution_at_the_start():
+    """A force on a lever that nothing holds; a root of a negative number."""
+    lever = "model M Lever l(l1 = 1, l2 = 1); Force f(f = 1); equation connect(l.a, f.flange); end M;"
+    for text in (lever, "model M Real x; equation x^2 + x = -1 - time; end M;"):
+        with pytest.raises(lmoc.ModelError, match="E0535.*no solution"):
+            lmoc.compile_text(text).check()
+
+
+def test_values_that_are_not_finite_at_the_start_are_warned_of():
+    text = "model M Real x(start = 1, fixed = true); Real y = log({} - time); equation der(x) = -x; end M;"
+    notes = lmoc.compile_text(text.format("-1")).check()
+    assert [(n.code, "y has no finite value" in n.message) for n in notes] == [("W0537", True)]
+    assert lmoc.compile_text(text.format("1")).check() == ()

@@ -10,7 +10,7 @@ from lmoc.numerics.signals import sample
 from lmoc.numerics.system import System
 from lmoc.semantics.flat import FlatDAE
 from lmoc.source import Span
-from lmoc.structure.program import Solve, written
+from lmoc.structure.program import Program, Solve, written
 from lmoc.structure.reduced import Reduced
 
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
@@ -31,28 +31,34 @@ def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, s
     return ""
 
 
-def first_not_finite(observer: Observer, time: float, x: np.ndarray) -> tuple[str, Span | None]:
-    """A sentence about the first variable that has no finite value at (time, x), and where it is declared.
+def first_not_finite(
+    observer: Observer, time: float, x: np.ndarray, program: Program | None = None
+) -> tuple[str, Span | None, bool]:
+    """A sentence about the first variable that has no finite value at (time, x), where it is declared, and whether it
+    is an unknown of nonlinear equations without a solution.
 
-    Empty where all have one.
+    Empty where all have one. `program` is what is looked at, without it what the derivatives need.
     """
     plan, reduced = observer.plan, observer.plan.reduced
+    program = plan.program if program is None else program
     w = observer.base.copy()
+    w[plan.absent] = 0.0  # said when the signal was bound
     w[plan.states] = x
     for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]
     groups = [plan.states, plan.sampled]
-    interpreter = Interpreter(plan.program, plan.count)
+    interpreter = Interpreter(program, plan.count)
     with np.errstate(all="ignore"):
-        for step in (None, *plan.program):
+        for step in (None, *program):
             if step is not None:
                 interpreter.steps((step,), w, time)
                 groups = [step.unknowns.ravel() if isinstance(step, Solve) else written(step)]
             for registers in groups:
                 bad = registers[~np.isfinite(w[registers])]
                 if len(bad):
-                    return _sentence(reduced, bad, w, isinstance(step, Solve) and not step.linear)
-    return "", None
+                    nonlinear = isinstance(step, Solve) and not step.linear
+                    return *_sentence(reduced, bad, w, nonlinear), nonlinear
+    return "", None, False
 
 
 def _sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) -> tuple[str, Span | None]:
@@ -62,7 +68,7 @@ def _sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool)
     name = reduced.register_name(named[0])
     span = _place(reduced.flat, int(reduced.registers.variable[named[0]]))
     if nonlinear:
-        return f"the nonlinear equations for {name} have no solution near the last one", span
+        return f"the nonlinear equations for {name} have no solution that Newton's method finds", span
     return f"{name} has no finite value ({w[named[0]]})", span
 
 

@@ -141,14 +141,22 @@ class _Run:
         return run_checks(run)
 
     def _check_start(self, x: np.ndarray) -> None:
-        """All derivatives must be finite at the start, else the run says what is not."""
+        """All derivatives must be finite at the start, else the run says what is not.
+
+        Equations that no derivative needs must have a solution too; of their other values those that are not finite
+        are only warned of, since the motion does not depend on them.
+        """
         derivative = np.empty(len(x))
-        self.system.rhs(float(self.times[0]), x, derivative)
-        if not (np.isfinite(derivative).all() and np.isfinite(x).all()):
-            found, span = first_not_finite(self.observer, float(self.times[0]), x)
-            hint = "look at the start values, and at divisions by zero"
+        time, hint = float(self.times[0]), "look at the start values, and at divisions by zero"
+        self.system.rhs(time, x, derivative)
+        needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
+        program = None if needed else self.plan.full_program
+        found, span, nonlinear = first_not_finite(self.observer, time, x, program)
+        if needed or nonlinear:
             self.report.error("E0535", f"{found} at the start", span, hint=hint)
             self.report.check()
+        elif found:
+            self.report.warning("W0537", f"{found} at the start", span, hint=hint)
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):
