@@ -17,11 +17,12 @@ class Guard:
     """A decision that depends on parameter values: re-check it for another parameter set.
 
     `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed, such as
-    ``wheel.J = 0``.
+    ``wheel.J = 0``. Where it is about many rows, `broken(values)` says it of the first one that has changed.
     """
 
     holds: Callable[[np.ndarray], bool]
     text: str
+    broken: Callable[[np.ndarray], str] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,4 +93,5 @@ class Reduced:
 
     def broken_guard(self, values: np.ndarray) -> str | None:
         """The first assumption that does not hold for another parameter set, None where all hold."""
-        return next((g.text for g in self.guards if not g.holds(values)), None)
+        guard = next((g for g in self.guards if not g.holds(values)), None)
+        return None if guard is None else guard.text if guard.broken is None else guard.broken(values)

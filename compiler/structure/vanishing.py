@@ -53,9 +53,13 @@ class Vanishing:
     missing: Missing
 
     def __call__(self, values: np.ndarray) -> bool:
+        return not self.changed(values).any()
+
+    def changed(self, values: np.ndarray) -> np.ndarray:
+        """The rows that come out otherwise for other parameter values; one bool a row."""
         beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
         known = self.derived.extended(values) if beyond else values
-        return bool((vanishes(self.expr, self.slots, known, self.derived, self.missing) == self.zero).all())
+        return vanishes(self.expr, self.slots, known, self.derived, self.missing) != self.zero
 
 
 def vanishes(
@@ -138,7 +142,11 @@ class Splitter:
             self._tested[key] = zero
             if not all(i < self.flat.count and self.flat.kind[i] == Kind.CONSTANT for i in table[0].tolist()):
                 holds = Vanishing(shape, table, zero, self.derived, missing)
-                self.guards.append(Guard(holds, self._text(group, expr, zero)))
+
+                def broken(values: np.ndarray) -> str:
+                    return self._row_text(group, expr, zero, int(np.argmax(holds.changed(values))))
+
+                self.guards.append(Guard(holds, self._text(group, expr, zero), broken))
         return self._tested[key]
 
     def _text(self, group: Rows, expr: Expr, zero: np.ndarray) -> str:
@@ -146,8 +154,11 @@ class Splitter:
         some = bool(zero.any())
         row = int(np.argmax(zero)) if some else 0
         count = int(zero.sum()) if some else len(zero)
-        text = self.text(group, expr, row) + (" = 0" if some else " <> 0")
+        text = self._row_text(group, expr, zero, row)
         return text if count == 1 else f"{text} (and {count - 1} more)"
+
+    def _row_text(self, group: Rows, expr: Expr, zero: np.ndarray, row: int) -> str:
+        return self.text(group, expr, row) + (" = 0" if zero[row] else " <> 0")
 
     def text(self, group: Rows, expr: Expr, row: int) -> str:
         names = group.slots[row].tolist()
