@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 
-from benchmarks.common import RESULTS, in_process, save, table
+from benchmarks.common import RESULTS, ROOT, in_process, save, table
 
 STAGES = ("flatten", "reduce", "lower", "initialize", "simulate")
 SCENES = (  # a chain's network, drivetrain and so on at a size that hurts
@@ -95,7 +95,7 @@ def picture(figures: list[dict]) -> None:
         axes.grid(alpha=0.3, which="both")
     RESULTS.mkdir(parents=True, exist_ok=True)
     fig.savefig(RESULTS / "scaling.png", dpi=130)
-    print(f"picture: {RESULTS.name}/scaling.png")
+    print(f"\npicture: {(RESULTS / 'scaling.png').relative_to(ROOT)}")
 
 
 def main() -> None:
