@@ -231,3 +231,14 @@ def test_a_scene_in_which_nothing_states_its_energy_has_an_empty_ledger():
     assert run["l.i"] == pytest.approx(2.5 * (1 - np.exp(-20 * run.time)), abs=1e-5)
     assert run["r.power"] == pytest.approx(-2 * run["l.i"] ** 2, abs=1e-9)
     assert run.energy.balance == 0
+
+
+def test_a_callable_moves_the_base_of_a_spring_and_leaves_no_ledger():
+    """The force needs no derivative of the motion; the power of the source does."""
+    dae = lmoc.compile_text("""model M input Real u; Motion base(q = u); Spring s(k = 4); Mass m(m = 1);
+        equation connect(base.flange, s.a); connect(s.b, m.flange); end M;""")
+    run = dae.simulate(stop=2, inputs={"u": np.sin}, rtol=1e-9)
+    t = run.time
+    assert run["m.q"] == pytest.approx((4 * np.sin(t) - 2 * np.sin(2 * t)) / 3, abs=1e-7)
+    assert run.energy is None and [n.code for n in run.notes] == ["N0523"]
+    assert dae.simulate(stop=2, inputs={"u": "sin(time)"}).energy.balance < 1e-4

@@ -40,9 +40,11 @@ def first_not_finite(
     Empty where all have one. `program` is what is looked at, without it what the derivatives need.
     """
     plan, reduced = observer.plan, observer.plan.reduced
-    program = plan.program if program is None else program
     w = observer.base.copy()
-    w[plan.absent] = 0.0  # said when the signal was bound
+    if program is None:
+        program = plan.program
+    else:
+        w[plan.absent] = 0.0  # what depends on them has been said to be unknown
     w[plan.states] = x
     for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]

@@ -146,7 +146,7 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
     for column, required in zip(reduced.inputs.T.tolist(), reduced.required_inputs.tolist(), strict=True):
         inputs.add(*column, required, signals, report)
     known, count, input_program = inputs.finish()
-    keep = _wanted_quadratures(reduced, energy)
+    keep = _wanted_quadratures(reduced, energy and not _unknown_power(reduced, inputs.absent))
     quadratures, rates = reduced.quadratures[keep], reduced.quadrature_derivatives[keep]
     extra = needed_steps(reduced.observe, rates, reduced.registers.count)
     return Plan(
@@ -260,6 +260,15 @@ def _wanted_quadratures(reduced: Reduced, energy: bool) -> np.ndarray:
         return np.ones(len(reduced.quadratures), bool)
     ledger = [v for name in LEDGER for v in _variables(reduced, name)]
     return ~np.isin(reduced.registers.variable[reduced.quadratures], ledger)
+
+
+def _unknown_power(reduced: Reduced, absent: list[int]) -> bool:
+    """Whether the ledger needs derivatives that no signal gives: then there is none."""
+    if not absent:
+        return False
+    rates = reduced.quadrature_derivatives[~_wanted_quadratures(reduced, False)]
+    steps = needed_steps(reduced.observe, rates, reduced.registers.count)
+    return any(np.isin(absent, read(step)).any() for step in steps) or bool(np.isin(absent, rates).any())
 
 
 def _variables(reduced: Reduced, name: str) -> list[int]:
