@@ -208,3 +208,12 @@ def test_values_that_are_not_finite_at_the_start_are_warned_of():
     notes = lmoc.compile_text(text.format("-1")).check()
     assert [(n.code, "y has no finite value" in n.message) for n in notes] == [("W0537", True)]
     assert lmoc.compile_text(text.format("1")).check() == ()
+
+
+def test_values_that_are_lost_on_the_way_are_warned_of():
+    text = "model M Real x(start = 1, fixed = true); Real y = sqrt(x); equation der(x) = -1; end M;"
+    dae = lmoc.compile_text(text)
+    assert not dae.simulate(stop=0.9).notes
+    run = dae.simulate(stop=2)
+    assert [(n.code, n.message) for n in run.notes] == [("W0537", "y has no finite value (nan) at the end, t = 2 s")]
+    assert np.isfinite(run["y"][run.time < 0.99]).all() and np.isnan(run["y"][run.time > 1.01]).all()

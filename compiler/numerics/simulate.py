@@ -135,6 +135,8 @@ class _Run:
             "states": plan.state_count,
             "rtol": self.options.tolerance(plan.reduced.flat.experiment),
         }
+        if not outcome.failure:
+            self._check_end(outcome)
         run = self._trajectory(outcome, stats)
         if outcome.failure:
             raise SimulationError(self._explain(outcome), outcome.time, run)
@@ -157,6 +159,14 @@ class _Run:
             self.report.check()
         elif found:
             self.report.warning("W0537", f"{found} at the start", span, hint=hint)
+
+    def _check_end(self, outcome: Outcome) -> None:
+        """Values that the motion does not depend on may be lost on the way, as a square root: the run tells it."""
+        if any(d.code == "W0537" for d in self.report.diagnostics):
+            return
+        found, span, nonlinear = first_not_finite(self.observer, outcome.time, outcome.x, self.plan.full_program)
+        if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
+            self.report.warning("W0537", f"{found} at the end, t = {outcome.time:g} s", span)
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):
