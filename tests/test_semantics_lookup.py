@@ -192,3 +192,14 @@ def test_the_one_model_at_the_top_is_meant() -> None:
     assert codes(library + "model B end B; model C end C;") == ["E0603"]
     assert codes("partial model A end A;", model="A") == ["E0209"]
     assert codes("package P end P;", model="P") == ["E0601"]
+
+
+def test_one_base_reached_by_two_ways_is_there_once() -> None:
+    text = """partial model P parameter Real k = 1; Real z; equation z = k*time; end P;
+      partial model A extends P; end A; partial model B extends P{}; end B;
+      model M extends A{}; extends B; Real y = 2*z; end M;"""
+    assert sorted(equations(flat(text.format("", "")))) == ["y = 2*z", "z = k*time"]
+    assert value(flat(text.format("(k = 3)", "")), "k") == 3
+    assert value(flat(text.format("", "(k = 4)")), "k") == 4
+    assert codes(text.format("(k = 3)", "(k = 4)")) == ["E0204"]
+    assert codes("model M Real x = 1; Real x = 1; end M;") == ["E0204"]

@@ -202,6 +202,9 @@ class Scope:
         same = isinstance(old, Member) and old.component.span.text == member.component.span.text
         if same and (old.scope is not member.scope):
             return  # inherited twice, or repeated: allowed where identical (7.1)
+        if same and old.component is member.component and not (old.outer and member.outer):
+            table[name] = old if old.outer else member  # one base reached by two ways
+            return
         first = old.component.name_span if isinstance(old, Member) else old.definition.name_span
         self.report.error(
             "E0204",
