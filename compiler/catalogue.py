@@ -114,6 +114,11 @@ CATALOGUE: dict[str, Entry] = {
         "wrong kind of class",
         "A function or package cannot be a part, and a part is no class.",
     ),
+    "E0225": Entry(
+        "an array too large",
+        "An array of parts or numbers, or a range, has more elements than a machine could hold; look at the\n"
+        "parameter that sizes it.",
+    ),
     "E0224": Entry(
         "a value that would have to change",
         "Parameters, constants, and start, nominal and fixed values are known before the run: they depend on\n"
@@ -327,9 +332,10 @@ CATALOGUE: dict[str, Entry] = {
         "The derivative does not occur in the reduced equations, so no value of it is known at the start.",
     ),
     "W0537": Entry(
-        "a value that is not finite at the start",
-        "A variable that the motion does not depend on comes out as infinite or as no number at all (a division by "
-        "zero, the logarithm of a negative number). The run goes on; everything computed from it is just as useless.",
+        "a value that is not finite",
+        "At the start or at the end of a run, a variable that the motion does not depend on comes out as infinite or "
+        "as no number at all (a division by zero, the logarithm of a negative number). The run goes on; everything "
+        "computed from it is just as useless.",
     ),
     "E0540": Entry("no such solver", "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits."),
     "E0541": Entry(

@@ -6,6 +6,7 @@ Children are made when first asked for, because dimensions and conditions use ot
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from lmoc.semantics.overrides import element_positions
 from lmoc.semantics.records import record_fields
 from lmoc.semantics.scope import Builtin, Member, Resolved, Scope, redeclared_class, resolve
 from lmoc.semantics.value import Value, from_numbers
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree
 
 if TYPE_CHECKING:
@@ -209,6 +210,7 @@ class Elaboration:
             if size != int(size) or size < 0:
                 raise Wrong("E0301", f"{what} must be an integer of at least 0", expression.span, found=f"{size:g}")
             dims.append(int(size))
+            check_size(prod((*instance.total, *dims)), f"'{component.name}'", expression.span)
         return tuple(dims)
 
     def _size_of_binding(self, component: tree.Component, binding: Binding | None, axis: int) -> int:

@@ -12,7 +12,7 @@ from lmoc.expression.dag import Expr
 from lmoc.semantics.context import Context, translates
 from lmoc.semantics.rows import align
 from lmoc.semantics.value import Value, common_type, number, stack, text
-from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong
+from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong, check_size
 from lmoc.source import Span
 from lmoc.syntax import tree
 
@@ -352,6 +352,7 @@ def range_numbers(context: Context, e: tree.Range) -> tuple[np.ndarray, str]:
     if step == 0:
         raise Wrong("E0301", "the step of a range must not be zero", e.step.span)
     count = int(np.floor((b - a) / step + 1e-10)) + 1
+    check_size(count, "this range", e.span)
     return a + step * np.arange(max(count, 0)), common_type(values)
 
 

@@ -7,6 +7,8 @@ import numpy as np
 from lmoc.diagnostics import Diagnostic, Report
 from lmoc.source import Span
 
+MAX_ELEMENTS = 50_000_000  # of one array of parts or numbers, or rounds of a loop
+
 
 class Wrong(Exception):
     """Ends the work on one equation or declaration; its user reports it and goes on with the next.
@@ -59,3 +61,10 @@ class RowsDiffer(NotOneGroup):
         self.diagnostic = wrong.diagnostic
         self.expression = expression
         self.rows = rows
+
+
+def check_size(elements: int, what: str, span: Span) -> None:
+    """Refuse what no machine could hold, before anything is made of it."""
+    if elements > MAX_ELEMENTS:
+        limit = f"at most {MAX_ELEMENTS:,} elements".replace(",", " ")
+        raise Wrong("E0225", f"{what} is too large", span, expected=limit, found=str(elements))
