@@ -52,6 +52,15 @@ def test_a_wrong_command_is_explained(lmoc, words, code, help):
     assert help in answer.err
 
 
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [(["--start", "2", "--stop", "1"], "E0541"), (["--rtol", "2"], "E0541"), (["--input", "f=sin(tme)"], "E0521")],
+)
+def test_options_that_do_not_fit_the_model_are_mistakes_of_the_command(lmoc, scene, words, code):
+    answer = lmoc("run", scene, *words)
+    assert (answer.code, f"error[{code}]" in answer.err) == (2, True)
+
+
 def test_unreadable_files_are_named(lmoc, tmp_path, scene):
     (tmp_path / "picture.lmo").write_bytes(b"\x89PNG\0\1")
     (tmp_path / "latin.lmo").write_bytes("model M \"Tür\"\nend M;".encode("latin-1"))

@@ -54,10 +54,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERNAL
 
 
+_OPTIONS = frozenset({"E0521", "E0540", "E0541", "E0542"})  # signals, solver, times, what to keep: found when running
+
+
 def exit_code(error: ModelError) -> int:
     """2 where everything wrong is about files, options and the choice of the model, else 1."""
     wrong = [d for d in error.diagnostics if d.severity == "error"]
-    return WRONG_COMMAND if all(d.code.startswith("E06") for d in wrong) else WRONG_MODEL
+    command = all(d.code.startswith("E06") or d.code in _OPTIONS for d in wrong)
+    return WRONG_COMMAND if command else WRONG_MODEL
 
 
 def _dispatch(argv: list[str]) -> int:
