@@ -142,7 +142,9 @@ class _InitialEquations:
             if None in registers:
                 variable = int(group.slots[registers.index(None), column])
                 jet = self.plan.reduced.flat.jet_name(variable, order)
-                self.report.error("E0536", f"{jet} is not known at the start, so no equation can fix it", group.span)
+                hint = f"give it a name in the model, `Real rate = {jet}`, and write the initial equation for that"
+                message = f"{jet} is not known at the start, so no equation can fix it"
+                self.report.error("E0536", message, group.span, hint=hint)
                 return None
             columns.append(np.array(registers, int))
             replacement[leaf] = slot(k)
