@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 import pytest
-from flattening import codes, flat, mistakes
+from flattening import codes, equations, flat, mistakes
 
 from lmoc.semantics.units import BASE, UnitError, parse_unit, unit_text
 
@@ -159,3 +159,12 @@ def test_connected_variables_have_one_unit() -> None:
         model A Part p; Mass m(m = 1); equation connect(p.own, m.flange); end A;""")
     assert error.code == "E0303"
     assert (error.expected, error.found) == ("mm", "m")
+
+
+def test_inputs_of_functions_without_unit_take_any() -> None:
+    text = """
+        function cubic input Real x; output Real y; algorithm y := x + x^2 + x^3; end cubic;
+        function length input Real x(unit = "m"); output Real y; algorithm y := x + x^2; end length;
+        model M Real s(unit = "m") = 2*time; Real a = cubic(s); Real b = {}; end M;"""
+    assert "a = s + s^2 + s^3" in equations(flat(text.format("2")))
+    assert codes(text.format("length(s)")) == ["E0303"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import prod
 
 import numpy as np
@@ -103,6 +103,17 @@ def compact(leaves: list[Leaf], *shapes: Expr) -> tuple[list[Leaf], tuple[Expr, 
         return leaves[: len(order)], shapes
     new = {node: dag.slot(order[node.value[0]], node.value[1]) for node in used}
     return [leaves[k] for k in order], tuple(dag.substitute(shape, new) for shape in shapes)
+
+
+def without_ones(draft: GroupDraft | AssignmentDraft) -> GroupDraft | AssignmentDraft:
+    """The draft without the factors 1 that have made units unknown."""
+    ones = [k for k, (v, index) in enumerate(draft.columns) if v is None and np.ndim(index) == 0 and index == 1.0]
+    if not ones:
+        return draft
+    fields = ("left", "right") if isinstance(draft, GroupDraft) else ("shape",)
+    new = {dag.slot(k): dag.const(1.0) for k in ones}
+    columns, shapes = compact(draft.columns, *(dag.substitute(getattr(draft, name), new) for name in fields))
+    return replace(draft, columns=tuple(columns), **dict(zip(fields, shapes)))
 
 
 def flat_column(leaf: Leaf, shape: tuple[int, ...]) -> Column:

@@ -16,7 +16,7 @@ from lmoc.semantics.choose import choose_model, open_scopes
 from lmoc.semantics.connect import balances, collect, equalities, unconnected
 from lmoc.semantics.context import Context
 from lmoc.semantics.declarations import declare
-from lmoc.semantics.draft import Drafts
+from lmoc.semantics.draft import Drafts, without_ones
 from lmoc.semantics.elaboration import Elaboration
 from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.experiment import experiment_of
@@ -94,6 +94,8 @@ class _Flattening:
             self._equations(instance)
         report_unknown_units(layout.variables, self.report)
         check_units(self.drafts, self.report)
+        for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
+            drafts[:] = map(without_ones, drafts)
         self.connections = collect(self.drafts.connects, layout.count, self.report)
         self.report.check()  # what follows needs all equations
         layout = layout.extended(model.long_sums.variables)

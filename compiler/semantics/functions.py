@@ -14,6 +14,7 @@ from lmoc.semantics.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.context import Context, translates
 from lmoc.semantics.scope import Builtin, Member, Scope, resolve
 from lmoc.semantics.translate import choose, dims_text, iteration, sizes_differ, warn_kink
+from lmoc.semantics.unit_check import has_unit
 from lmoc.semantics.value import Arrays, Value, number, stack
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
@@ -149,7 +150,7 @@ class _Body:
                 raise Wrong("E0217", f"the argument '{name}' is given twice", e.span)
             value = self.caller.value(argument)
             self._check_type(name, value, argument.span)
-            given[name] = value
+            given[name] = value if self._has_unit(name) else self._of_any_unit(value)
         for name in names:
             if name not in given:
                 default = self.declared[name].member.component.modification
@@ -159,6 +160,18 @@ class _Body:
                 self.values.update(given)
                 given[name] = self.context.value(default.value)
         return {name: given[name] for name in names}
+
+    def _has_unit(self, name: str) -> bool:
+        component = self.declared[name].member.component
+        arguments = component.modification.arguments if component.modification else ()
+        return str(component.type) != "Real" or any(getattr(a, "name", ()) == ("unit",) for a in arguments)
+
+    def _of_any_unit(self, value: Value) -> Value:
+        """The argument for an input without unit: the factor of a literal makes its unit unknown."""
+        leaves = self.caller.leaves
+        if not value.uniform or value.type != "Real" or not has_unit(value.expr, [v.variable for v in leaves.items]):
+            return value
+        return Value(value.expr * leaves.slot(None, 1.0), value.dims, value.type)
 
     def _check_type(self, name: str, value: Value, span: Span) -> None:
         expected = self.declared[name].type

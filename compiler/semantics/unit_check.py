@@ -148,6 +148,15 @@ def infer(root: Expr, units: Sequence[Unit | None]) -> Unit | None:
     return found[id(root)]
 
 
+def has_unit(root: Expr, variables: Sequence[Variable | None]) -> bool:
+    """Whether a shape has a unit that is known, other than 1."""
+    try:
+        unit = infer(root, [unit_of(v) for v in variables])
+    except _Mismatch:
+        return False  # which is reported with the equation
+    return unit is not None and not unit.same_as(ONE_UNIT)
+
+
 def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None]) -> Unit | None:
     op = node.op
     if op == "slot":
