@@ -1,9 +1,12 @@
 """Whole runs on systems written by hand: solvers, inputs, parameters, energy, observed variables."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from by_hand import Scene, oscillator
 
+import lmoc
 from lmoc.diagnostics import ModelError, SimulationError
 from lmoc.expression import dag
 from lmoc.numerics.options import RunOptions
@@ -236,3 +239,16 @@ def test_unknowns_of_a_large_block_are_algebraic_variables_of_ida(linear):
     assert two.stats["algebraic"] == n and "algebraic" not in one.stats
     for name in ("q3", "v69", "a10"):
         assert two[name] == pytest.approx(one[name], abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["cvode", "ida"])
+def test_a_sparse_jacobian_that_fails_at_once_ends_the_run_in_order(solver: str, monkeypatch) -> None:
+    from lmoc.numerics.integrators import cvode
+
+    def fail(*_args, **_more) -> None:
+        raise ZeroDivisionError
+
+    dae = lmoc.compile(Path(__file__).parent.parent / "models/bench/lattice.lmo", parameters={"N": 12})
+    monkeypatch.setattr(cvode.Frame, "fill", fail)
+    with pytest.raises(ZeroDivisionError):
+        dae.simulate(solver=solver)

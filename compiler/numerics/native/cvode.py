@@ -107,8 +107,8 @@ class _Session:
 
     def _attach(self, matrix: Matrix, n: int) -> None:
         lib = self.lib
-        self.matrix, self.solver = make_matrix(lib, matrix, self.vector, n, self.context)
-        lib.CVodeSetLinearSolver(self.memory, self.solver, self.matrix)
+        self.solver = Solver(lib, matrix, self.vector, n, self.context)
+        lib.CVodeSetLinearSolver(self.memory, self.solver.solver, self.solver.matrix)
         self.jacobian = sun.JACOBIAN(self._filler(matrix, n))
         lib.CVodeSetJacFn(self.memory, self.jacobian)
 
@@ -118,9 +118,9 @@ class _Session:
         def fill(t, y, fy, jacobian, data, tmp1, tmp2, tmp3) -> int:
             try:
                 x = _view(lib.N_VGetArrayPointer(y), n)
-                target = matrix_view(lib, matrix, jacobian, n)
+                target = self.solver.view(jacobian)
                 matrix.fill(t, x, target)
-                return 0 if np.isfinite(target).all() else 1
+                return self.solver.accept(target)
             except BaseException as error:  # must not unwind through C: kept, and raised when CVODE has returned
                 self.error = error
                 return -1
@@ -166,36 +166,52 @@ class _Session:
     def __exit__(self, *_) -> None:
         lib = self.lib
         lib.CVodeFree(byref(self.memory))
-        lib.SUNLinSolFree(self.solver)
-        lib.SUNMatDestroy(self.matrix)
+        self.solver.free()
         for vector in (self.vector, self.atol_vector, self.out_vector):
             lib.N_VDestroy(vector)
         lib.SUNContext_Free(byref(self.context))
 
 
-def make_matrix(lib, matrix: Matrix, vector: c_void_p, n: int, context: c_void_p) -> tuple[c_void_p, c_void_p]:
-    """A SUNDIALS matrix of this kind, and a linear solver for it."""
-    if matrix.kind == "dense":
-        made = c_void_p(lib.SUNDenseMatrix(n, n, context))
-        return made, c_void_p(lib.SUNLinSol_Dense(vector, made, context))
-    if matrix.kind == "band":
-        made = c_void_p(lib.SUNBandMatrix(n, matrix.upper, matrix.lower, context))
-        return made, c_void_p(lib.SUNLinSol_Band(vector, made, context))
-    made = c_void_p(lib.SUNSparseMatrix(n, n, len(matrix.indices), sun.CSC, context))
-    return made, c_void_p(lib.SUNLinSol_SuperLUMT(vector, made, 1, context))
+class Solver:
+    """A SUNDIALS matrix and the linear solver for it."""
 
+    def __init__(self, lib, matrix: Matrix, vector: c_void_p, n: int, context: c_void_p) -> None:
+        self.lib, self.kind, self.n, self.layout = lib, matrix.kind, n, matrix
+        self.used = False
+        if matrix.kind == "dense":
+            self.matrix = c_void_p(lib.SUNDenseMatrix(n, n, context))
+            self.solver = c_void_p(lib.SUNLinSol_Dense(vector, self.matrix, context))
+        elif matrix.kind == "band":
+            self.matrix = c_void_p(lib.SUNBandMatrix(n, matrix.upper, matrix.lower, context))
+            self.solver = c_void_p(lib.SUNLinSol_Band(vector, self.matrix, context))
+        else:
+            self.matrix = c_void_p(lib.SUNSparseMatrix(n, n, len(matrix.indices), sun.CSC, context))
+            self.solver = c_void_p(lib.SUNLinSol_SuperLUMT(vector, self.matrix, 1, context))
 
-def matrix_view(lib, matrix: Matrix, address: int, n: int) -> np.ndarray:
-    """The numbers of a SUNDIALS matrix in the layout that `Matrix.fill` writes."""
-    if matrix.kind == "dense":
-        return _view(lib.SUNDenseMatrix_Data(address), n * n).reshape(n, n)
-    if matrix.kind == "band":
-        width, stored = lib.SUNBandMatrix_LDim(address), lib.SUNBandMatrix_StoredUpperBandwidth(address)
-        whole = _view(lib.SUNBandMatrix_Data(address), n * width).reshape(n, width)
-        return whole[:, stored - matrix.upper : stored + matrix.lower + 1]
-    for name, values in (("IndexPointers", matrix.indptr), ("IndexValues", matrix.indices)):
-        ctypes.memmove(getattr(lib, f"SUNSparseMatrix_{name}")(address), values.ctypes.data, values.nbytes)
-    return _view(lib.SUNSparseMatrix_Data(address), len(matrix.indices))
+    def view(self, address: int) -> np.ndarray:
+        """The numbers of a SUNDIALS matrix in the layout that `Matrix.fill` writes."""
+        lib, matrix, n = self.lib, self.layout, self.n
+        if matrix.kind == "dense":
+            return _view(lib.SUNDenseMatrix_Data(address), n * n).reshape(n, n)
+        if matrix.kind == "band":
+            width, stored = lib.SUNBandMatrix_LDim(address), lib.SUNBandMatrix_StoredUpperBandwidth(address)
+            whole = _view(lib.SUNBandMatrix_Data(address), n * width).reshape(n, width)
+            return whole[:, stored - matrix.upper : stored + matrix.lower + 1]
+        for name, values in (("IndexPointers", matrix.indptr), ("IndexValues", matrix.indices)):
+            ctypes.memmove(getattr(lib, f"SUNSparseMatrix_{name}")(address), values.ctypes.data, values.nbytes)
+        return _view(lib.SUNSparseMatrix_Data(address), len(matrix.indices))
+
+    def accept(self, numbers: np.ndarray) -> int:
+        """What a Jacobian callback returns: 0, or 1 for a matrix with which a step cannot be made."""
+        finite = bool(np.isfinite(numbers).all())
+        self.used |= finite
+        return 0 if finite else 1
+
+    def free(self) -> None:
+        # SuperLU_MT's interface frees factors that it has not made and crashes; one that was never used is left behind
+        if self.used or self.kind != "sparse":
+            self.lib.SUNLinSolFree(self.solver)
+        self.lib.SUNMatDestroy(self.matrix)
 
 
 def _view(address: int, size: int) -> np.ndarray:

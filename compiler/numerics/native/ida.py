@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.numerics.native import sundials as sun
-from lmoc.numerics.native.cvode import Matrix, Outcome, _view, make_matrix, matrix_view
+from lmoc.numerics.native.cvode import Matrix, Outcome, Solver, _view
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ class _Session:
         if not equations.differential.all():
             lib.IDASetId(self.memory, kind)
             lib.IDASetSuppressAlg(self.memory, 1)
-        self.matrix, self.solver = make_matrix(lib, equations.matrix, y, n, self.context)
-        lib.IDASetLinearSolver(self.memory, self.solver, self.matrix)
+        self.solver = Solver(lib, equations.matrix, y, n, self.context)
+        lib.IDASetLinearSolver(self.memory, self.solver.solver, self.solver.matrix)
         self.jacobian = sun.RESIDUAL_JACOBIAN(self._filler(n))
         lib.IDASetJacFn(self.memory, self.jacobian)
 
@@ -97,9 +97,9 @@ class _Session:
 
         def fill(t, cj, y, yp, residual, jacobian, data, tmp1, tmp2, tmp3) -> int:
             try:
-                target = matrix_view(lib, matrix, jacobian, n)
+                target = self.solver.view(jacobian)
                 matrix.fill(t, _view(lib.N_VGetArrayPointer(y), n), target, cj)
-                return 0 if np.isfinite(target).all() else 1
+                return self.solver.accept(target)
             except BaseException as error:
                 self.error = error
                 return -1
@@ -138,8 +138,7 @@ class _Session:
     def __exit__(self, *_) -> None:
         lib = self.lib
         lib.IDAFree(byref(self.memory))
-        lib.SUNLinSolFree(self.solver)
-        lib.SUNMatDestroy(self.matrix)
+        self.solver.free()
         for vector in self.vectors:
             lib.N_VDestroy(vector)
         lib.SUNContext_Free(byref(self.context))
