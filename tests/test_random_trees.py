@@ -280,7 +280,8 @@ def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
     fewest, most = state_counts(assembly)
     assert fewest <= len(dae.states) <= most
 
-    run = dae.simulate(times=TIMES, rtol=1e-8, atol=1e-11, initial=initial)
+    # between its steps DOP853 interpolates, up to 60*rtol off where a fast decay (a damper without mass) limits the step
+    run = dae.simulate(times=TIMES, rtol=1e-9, atol=1e-12, initial=initial)
     places = np.array([run[scene.potential(i)] for i in range(len(scene.kinds))]).T
     for name, value in initial.items():
         assert abs(run[name][0] - value) < 1e-9
