@@ -155,3 +155,12 @@ def test_a_value_given_from_outside_stays_a_symbol():
     given = lmoc.compile_text(text, parameters={"s.k": 60, "b.g": 9.81}).equations()
     assert given.lines() == ["m·q̈ + k·q = g·m"]
     assert lmoc.compile_text(text).equations().lines() == ["m·q̈ + k·q = 0"]
+
+
+def test_a_missing_value_is_asked_for_by_the_parameter_to_give():
+    scene = lmoc.compile_text(
+        "model M parameter Real J1; input Real u; Inertia rotor(J=J1); Torque t(tau=u);"
+        " equation connect(t.shaft, rotor.shaft); end M;"
+    )
+    with pytest.raises(lmoc.ModelError, match="no value for J1"):
+        scene.linearize(at={"rotor.theta": 0.0})

@@ -61,7 +61,7 @@ def lines(found: TransferFunction, equation: InputOutputEquation) -> list[str]:
     try:
         told += ["", *_numbers(found)]
     except ModelError as error:
-        told += ["", f"poles and zeros: {error.diagnostics[0].message}"]
+        told += ["", error.diagnostics[0].message]
     table = [f"  {UNICODE.symbol(short, 0)}  {full}" for short, full in notation.abbreviations.items()]
     return told + (["", "with", *table] if table else [])
 

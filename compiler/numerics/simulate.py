@@ -260,7 +260,7 @@ def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: 
     missing = known[1][np.isnan(base[known[0]]) & np.isin(known[0], plan.read_parameters)]
     if not len(missing):
         missing = _needed_for_derived(plan, base)
-    unbound = dict.fromkeys(source for v in missing[:10].tolist() for source in _sources(flat, v, values))
+    unbound = dict.fromkeys(source for v in missing[:10].tolist() for source in sources_without_value(flat, v, values))
     for variable in unbound:
         block = flat.block_at(variable)
         name = flat.variable_name(variable)
@@ -269,13 +269,13 @@ def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: 
         report.error("E0530", f"parameter '{name}' has no value", span, hint=hint)
 
 
-def _sources(flat: FlatDAE, variable: int, values: np.ndarray) -> list[int]:
+def sources_without_value(flat: FlatDAE, variable: int, values: np.ndarray) -> list[int]:
     """The parameters without value that the binding of one comes from; itself, where nothing else lacks a value."""
     for binding in flat.bindings:
         row = np.flatnonzero(binding.target == variable)
         if len(row):
             open_ones = [v for v in binding.slots[row[0]].tolist() if np.isnan(values[v])]
-            return [source for v in open_ones for source in _sources(flat, v, values)] or [variable]
+            return [source for v in open_ones for source in sources_without_value(flat, v, values)] or [variable]
     return [variable]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.jacobian import Jacobian
+from lmoc.numerics.simulate import sources_without_value
 from lmoc.semantics.flat import Kind
 from lmoc.structure.program import needed_steps, read
 from lmoc.structure.reduced import Reduced
@@ -56,18 +57,20 @@ class NumericSystem:
         self._jacobian = Jacobian(program, self._sources, self.targets, count)
         self._w = np.full(count, np.nan)
         self._w[reduced.known[0]] = values[reduced.known[1]]
-        self._check_values()
+        self._check_values(values)
         Interpreter(reduced.parameter_program, count).run(self._w, np.nan)
         self._w[self.jets[0]] = 0.0
 
-    def _check_values(self) -> None:
+    def _check_values(self, values: np.ndarray) -> None:
         """Every parameter that the programs read has a value."""
         known, used = self.reduced.known, np.zeros(len(self._w), bool)
         for step in (*self.reduced.parameter_program, *self._interpreter.program):
             used[read(step)] = True
         missing = known[1][np.isnan(self._w[known[0]]) & used[known[0]]]
         if len(missing):
-            raise no_value(sorted({self.reduced.flat.variable_name(int(v)) for v in missing[:12]}))
+            flat = self.reduced.flat
+            sources = {s for v in missing[:12].tolist() for s in sources_without_value(flat, v, values)}
+            raise no_value(sorted(map(flat.variable_name, sources)))
 
     def _place(self, x: np.ndarray, u: np.ndarray, time: float) -> None:
         orders, variables = self.jets[2], self.jets[1]
