@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from by_hand import Scene, oscillator
 
+import lmoc
 from lmoc.diagnostics import Report, SimulationError
 from lmoc.expression import dag
 from lmoc.numerics.integrators import dop853, dop853_table
@@ -124,3 +125,17 @@ def test_limits_end_a_run():
     for solver in ("dop853", "cvode", "ida"):
         with pytest.raises(SimulationError, match="time allowed"):
             simulate(reduced, options=RunOptions(stop=1e7, points=3, solver=solver, max_seconds=0.05))
+
+
+def test_output_between_steps_that_stability_limits_is_as_good_as_the_steps() -> None:
+    """A damper without mass: its fast decay is over at once and limits the steps ever after."""
+    text = """model D
+      Mass m(m = 1, q(start = 1, fixed = true)); Spring s(k = 1), s2(k = 1); Damper d(c = 0.007), d2(c = 0.3); Fixed w;
+    equation
+      connect(w.flange, s.a); connect(s.b, d.a); connect(d.b, w.flange); connect(s.b, s2.a);
+      connect(s2.b, m.flange); connect(w.flange, d2.a); connect(d2.b, m.flange);
+    end D;"""
+    dae = lmoc.compile_text(text)
+    exact = dae.simulate(stop=10, points=301, solver="cvode", rtol=1e-11, atol=1e-13)
+    run = dae.simulate(stop=10, points=301, solver="dop853", rtol=1e-6)
+    assert max(np.max(np.abs(run[name] - exact[name])) for name in dae.states) < 1e-5

@@ -142,3 +142,9 @@ def test_a_chain_has_as_many_groups_whatever_its_length() -> None:
     # the long model is the short one, only longer: the same equations up to the last mass
     assert large.row_text(large.groups[5], 7) == small.row_text(small.groups[5], 7)
     assert "m[20].flange.f + s[20].b.f + d[20].b.f = 0" in [small.sum_text(i) for i in range(small.sums.rows)]
+
+
+def test_a_value_for_a_variable_of_a_part_is_an_equation_too_many() -> None:
+    (error,) = mistakes("model A Mass m(m = 1, v = 3); end A;")
+    assert error.code == "E0307" and "'Mass' has 6 unknowns but 7 equations" in error.message
+    assert [label.span.text for label in error.labels] == ["3"]

@@ -28,6 +28,9 @@ PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
 _STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region
 _STIFF_STEPS = 15
+_LAST_TERM = (4 / 7) ** 4 * (3 / 7) ** 3  # the most that the last term of the dense output is weighted with
+_ROUGH = 5.5, 60.0  # |h·λ| and size of that term, in tolerances, from which the dense output is not good enough
+_LANDING = 30  # steps that end on output times after an interpolation was found too rough
 _LOOK = 128  # steps between two looks at the clock
 _BATCH = 200_000  # numbers of dense output gathered before they are evaluated
 
@@ -48,6 +51,7 @@ class _Run:
         self.reached = 1
         self.steps = self.rejected = 0
         self.stiff_count = self.calm_count = 0
+        self.landing = 0
         self.dense: list[tuple] = []
         self.watch = Watch(problem)
 
@@ -64,6 +68,8 @@ class _Run:
             if (self.steps + self.rejected) % _LOOK == 0 and self.watch.expired(self.t):
                 return self.outcome(TOO_LONG)
             t_new = self.t + h
+            if self.landing and t_new + 1e-3 * h >= self.times[self.reached]:
+                t_new, h = self.times[self.reached], self.times[self.reached] - self.t
             if t_new + 1e-3 * h >= end:
                 t_new, h = end, end - self.t
             if h <= 8e-16 * abs(t_new) or h < 1e-300:
@@ -71,7 +77,12 @@ class _Run:
             error, stiffness = stepper.attempt(self.t, h)
             lost = not math.isfinite(error)
             if error < 1.0:
-                if self.accept(t_new, h, stiffness):
+                terms = self.interpolation(t_new, h)
+                if terms is not None and self.is_rough(t_new, terms, stiffness):
+                    self.rejected += 1
+                    self.landing, h = _LANDING, self.times[self.reached] - self.t
+                    continue
+                if self.accept(t_new, h, stiffness, terms):
                     return self.outcome("", stiff=True, step=h)
                 h *= min(grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else grow
                 grow = _GROW
@@ -81,12 +92,31 @@ class _Run:
                 grow = 1.0
         return self.outcome("")
 
-    def accept(self, t_new: float, h: float, stiffness: float) -> bool:
+    def interpolation(self, t_new: float, h: float) -> np.ndarray | None:
+        """Terms of the dense output of the step just tried, where output times lie in it."""
+        inside = self.reached < len(self.times) and self.times[self.reached] <= t_new
+        return self.stepper.dense(self.t, h) if inside else None
+
+    def is_rough(self, t_new: float, terms: np.ndarray, stiffness: float) -> bool:
+        """Whether the dense output is much less accurate than the step, and an output time lies inside.
+
+        So it may be where stability limits the step and not accuracy: the stages then swing about the solution. The
+        last term of the interpolation stands for those that it leaves out.
+        """
+        if stiffness < _ROUGH[0] or self.times[self.reached] >= t_new:
+            return False
+        problem, stepper = self.problem, self.stepper
+        scale = problem.atol + problem.rtol * np.abs(stepper.x)
+        error = _LAST_TERM * np.abs(terms[6]) / scale
+        return math.sqrt(float((error[problem.tested] ** 2).mean())) > _ROUGH[1]
+
+    def accept(self, t_new: float, h: float, stiffness: float, terms: np.ndarray | None) -> bool:
         """Take the step; True where the problem turns out to be too stiff to go on."""
         self.steps += 1
-        last = bisect_right(self.times, t_new, self.reached)
-        if last > self.reached:
-            self.dense.append((self.reached, last, self.t, h, self.stepper.x.copy(), self.stepper.dense(self.t, h)))
+        self.landing = max(0, self.landing - 1)
+        if terms is not None:
+            last = bisect_right(self.times, t_new, self.reached)
+            self.dense.append((self.reached, last, self.t, h, self.stepper.x.copy(), terms))
             self.reached = last
             if len(self.dense) * 8 * len(self.stepper.x) > _BATCH:
                 self.flush()
