@@ -101,6 +101,11 @@ class Plan:
         return self.input_program + self.reduced.rhs + self.reduced.observe
 
     @cached_property
+    def filled(self) -> np.ndarray:
+        """Registers that `full_program` fills, with the states and sampled inputs."""
+        return np.concatenate([self.states, self.sampled, *map(written, self.full_program)])
+
+    @cached_property
     def read_parameters(self) -> np.ndarray:
         """Registers with the values of parameters that an equation reads."""
         flat, steps = self.reduced.flat, (*self.reduced.parameter_program, *self.full_program)
