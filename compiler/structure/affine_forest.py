@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.distinct import distinct, first_of_each
 
 # up to here the graph is walked in Python: it costs less than importing scipy
-SMALL = 3000
+SMALL = 30_000
 
 UNUSED, FIRST_IS_CHILD, SECOND_IS_CHILD = 0, 1, 2
 

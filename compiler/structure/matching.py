@@ -13,7 +13,7 @@ from lmoc.distinct import distinct, first_of_each
 from lmoc.structure.incidence import Incidence
 
 # entries up to which a search in Python costs less than importing SciPy
-SMALL = 4000
+SMALL = 30_000
 
 
 def forced_pairs(incidence: Incidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
