@@ -124,6 +124,11 @@ CATALOGUE: dict[str, Entry] = {
         "Parameters, constants, and start, nominal and fixed values are known before the run: they depend on\n"
         "parameters and constants only. The default signal of an input may use time as well.",
     ),
+    "E0226": Entry(
+        "not possible in this place",
+        "A connector, a record and a package have no equations, a function has an algorithm instead. A declaration\n"
+        "`outer` stands for another one and can be given nothing itself.",
+    ),
     "E0230": Entry(
         "not available yet",
         "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"
@@ -328,8 +333,9 @@ CATALOGUE: dict[str, Entry] = {
         "A division by zero, a root of a negative number, or an overflow at the start values.",
     ),
     "E0536": Entry(
-        "an initial equation uses an unknown derivative",
-        "The derivative does not occur in the reduced equations, so no value of it is known at the start.",
+        "an initial equation asks for what is not known",
+        "It needs a derivative that the signal of an input does not give, or a force that the model leaves\n"
+        "undetermined (in a loop of rigid parts). All other derivatives can be asked for, of states or not.",
     ),
     "W0537": Entry(
         "a value that is not finite",
