@@ -15,6 +15,7 @@ import numpy as np
 
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
+from lmoc.symbolic.stability import Spectrum, spectrum, stability
 from lmoc.symbolic.system import SymbolicSystem, refuse
 
 if TYPE_CHECKING:
@@ -84,13 +85,14 @@ class LinearModel:
 
     # ------------------------------------------------------------- dynamics
 
-    @cached_property
+    @property
     def eigenvalues(self) -> np.ndarray:
         """Sorted by frequency, then by real part; the partners of a complex pair stand together."""
-        values = np.linalg.eigvals(self._numeric_A)
-        real = np.abs(values.imag) < 1e-12 * (1.0 + np.abs(values))
-        values = np.where(real, values.real, values)
-        return values[np.lexsort((-values.imag, values.real, np.round(np.abs(values), 9)))]
+        return self._spectrum.values
+
+    @cached_property
+    def _spectrum(self) -> Spectrum:
+        return spectrum(self._numeric_A)
 
     @cached_property
     def _numeric_A(self) -> np.ndarray:
@@ -129,7 +131,7 @@ class LinearModel:
     @property
     def stability(self) -> str:
         """``asymptotically stable``, ``stable`` (undamped), ``neutral`` (a family of equilibria) or ``unstable``."""
-        return stability(self.eigenvalues, self._numeric_A)
+        return stability(self._spectrum, self._numeric_A)
 
     # ---------------------------------------------------------------- forms
 
@@ -185,33 +187,6 @@ class LinearModel:
 
         arrays = self.arrays()
         savemat(path, {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()})
-
-
-def stability(eigenvalues: np.ndarray, A: np.ndarray) -> str:
-    """Stability of ``ẋ = A x`` from its eigenvalues.
-
-    A multiple root on the imaginary axis is stable only if it has as many eigenvectors.
-    """
-    size = max(1.0, float(np.abs(eigenvalues).max(initial=0.0)))
-    worst = float(eigenvalues.real.max(initial=-np.inf))
-    if worst > 1e-9 * size**1.5:
-        if worst > 1e-6 * size or _simple_roots(eigenvalues[eigenvalues.real > -1e-6 * size], A, size):
-            return "unstable"
-    if worst < -1e-9 * size:
-        return "asymptotically stable"
-    critical = eigenvalues[eigenvalues.real > -1e-6 * size]
-    for value in critical:
-        same = int(np.sum(np.abs(critical - value) < 1e-5 * size))
-        rank = np.linalg.matrix_rank(A - value * np.eye(len(A)), tol=1e-6 * max(1.0, float(np.linalg.norm(A))))
-        if same > len(A) - rank:
-            return "unstable"
-    return "neutral" if np.any(np.abs(critical) < 1e-6 * size) else "stable"
-
-
-def _simple_roots(critical: np.ndarray, A: np.ndarray, size: float) -> bool:
-    """Roots apart from each other: what their real parts show is not the rounding of a multiple root."""
-    distance = np.abs(critical[:, None] - critical[None, :]) + np.eye(len(critical)) * size
-    return bool(distance.min(initial=size) > 1e-5 * size)
 
 
 def linearize(
