@@ -71,16 +71,19 @@ def evaluate(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):
     -------
     array or number of the broadcast shape; a shape without slots gives a number.
     """
+    if not root.args:  # the most frequent shapes: a variable, a number
+        return _leaf(root, column, time)
     values: dict[int, object] = {}
     with np.errstate(all="ignore"):  # a NaN or infinity is found, with its place, by whoever asked
         for node in postorder(root):
-            if node.op == "const":
-                value = node.value
-            elif node.op == "slot":
-                value = column(*node.value)
-            elif node.op == "time":
-                value = time
+            if node.args:
+                values[id(node)] = OPERATIONS[node.op](*[values[id(a)] for a in node.args])
             else:
-                value = OPERATIONS[node.op](*(values[id(a)] for a in node.args))
-            values[id(node)] = value
+                values[id(node)] = _leaf(node, column, time)
     return values[id(root)]
+
+
+def _leaf(node: Expr, column: Callable[[int, int], np.ndarray], time):
+    if node.op == "const":
+        return node.value
+    return time if node.op == "time" else column(*node.value)

@@ -49,11 +49,13 @@ def first_not_finite(
     for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]
     groups = [plan.states, plan.sampled]
-    interpreter = Interpreter(program, plan.count)
-    if program is plan.full_program:  # most often all is well, which one look at everything tells
-        interpreter.run(w, time)
-        if np.isfinite(w[plan.filled]).all():
+    if program is plan.full_program:  # most often all is well, which a look at what may be lost tells
+        steps, watched, count = plan.losable
+        longer = np.concatenate([w, np.zeros(count - len(w))])
+        Interpreter(steps, count).run(longer, time)
+        if all(np.isfinite(longer[registers]).all() for registers in (*groups, watched)):
             return "", None, False
+    interpreter = Interpreter(program, plan.count)
     with np.errstate(all="ignore"):
         for step in (None, *program):
             if step is not None:

@@ -13,7 +13,7 @@ from lmoc.distinct import distinct
 from lmoc.numerics.energy import Energy, measure
 from lmoc.numerics.plan import LEDGER, Plan
 from lmoc.numerics.signals import Signal
-from lmoc.numerics.slices import Slice, signal_values
+from lmoc.numerics.slices import signal_values, slice_of
 from lmoc.semantics.flat import FlatDAE, Kind
 
 _CACHED = 2_000_000  # numbers of the largest result that is kept
@@ -47,7 +47,7 @@ class Observer:
         computed = np.flatnonzero(~constant & (kinds != Kind.INPUT) & (registers >= 0))
         # what is not determined stays NaN, whatever one of its possible values the solution has taken
         computed = computed[~np.isin(variables[computed], reduced.undetermined)]
-        part = Slice(self.plan, registers[computed], self.base, self.signals)
+        part = slice_of(self.plan, registers[computed]).bind(self.base, self.signals)
 
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
             result = np.full((len(times), len(variables)), np.nan)

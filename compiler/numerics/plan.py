@@ -101,19 +101,26 @@ class Plan:
         return self.input_program + self.reduced.rhs + self.reduced.observe
 
     @cached_property
-    def filled(self) -> np.ndarray:
-        """Registers that `full_program` fills, with the states and sampled inputs."""
-        return np.concatenate([self.states, self.sampled, *map(written, self.full_program)])
+    def losable(self) -> tuple[Program, np.ndarray, int]:
+        """What tells whether `full_program` loses a value (`losable.losable`)."""
+        from lmoc.numerics.losable import losable
+
+        return losable(self.full_program, self.count)
+
+    @cached_property
+    def slices(self) -> dict[bytes, object]:
+        """The parts of `full_program` that have been asked for, by what they are to fill (`slices.Slice`)."""
+        return {}
 
     @cached_property
     def read_parameters(self) -> np.ndarray:
-        """Registers with the values of parameters that an equation reads."""
+        """(2, k) the columns of `known` whose parameters an equation reads."""
         flat, steps = self.reduced.flat, (*self.reduced.parameter_program, *self.full_program)
         shown = self.reduced.register_of[flat.kind > Kind.PARAMETER]  # a variable may be a parameter by another name
         used = np.zeros(self.count + 1, bool)  # the last one stands for "nowhere"
         for registers in (shown, *map(read, steps)):
             used[registers] = True
-        return self.known[0][used[self.known[0]]]
+        return self.known[:, used[self.known[0]]]
 
     def base(self, values: np.ndarray, signals: Mapping[int, Signal]) -> np.ndarray:
         """The register vector with everything that does not change during a run; NaN elsewhere."""

@@ -256,8 +256,8 @@ def _kind_key(signal: Signal) -> tuple:
 
 def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: Report) -> None:
     """Every parameter that the equations read has a value."""
-    flat, known = plan.reduced.flat, plan.known
-    missing = known[1][np.isnan(base[known[0]]) & np.isin(known[0], plan.read_parameters)]
+    flat, (registers, variables) = plan.reduced.flat, plan.read_parameters
+    missing = variables[np.isnan(base[registers])]
     if not len(missing):
         missing = _needed_for_derived(plan, base)
     unbound = dict.fromkeys(source for v in missing[:10].tolist() for source in sources_without_value(flat, v, values))
@@ -284,6 +284,8 @@ def _needed_for_derived(plan: Plan, base: np.ndarray) -> np.ndarray:
     from lmoc.structure.program import needed_steps, read
 
     bad = plan.parameters[np.isnan(base[plan.parameters])]
+    if not len(bad):
+        return np.zeros(0, int)
     used = [read(s) for s in needed_steps(plan.reduced.parameter_program, bad, plan.count)]
     if not used:
         return np.zeros(0, int)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from lmoc.numerics.signals import Formula, Signal, sample
 from lmoc.structure.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
 
 _CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
+_KEPT = 100  # registers of the largest slice that is kept with its plan
 
 
 class Slice:
@@ -25,7 +26,7 @@ class Slice:
     registers : which ones; of those that nothing fills the value is NaN
     """
 
-    def __init__(self, plan: Plan, registers: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, plan: Plan, registers: np.ndarray) -> None:
         program = needed_steps(plan.full_program, registers, plan.count)
         touched = np.zeros(plan.count, bool)
         touched[registers] = True
@@ -35,28 +36,43 @@ class Slice:
         old = np.flatnonzero(touched)
         new = np.full(plan.count, -1)
         new[old] = np.arange(len(old))
-        self.base = base[old]
-        self._run = _runner(tuple(renumber(step, new) for step in program), len(old))
+        self.registers = old
+        self._program = tuple(renumber(step, new) for step in program)
         self.out = new[registers]
         self.state_columns = np.flatnonzero(touched[plan.states])
         self.state_registers = new[plan.states[self.state_columns]]
         used = np.flatnonzero(touched[plan.sampled])
         self.sampled = new[plan.sampled[used]]
-        self.samplers = [(signals[plan.samplers[k][0]], plan.samplers[k][1]) for k in used]
+        self.samplers = [plan.samplers[k] for k in used]
 
-    def __call__(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """(times, registers), given the states as (times, n)."""
-        result = np.empty((len(times), len(self.out)))
-        chunk = max(1, _CHUNK // max(1, len(self.base)))
-        for a in range(0, len(times), chunk):
-            t = times[a : a + chunk]
-            w = np.repeat(self.base[:, None], len(t), axis=1)
-            w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
-            for register, (signal, order) in zip(self.sampled, self.samplers, strict=True):
-                w[register] = sample(signal, order, t)
-            self._run(w, t)
-            result[a : a + chunk] = w[self.out].T
-        return result
+    def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """``(times, states (times, n)) -> (times, registers)`` for the parameter values and signals of a run."""
+        own, run = base[self.registers], _runner(self._program, len(self.registers))
+
+        def evaluate(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            result = np.empty((len(times), len(self.out)))
+            chunk = max(1, _CHUNK // max(1, len(own)))
+            for a in range(0, len(times), chunk):
+                t = times[a : a + chunk]
+                w = np.repeat(own[:, None], len(t), axis=1)
+                w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
+                for register, (variable, order) in zip(self.sampled, self.samplers, strict=True):
+                    w[register] = sample(signals[variable], order, t)
+                run(w, t)
+                result[a : a + chunk] = w[self.out].T
+            return result
+
+        return evaluate
+
+
+def slice_of(plan: Plan, registers: np.ndarray) -> Slice:
+    """The slice for some registers, made once for a plan where it is small."""
+    if len(registers) > _KEPT:
+        return Slice(plan, registers)
+    key = registers.tobytes()
+    if key not in plan.slices:
+        plan.slices[key] = Slice(plan, registers)
+    return plan.slices[key]
 
 
 def _runner(program: Program, count: int):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic
-from lmoc.report.names import UnknownNameError, hint_for
+from lmoc.report.names import Names, UnknownNameError, hint_for
 from lmoc.semantics.flat import Block, FlatDAE, Kind
 from lmoc.structure.reduced import Reduced
 
@@ -73,6 +73,11 @@ class Run:
         values = self.values(self._variables(name))
         return values if _is_array(self.flat, name) else values[:, 0]
 
+    def __iter__(self) -> Iterator[str]:
+        """Names of the time and of everything that changes in it, or of what was kept."""
+        yield "time"
+        yield from Names(self.flat, np.flatnonzero(self.flat.kind >= Kind.INPUT)) if self.kept is None else self.kept
+
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (name == "time" or self.flat.find(name) is not None)
 
@@ -90,10 +95,10 @@ class Run:
         register = self._derivative_register(int(found[0]), order)
         if register < 0 or self.trajectory.kept is not None:
             raise UnknownNameError(name, "of derivatives only those of states are at hand, where all is kept")
-        from lmoc.numerics.slices import Slice
+        from lmoc.numerics.slices import slice_of
 
         observer = self.trajectory.observer
-        part = Slice(observer.plan, np.array([register]), observer.base, observer.signals)
+        part = slice_of(observer.plan, np.array([register])).bind(observer.base, observer.signals)
         return part(self.time, self.trajectory.table)[:, 0]
 
     def _derivative_register(self, variable: int, order: int) -> int:

@@ -127,8 +127,8 @@ class Assignments:
         """The right-hand sides as an array (n,), given the values of all variables."""
         if self.numbers is not None:
             return self.numbers
-        result = evaluate(self.shape, lambda k, _: known[self.slots[:, k]], time)
-        return np.broadcast_to(np.asarray(result, float), self.target.shape)
+        result = np.asarray(evaluate(self.shape, lambda k, _: known[self.slots[:, k]], time), float)
+        return result if result.ndim else np.full(self.target.shape, result)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """One step of DOP853: with numpy, or as one casadi function for small systems.
 
-The casadi function holds all sixteen stages, the error and the dense output, so a step costs a few microseconds
-where numpy needs a hundred.
+The casadi function holds all sixteen stages and the error, so a step costs ten microseconds where numpy needs a
+hundred.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from lmoc.numerics.casadi_system import Buffered
 from lmoc.numerics.integrators import dop853_table as table
 from lmoc.numerics.system import CasadiSystem, System
 
-_UNROLLED = 3000  # instructions of one right-hand side beyond which the stages stay calls
+_UNROLLED = 20  # components up to which the stages are scalar operations; vector operations cost more to begin
 
 
 class Stepper(ABC):
@@ -23,10 +23,12 @@ class Stepper(ABC):
     Attributes
     ----------
     x, f : state and derivative at the beginning of the step
+    x_new : state at the end of the step tried last
     """
 
     x: np.ndarray
     f: np.ndarray
+    x_new: np.ndarray
 
     @abstractmethod
     def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray, tested: np.ndarray) -> None:
@@ -37,8 +39,8 @@ class Stepper(ABC):
         """Try a step; the error (1 is what the tolerances allow) and the estimate of |h·λ|."""
 
     @abstractmethod
-    def dense(self, t: float, h: float) -> np.ndarray:
-        """Terms of the dense output of the step just tried, (7, n)."""
+    def stages(self, t: float, h: float) -> np.ndarray:
+        """Derivatives at all stages of the step just tried, those that only dense output needs among them: (16, n)."""
 
     @abstractmethod
     def accept(self) -> None:
@@ -81,17 +83,11 @@ class NumpyStepper(Stepper):
         # the error components alone may hide a NaN at the end of the step
         return (float(error) if np.isfinite(k[12]).all() else float("nan")), float(stiffness)
 
-    def dense(self, t: float, h: float) -> np.ndarray:
+    def stages(self, t: float, h: float) -> np.ndarray:
         k, x = self.k, self.x
         for i in range(13, 16):
             self.system.rhs(t + table.C[i] * h, x + h * (table.A[i, :i] @ k[:i]), k[i])
-        terms = np.empty((7, len(x)))
-        rise = self.x_new - x
-        terms[0] = rise
-        terms[1] = h * k[0] - rise
-        terms[2] = 2 * rise - h * (k[12] + k[0])
-        terms[3:] = h * (table.D @ k)
-        return terms
+        return k.copy()
 
     def accept(self) -> None:
         self.x = self.x_new
@@ -109,7 +105,8 @@ class CasadiStepper(Stepper):
         self.u, self.rtol, self.atol = np.zeros((16, inputs)), np.zeros(1), np.zeros(n)
         function = step_function(system.function, n, inputs, len(system.p), system.plan.tested)
         self.call = Buffered(function, (self.t, self.h, self.x, self.f, system.p, self.u, self.rtol, self.atol))
-        self.numbers, self.x_new, self.f_new, self.terms = self.call.results
+        self.numbers, self.x_new, self.k = self.call.results
+        self.k.shape = 16, n
 
     def start(self, t, x, rtol, atol, tested) -> None:
         self.x[:], self.rtol[0], self.atol[:] = x, rtol, atol
@@ -124,28 +121,31 @@ class CasadiStepper(Stepper):
         error, stiffness = self.numbers.tolist()
         return error, stiffness
 
-    def dense(self, t: float, h: float) -> np.ndarray:
-        return self.terms.reshape(7, -1).copy()
+    def stages(self, t: float, h: float) -> np.ndarray:
+        return self.k.copy()
 
     def accept(self) -> None:
         self.x[:] = self.x_new
-        self.f[:] = self.f_new
+        self.f[:] = self.k[12]
 
 
 def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray):
-    """``(t, h, x, f, p, u, rtol, atol) -> ([error, |h·λ|], x_new, f_new, dense terms)`` as a casadi function."""
+    """``(t, h, x, f, p, u, rtol, atol) -> ([error, |h·λ|], x_new, (n, 16) stages)`` as a casadi function."""
     import casadi as ca
 
-    kind = ca.SX if rhs.n_instructions() <= _UNROLLED else ca.MX
+    kind = ca.SX if n <= _UNROLLED else ca.MX
     t, h = kind.sym("t"), kind.sym("h")
     x, f, p = kind.sym("x", n), kind.sym("f", n), kind.sym("p", parameters)
     u, rtol, atol = kind.sym("u", inputs, 16), kind.sym("rtol"), kind.sym("atol", n)
+    k, last = [f], x
 
     def combine(weights: np.ndarray):
-        used = np.flatnonzero(weights)
-        return ca.mtimes(ca.horzcat(*[k[j] for j in used.tolist()]), ca.DM(weights[used]))
+        return sum(float(weights[j]) * k[j] for j in np.flatnonzero(weights).tolist())
 
-    k, last = [f], x
+    def square(v):
+        """Sum of the squares of the tested components."""
+        return ca.sumsqr(v if tested.all() else v[np.flatnonzero(tested).tolist()])
+
     for i in range(1, 12):
         last = x + h * combine(table.A[i])
         k.append(rhs(t + float(table.C[i]) * h, last, p, u[:, i]))
@@ -153,18 +153,13 @@ def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray)
     k.append(rhs(t + h, x_new, p, u[:, 12]))
     for i in range(13, 16):
         k.append(rhs(t + float(table.C[i]) * h, x + h * combine(table.A[i]), p, u[:, i]))
-    weight = ca.DM(tested.astype(float))
     scale = atol + rtol * ca.fmax(ca.fabs(x), ca.fabs(x_new))
-    e5 = ca.sum1(weight * (combine(table.E5) / scale) ** 2)
-    e3 = ca.sum1(weight * (combine(table.E3) / scale) ** 2)
+    e5, e3 = square(combine(table.E5) / scale), square(combine(table.E3) / scale)
     # 0·Σf carries a NaN at the end of the step into the error
     poison = 0 * ca.sum1(k[12])
     error = h * e5 / ca.sqrt((e5 + 0.01 * e3 + 1e-300) * max(1, int(tested.sum()))) + poison
-    change, rise = ca.sum1(weight * (x_new - last) ** 2), ca.sum1(weight * (k[12] - k[11]) ** 2)
-    stiffness = h * ca.sqrt(rise / (change + 1e-300))
-    step = x_new - x
-    terms = [step, h * k[0] - step, 2 * step - h * (k[12] + k[0])] + [h * combine(d) for d in table.D]
-    outputs = [ca.vertcat(error, stiffness), x_new, k[12], ca.horzcat(*terms)]
+    stiffness = h * ca.sqrt(square(k[12] - k[11]) / (square(x_new - last) + 1e-300))
+    outputs = [ca.vertcat(error, stiffness), x_new, ca.horzcat(*k)]
     return ca.Function("step", [t, h, x, f, p, u, rtol, atol], [ca.densify(o) for o in outputs])
 
 
