@@ -7,7 +7,7 @@ from by_hand import Scene, oscillator
 import lmoc
 from lmoc.diagnostics import Report, SimulationError
 from lmoc.expression import dag
-from lmoc.numerics.integrators import dop853, dop853_table
+from lmoc.numerics.integrators import dop853_table
 from lmoc.numerics.integrators.dense_output import dense_terms, evaluate_dense
 from lmoc.numerics.integrators.stepper import CasadiStepper, NumpyStepper
 from lmoc.numerics.options import RunOptions

@@ -10,7 +10,7 @@ from lmoc.expression.dag import Expr, postorder
 
 
 def _integer_quotient(x, y):
-    return np.trunc(x / y)
+    return np.trunc(np.divide(x, y))  # two plain numbers too: x / 0 is infinite, not an exception
 
 
 OPERATIONS: dict[str, Callable] = {
