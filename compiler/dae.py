@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Lock
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -125,6 +126,7 @@ class DAE(SymbolicMethods):
         self._scene = scene
         self._reductions = [self.reduced]  # one for each pattern of guards met so far
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
+        self._busy = Lock()  # a simulator has one set of buffers
         self._reshaped: dict[tuple, DAE] = {}  # one for each set of structural values met so far
 
     # ------------------------------------------------------------------------- names
@@ -203,6 +205,9 @@ class DAE(SymbolicMethods):
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
+        Threads that run one scene take turns; for runs side by side give processes the scene itself (it can be
+        pickled).
+
         Raises
         ------
         ModelError
@@ -213,6 +218,7 @@ class DAE(SymbolicMethods):
         from lmoc.numerics.options import RunOptions
 
         _check_initial(initial or {})
+        keep = (keep,) if isinstance(keep, str) else keep
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
         options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
@@ -233,7 +239,7 @@ class DAE(SymbolicMethods):
             return Run(reduced, trajectory, tuple(said), spent, complete)
 
         try:
-            with clock.stage("simulate"):
+            with self._busy, clock.stage("simulate"):
                 trajectory = simulator.run(values, options, inputs, initial, progress)
         except SimulationError as failure:
             if failure.partial is not None:
@@ -309,8 +315,17 @@ class DAE(SymbolicMethods):
         for known in self._reductions[1:]:
             if known.broken_guard(values) is None:
                 return known, [note]
-        self._reductions.append(pipeline.reduce(self.flat, values, self._scene.states, clock))
-        return self._reductions[-1], [note]
+        reduced = pipeline.reduce(self.flat, values, self._scene.states, clock)
+        self._reductions.append(reduced)
+        return reduced, [note]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy begins with: the solvers' functions belong to this process and are made again when needed."""
+        kept = {name: value for name, value in self.__dict__.items() if name not in ("_busy", "functions")}
+        return kept | {"_simulators": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ = state | {"_busy": Lock()}
 
     def __repr__(self) -> str:
         return (

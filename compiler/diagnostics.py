@@ -102,6 +102,9 @@ class ModelError(Exception):
         self.diagnostics = tuple(diagnostics)
         super().__init__("\n\n".join(render(d) for d in self.diagnostics))
 
+    def __reduce__(self) -> tuple:
+        return type(self), (self.diagnostics,)  # else a copy would be made from the text
+
 
 class SimulationError(Exception):
     """A run failed at `time`; `partial` is the `Run` computed until then (None before the start)."""

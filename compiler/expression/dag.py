@@ -78,6 +78,9 @@ class Expr:
     def is_const(self) -> bool:
         return self.op == "const"
 
+    def __reduce__(self) -> tuple:
+        return _intern, (self.op, self.args, self.value)  # a copy is the same node again
+
     def __repr__(self) -> str:
         from lmoc.expression.text import to_text
 

@@ -62,6 +62,20 @@ class Vanishing:
         return vanishes(self.expr, self.slots, known, self.derived, self.missing) != self.zero
 
 
+@dataclass(frozen=True, eq=False)
+class _Changed:
+    """For other parameter values: the first row that comes out otherwise, as it was assumed."""
+
+    splitter: Splitter
+    group: Rows
+    expr: Expr
+    test: Vanishing
+
+    def __call__(self, values: np.ndarray) -> str:
+        row = int(np.argmax(self.test.changed(values)))
+        return self.splitter.row_text(self.group, self.expr, self.test.zero, row)
+
+
 def vanishes(
     expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters, missing: Missing
 ) -> np.ndarray:
@@ -142,11 +156,7 @@ class Splitter:
             self._tested[key] = zero
             if not all(i < self.flat.count and self.flat.kind[i] == Kind.CONSTANT for i in table[0].tolist()):
                 holds = Vanishing(shape, table, zero, self.derived, missing)
-
-                def broken(values: np.ndarray) -> str:
-                    return self._row_text(group, expr, zero, int(np.argmax(holds.changed(values))))
-
-                self.guards.append(Guard(holds, self._text(group, expr, zero), broken))
+                self.guards.append(Guard(holds, self._text(group, expr, zero), _Changed(self, group, expr, holds)))
         return self._tested[key]
 
     def _text(self, group: Rows, expr: Expr, zero: np.ndarray) -> str:
@@ -154,10 +164,10 @@ class Splitter:
         some = bool(zero.any())
         row = int(np.argmax(zero)) if some else 0
         count = int(zero.sum()) if some else len(zero)
-        text = self._row_text(group, expr, zero, row)
+        text = self.row_text(group, expr, zero, row)
         return text if count == 1 else f"{text} (and {count - 1} more)"
 
-    def _row_text(self, group: Rows, expr: Expr, zero: np.ndarray, row: int) -> str:
+    def row_text(self, group: Rows, expr: Expr, zero: np.ndarray, row: int) -> str:
         return self.text(group, expr, row) + (" = 0" if zero[row] else " <> 0")
 
     def text(self, group: Rows, expr: Expr, row: int) -> str:
