@@ -129,6 +129,16 @@ CATALOGUE: dict[str, Entry] = {
         "A connector, a record and a package have no equations, a function has an algorithm instead. A declaration\n"
         "`outer` stands for another one and can be given nothing itself.",
     ),
+    "E0227": Entry(
+        "a model nested too deeply",
+        "Parts in parts, classes that extend each other, functions that call each other or values that use each other\n"
+        "make a chain of some hundred links.",
+    ),
+    "E0228": Entry(
+        "an experiment that cannot be run",
+        "The annotation `experiment` gives a run its defaults: it ends after it begins, its interval is positive and\n"
+        "not shorter than makes sense, and its tolerance lies between 0 and 1.",
+    ),
     "E0230": Entry(
         "not available yet",
         "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"
@@ -315,8 +325,8 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0532": Entry(
         "no start was found",
-        "The nonlinear equations for the start have no solution near the values given. Other start values, closer to "
-        "a possible position, help.",
+        "A solution of the fixed values and initial equations, which are not linear, was looked for from several first\n"
+        "guesses, near and far, and not found. Perhaps there is none; else start values closer to it help.",
     ),
     "W0533": Entry(
         "start values that cannot be met",

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.diagnostics import Report, nearest
-from lmoc.numerics.lexicographic import Components, split
+from lmoc.numerics.gauss_newton import Start, descend, elsewhere, straight_rows
+from lmoc.numerics.lexicographic import split
 from lmoc.numerics.plan import Plan, walk
 from lmoc.numerics.start_system import StartSystem
 from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.structure.program import Solve
 
-_ITERATIONS = 40
-_MET = 1e-9  # of the size of the values: a fixed value counts as met
-_MISSED = 1e-6  # a start value counts as missed
+_SHORT_LIST, _LONG_LIST = 4, 6  # of many names, that many are shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,78 +119,68 @@ def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
 
 
 def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:
-    """Gauss–Newton steps on x until the fixed values hold and nothing moves any more."""
-    components = None
-    before = np.inf
-    for _ in range(_ITERATIONS):
-        residual, jacobian = system.evaluate(x)
-        if not np.isfinite(residual).all():
-            _report_not_finite(system, residual, report)
-            return
-        if components is None:
-            components = split(jacobian, system.hard, len(x))
-        step = components.step(jacobian, residual, x)
-        size = 1.0 + np.abs(x).max(initial=0.0)
-        length = np.abs(step).max(initial=0.0)
-        weight = _row_weights(jacobian, system.hard)
-        worst, factor = np.linalg.norm(weight * residual), 1.0
-        for _ in range(8):  # shorter steps while the fixed values get worse
-            trial, _unused = system.evaluate(x + factor * step)
-            new = np.linalg.norm(weight * trial)
-            if new <= max(worst, _MET):
-                break
-            factor /= 2
-        x += factor * step
-        if length <= 1e-13 * size or (length <= 1e-9 * size and length >= before / 2):
-            break
-        before = length
-    residual, jacobian = system.evaluate(x)
-    _judge(system, components, jacobian, residual, report)
+    """Put the states into x that meet what is wanted, and say what they do not meet."""
+    _, jacobian = system.evaluate(x)
+    components = split(jacobian, system.hard, len(x))
+    start = descend(system, components, x)
+    straight = np.ones(len(system.value), bool)
+    if not start.complete:
+        straight = straight_rows(system, x)
+        start = elsewhere(system, components, x, start, straight)
+    x[:] = start.x
+    lost = np.flatnonzero(~np.isfinite(start.residual))
+    if len(lost):
+        k = int(lost[0])
+        report.error("E0535", f"{system.name(k)} has no finite value at the start", system.span(k))
+        return
+    for group in components.connected(np.flatnonzero(start.hard)):
+        certain = components.excluded(start.jacobian, start.residual, group, straight)
+        (_report_contradiction if certain else _report_nothing_found)(system, group, start, report)
+    if not start.hard.any():
+        _report_missed(system, np.flatnonzero(start.soft), start, report)
 
 
-def _row_weights(jacobian, hard: np.ndarray) -> np.ndarray:
-    """One over the length of each fixed row, as the least squares weigh it; 0 for the others."""
-    rows, _, values = jacobian
-    size = np.sqrt(np.bincount(rows, values**2, minlength=len(hard)))
-    return np.where(hard & (size > 0), 1.0 / np.where(size > 0, size, 1.0), 0.0)
-
-
-def _judge(system: StartSystem, components: Components, jacobian, residual: np.ndarray, report: Report) -> None:
-    scale = 1.0 + np.abs(system.value)
-    missed = system.hard & (np.abs(residual) > _MET * scale * 100)
-    for group in components.connected(np.flatnonzero(missed)):
-        _report_contradiction(system, group, components.dependent(jacobian, group), report)
-    soft = np.flatnonzero(~system.hard & (np.abs(residual) > _MISSED * scale))
-    if len(soft) and not missed.any():
-        names = ", ".join(f"{system.text(k)} (starts at {system.value[k] + residual[k]:.6g})" for k in soft[:4])
-        more = f" and {len(soft) - 4} more" if len(soft) > 4 else ""
-        report.warning(
-            "W0533",
-            f"not all start values can hold together: {names}{more}",
-            system.span(int(soft[0])),
-            hint="fixed = true on the ones that matter makes the others follow",
-        )
-
-
-def _report_contradiction(system: StartSystem, group: np.ndarray, dependent: bool, report: Report) -> None:
-    parts = [system.text(k) for k in group[:6].tolist()]
-    listed = ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
-    if dependent and len(parts) == 1:
-        message = f"the model does not allow {listed} at the start"
-    elif dependent:
-        message = f"the fixed values {listed} contradict each other"
+def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
+    who = _listed(system, group)
+    fixed = "the fixed values " if (group < len(system.targets)).all() else ""
+    if len(group) == 1:
+        message, hint = f"the model does not allow {who} at the start", ""
     else:
-        message = f"no start was found with {listed}"
+        message = f"{fixed}{who} contradict each other"
+        hint = "fix fewer of them, or values that fit the constraints between them"
+    found = f"the nearest the model allows is {_reached(system, group, start)}"
+    report.error("E0531", message, system.span(int(group[0])), found=found, hint=hint)
+
+
+def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
+    hint = "perhaps there is none; if there is, start values (start = …) near a solution lead to it"
+    found = f"the nearest that was found is {_reached(system, group, start)}"
     report.error(
-        "E0531" if dependent else "E0532",
-        message,
-        system.span(int(group[0])),
-        found="the nearest the model allows is "
-        + ", ".join(f"{system.name(k)} = {system.value[k] + system.last[k]:.6g}" for k in group[:6].tolist()),
-        hint="fix fewer of them, or values that fit the constraints between them" if len(parts) > 1 else "",
+        "E0532", f"no start was found with {_listed(system, group)}", system.span(int(group[0])), found=found, hint=hint
     )
 
 
-def _report_not_finite(system: StartSystem, residual: np.ndarray, report: Report) -> None:
-    k = int(np.flatnonzero(~np.isfinite(residual))[0])
-    report.error("E0535", f"{system.name(k)} has no finite value at the start", system.span(k))
+def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: Report) -> None:
+    if not len(rows):
+        return
+    value = system.value + start.residual
+    names = ", ".join(f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows[:_SHORT_LIST].tolist())
+    more = f" and {len(rows) - _SHORT_LIST} more" if len(rows) > _SHORT_LIST else ""
+    report.warning(
+        "W0533",
+        f"not all start values can hold together: {names}{more}",
+        system.span(int(rows[0])),
+        hint="fixed = true on the ones that matter makes the others follow",
+    )
+
+
+def _listed(system: StartSystem, group: np.ndarray) -> str:
+    parts = [system.text(k) for k in group[:_LONG_LIST].tolist()]
+    if len(group) > _LONG_LIST:
+        return ", ".join(parts) + f" and {len(group) - _LONG_LIST} more"
+    return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
+
+
+def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:
+    """Where the iteration has ended: values, and of equations what is left between their sides."""
+    return ", ".join(system.reached(k, float(start.residual[k])) for k in group[:_LONG_LIST].tolist())

@@ -10,7 +10,8 @@ from lmoc.distinct import distinct
 
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
 _DENSE = 1000  # states of a part up to which it is solved with dense matrices
-_SHORT, _REPEATED = 1e-8, 1e-10
+_SHORT, _REPEATED = 1e-8, 1e-10  # weights of short steps, and of rows that may repeat each other
+_LEFT = 1e-6  # of what rows miss: if more than this cannot be made good, they contradict each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +54,33 @@ class Components:
         parts = self.part_of_row[rows]
         return [rows[parts == p] for p in distinct(parts)]
 
-    def dependent(self, jacobian, rows: np.ndarray) -> bool:
-        """Whether the rows are linearly dependent, so that their values cannot be chosen freely."""
-        lookup = _Lookup(jacobian, self.states)
+    def together(self, rows: np.ndarray) -> np.ndarray:
+        """(all rows,) mask of those that share a part with these."""
+        return np.isin(self.part_of_row, self.part_of_row[rows])
+
+    def excluded(self, jacobian, residual: np.ndarray, rows: np.ndarray, straight: np.ndarray) -> bool:
+        """Whether it is certain that no states satisfy these rows, which some states miss.
+
+        Either the straight ones contradict each other, or they leave no freedom to what the others read.
+
+        Parameters
+        ----------
+        rows : numbers of rows
+        straight : (all rows,) mask of affine functions of the states
+        """
         columns = distinct(jacobian[1][np.isin(jacobian[0], rows)])
-        if not len(columns):
+        block = _Lookup(jacobian, self.states).blocks(rows[None], columns[None])
+        size = _sizes(block)[0]
+        block, rest = _scaled(block)[0], residual[rows] / size
+        known = straight[rows]
+        linear = block[known]
+        inverse = _pseudo_inverse(linear[None])[0]
+        left = rest[known] - linear @ (inverse @ rest[known])
+        if np.abs(left).max(initial=0.0) > _LEFT * np.abs(rest).max(initial=0.0):
             return True
-        block = lookup.blocks(rows[None], columns[None])[0]
-        return np.linalg.matrix_rank(block, tol=1e-8 * np.abs(block).max(initial=1e-300)) < len(rows)
+        free = np.abs(np.eye(len(columns)) - inverse @ linear).max(axis=1, initial=0.0) > _RANK
+        read = np.isin(jacobian[0], rows[~known])
+        return not np.isin(jacobian[1][read], columns[free]).any() and not known.all()
 
 
 class _Lookup:

@@ -26,7 +26,6 @@ class StartSystem:
     ----------
     value : (m,) values wanted; 0 for equations
     hard : (m,) whether a residual must vanish
-    last : (m,) the residuals of the last evaluation
     """
 
     def __init__(
@@ -54,14 +53,13 @@ class StartSystem:
             self.w[register] = signals[variable].value(time, order)
         self.value = np.concatenate([targets.value, np.zeros(len(equations.out))])
         self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
-        self.last = np.zeros(len(self.value))
 
     def evaluate(self, x: np.ndarray):
         """Residuals (m,) and their Jacobian as (rows, columns, values)."""
         self.w[self.plan.states] = x
         self.interpreter.run(self.w, self.time)
-        self.last = self.w[self.outputs] - self.value
-        return self.last, (self.jacobian.rows, self.jacobian.columns, self.jacobian.values(self.w, self.time))
+        residual = self.w[self.outputs] - self.value
+        return residual, (self.jacobian.rows, self.jacobian.columns, self.jacobian.values(self.w, self.time))
 
     # ---------------------------------------------------------------- names for messages
 
@@ -73,6 +71,12 @@ class StartSystem:
 
     def text(self, k: int) -> str:
         return f"{self.name(k)} = {self.value[k]:g}" if k < len(self.targets) else self.name(k)
+
+    def reached(self, k: int, residual: float) -> str:
+        """What came out instead: a value, or by how much an equation is missed."""
+        if k < len(self.targets):
+            return f"{self.name(k)} = {self.value[k] + residual:.6g}"
+        return f"a difference of {residual:.6g} between the sides of {self.name(k)}"
 
     def span(self, k: int) -> Span | None:
         if k < len(self.targets):
