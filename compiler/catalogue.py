@@ -325,8 +325,8 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0532": Entry(
         "no start was found",
-        "A solution of the fixed values and initial equations, which are not linear, was looked for from several first\n"
-        "guesses, near and far, and not found. Perhaps there is none; else start values closer to it help.",
+        "A solution of the fixed values and initial equations, which are not linear, was looked for from several\n"
+        "first guesses, near and far, and not found. Perhaps there is none; else start values closer to it help.",
     ),
     "W0533": Entry(
         "start values that cannot be met",
