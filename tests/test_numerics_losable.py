@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lmoc.expression.dag import BINARY, UNARY, function, if_, lift, rebuild, slot
+from lmoc.expression.dag import BINARY, LOGICAL, UNARY, function, if_, lift, rebuild, slot
 from lmoc.expression.evaluate import evaluate
 from lmoc.numerics.losable import losable, risks
 from lmoc.structure.program import Apply
@@ -17,9 +17,9 @@ LEAVES = st.one_of(st.integers(0, 2).map(slot), st.sampled_from([-2.0, -1.0, 0.0
 
 def grown(children):
     return st.one_of(
-        st.tuples(st.sampled_from(sorted(UNARY)), children).map(lambda c: rebuild(c[0], c[1:])),
-        st.tuples(st.sampled_from(sorted(BINARY)), children, children).map(lambda c: rebuild(c[0], c[1:])),
-        st.tuples(children, children, children).map(lambda c: if_(*c)),
+        st.tuples(st.sampled_from(sorted(UNARY - LOGICAL)), children).map(lambda c: rebuild(c[0], c[1:])),
+        st.tuples(st.sampled_from(sorted(BINARY - LOGICAL)), children, children).map(lambda c: rebuild(c[0], c[1:])),
+        st.tuples(children, children, children).map(lambda c: if_(function("lt", c[0], c[1]), c[1], c[2])),
     )
 
 
