@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 
 from lmoc.source import Span
 
+_LONGEST = 600  # characters of a message, or of what is expected, found or hinted at
+
 
 @dataclass(frozen=True)
 class Label:
@@ -131,12 +133,18 @@ def render(d: Diagnostic) -> str:
     """A diagnostic as text: headline, place, the line with a mark under it, expected, found, hint."""
     from lmoc.excerpt import Mark, by_source, excerpt
 
-    lines = [f"{d.severity}[{d.code}]: {d.message}"]
+    lines = [f"{d.severity}[{d.code}]: {_clipped(d.message)}"]
     marks = [Mark(d.span, "^", "")] if d.span is not None else []
     marks += [Mark(label.span, "-", label.text) for label in d.labels]
     for group in by_source(marks):
         lines += excerpt(group)
     for title, text in (("expected", d.expected), ("found", d.found), ("hint", d.hint)):
         if text:
-            lines.append(f"  = {title}: {text}")
+            lines.append(f"  = {title}: {_clipped(text)}")
     return "\n".join(lines)
+
+
+def _clipped(text: str) -> str:
+    """A text without its middle, where it is longer than anybody would read: a name of a thousand letters, say."""
+    half = _LONGEST // 2
+    return text if len(text) <= _LONGEST else f"{text[:half]} … {text[-half:]}"

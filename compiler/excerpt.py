@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import unicodedata
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
-from itertools import groupby
+from itertools import accumulate, groupby
 from typing import NamedTuple
 
 from lmoc.source import Source, Span
@@ -58,7 +59,7 @@ def _pieces(mark: Mark) -> Iterator[_Piece]:
     first, column = source.position(start)
     last, last_column = source.position(max(start, end - 1))
     if first == last:
-        yield _Piece(first, column - 1, column - 1 + max(1, end - start), mark.sign, mark.text)
+        yield _Piece(first, column - 1, column - 1 + end - start, mark.sign, mark.text)
         return
     yield _Piece(first, column - 1, max(column, len(source.line(first))), mark.sign, "")
     text = source.line(last)
@@ -67,17 +68,24 @@ def _pieces(mark: Mark) -> Iterator[_Piece]:
 
 def _rows(line: str, pieces: Sequence[_Piece]) -> list[str]:
     """A line as it can be shown, and a row for each piece: tabs spread, what is far from the marks left out."""
-    text = "".join(_spread(line))
-    places = [(_columns(line, piece.start), _columns(line, piece.end)) for piece in pieces]
-    left, right = 0, len(text)
-    if len(text) > _WIDTH and text.isascii():
-        left = max(0, min(min(start for start, _ in places) - _CONTEXT, len(text) - _WIDTH))
-        right = min(len(text), left + _WIDTH)
-        text = "…" * (left > 0) + text[left + (left > 0) : right - (right < len(text))] + "…" * (right < len(text))
-    rows = [text]
-    for piece, (start, end) in zip(pieces, places, strict=True):
-        start, end = min(start, right) - left, min(end, right + 1) - left
-        rows.append(f"{' ' * start}{piece.sign * max(1, end - start)} {piece.text}")
+    cells = list(_spread(line))
+    edges = [0, *accumulate(map(_width, cells))]  # the column at which each character begins, and the end
+    places = [(_column(edges, piece.start), _column(edges, piece.end)) for piece in pieces]
+    left, right = 0, len(cells)
+    if edges[-1] > _WIDTH:
+        first = max(0, min(min(start for start, _ in places) - _CONTEXT, edges[-1] - _WIDTH))
+        left = bisect_left(edges, first)
+        right = bisect_right(edges, edges[left] + _WIDTH) - 1
+    begin, end = edges[left], edges[right]
+    shown = cells[left:right]
+    if left:
+        shown[0] = "…" + " " * (_width(shown[0]) - 1)
+    if right < len(cells):
+        shown[-1] = "…" + " " * (_width(shown[-1]) - 1)
+    rows = ["".join(shown)]
+    for piece, (start, stop) in zip(pieces, places, strict=True):
+        start, stop = min(start, end) - begin, min(stop, end + 1) - begin
+        rows.append(f"{' ' * start}{piece.sign * max(1, stop - start)} {piece.text}")
     return rows
 
 
@@ -90,19 +98,16 @@ def _spread(line: str) -> Iterator[str]:
         yield shown
 
 
-def _columns(line: str, length: int) -> int:
-    """How many columns of a screen the first characters of a line take; one for each beyond its end."""
-    shown = "".join(list(_spread(line))[:length])
-    beyond = max(0, length - len(line))
-    if shown.isascii():
-        return len(shown) + beyond
-    return beyond + sum(_cells(char) for char in shown)
+def _column(edges: Sequence[int], position: int) -> int:
+    """The column of a screen at which a character of a line begins; one for each beyond the line's end."""
+    return edges[position] if position < len(edges) else edges[-1] + position - len(edges) + 1
 
 
-def _cells(char: str) -> int:
-    if unicodedata.combining(char):
-        return 0
-    return 2 if unicodedata.east_asian_width(char) in "WF" else 1
+def _width(text: str) -> int:
+    """How many columns of a screen a text takes."""
+    if text.isascii():
+        return len(text)
+    return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text)
 
 
 def by_source(marks: Sequence[Mark]) -> list[list[Mark]]:

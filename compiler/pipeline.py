@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -78,7 +79,7 @@ def _decode(name: str, data: bytes) -> str:
     if b"\0" in data:
         raise _refusal("E0612", f"'{name}' is not a text file", expected="text in UTF-8", found="binary data")
     try:
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         found = f"byte 0x{data[error.start]:02x} in line {line}"
@@ -86,6 +87,7 @@ def _decode(name: str, data: bytes) -> str:
             "E0612", f"'{name}' is not text in UTF-8", expected="text in UTF-8", found=found,
             hint="save it with encoding UTF-8",
         ) from None  # fmt: skip
+    return re.sub(r"\r(?!\n)", "\n", text) if "\r" in text else text  # lines that end as on the first Macintosh
 
 
 def _similar_file(path: Path) -> str:

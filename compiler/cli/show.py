@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
 from lmoc.cli.arguments import Parser, add_model_arguments, choice
@@ -29,7 +30,7 @@ def _text(arguments: argparse.Namespace) -> str:
     clock = Clock()
     files = parse([read_source(arguments.file)], clock)
     if arguments.stage == "parse":
-        return "\n".join(line for file in files for line in _tree(file, ""))
+        return "\n".join(line for file in files for line in _tree(file))
     scene = Scene(files, arguments.model, dict(arguments.set))
     flat = flatten(scene, clock)
     if arguments.stage == "instantiate":
@@ -42,22 +43,31 @@ def _text(arguments: argparse.Namespace) -> str:
     return (listing.reduced_text if arguments.stage == "reduce" else listing.numeric_text)(dae.reduced)
 
 
-def _tree(node: object, lead: str) -> list[str]:
+def _tree(root: object) -> Iterator[str]:
     """A node, its plain attributes on its line and its children below; what is empty is left out."""
+    pending: list[tuple[object, str]] = [(root, "")]
+    while pending:  # no recursion: a sum of a thousand terms is a thousand deep
+        node, lead = pending.pop()
+        if isinstance(node, str):
+            yield lead + node
+            continue
+        plain, children = _attributes(node)
+        yield f"{lead}{type(node).__name__} {' '.join(map(str, plain))}".rstrip()
+        below = [item for name, values in children for item in ((name, "  "), *((v, "    ") for v in values))]
+        pending += [(item, lead + indent) for item, indent in reversed(below)]
+
+
+def _attributes(node: object) -> tuple[list[str], list[tuple[str, list]]]:
+    """What stands on a node's own line, and the headings of its children with them."""
     plain, children = [], []
     for f in fields(node):
         value = getattr(node, f.name)
         if value is None or value is False or value == () or value == "" or isinstance(value, Span):
             continue
         if is_dataclass(value):
-            children.append((f.name, [value]))
+            children.append((f"{f.name}:", [value]))
         elif isinstance(value, tuple) and any(is_dataclass(v) for v in value):
-            children.append((f.name, [v for v in value if is_dataclass(v)]))
+            children.append((f"{f.name}:", [v for v in value if is_dataclass(v)]))
         else:
             plain.append(value if f.name == "name" and isinstance(value, str) else f"{f.name}={value!r}")
-    lines = [f"{lead}{type(node).__name__} {' '.join(map(str, plain))}".rstrip()]
-    for name, values in children:
-        lines.append(f"{lead}  {name}:")
-        for value in values:
-            lines += _tree(value, lead + "    ")
-    return lines
+    return plain, children

@@ -182,9 +182,20 @@ def power(a: Expr, b: Expr) -> Expr:
         return ONE
     if b is ONE:
         return a
-    if a.op == b.op == "const" and (a.value > 0 or (b.value == int(b.value) and a.value != 0)):
-        return const(a.value**b.value)
+    if a.op == b.op == "const" and a.value != 0:
+        value = _finite(math.pow, a.value, b.value)
+        if value is not None:
+            return const(value)
     return _intern("pow", (a, b))
+
+
+def _finite(operation: Callable[..., float], *numbers: float) -> float | None:
+    """The result of an operation where it is a finite number; else None: the node is kept, and the error has a place."""
+    try:
+        value = float(operation(*numbers))
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return None
+    return value if math.isfinite(value) else None
 
 
 def neg(a: Expr) -> Expr:
@@ -256,14 +267,11 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 def function(name: str, *args: Expr) -> Expr:
     """An elementary function, relation or logical operator applied to nodes.
 
-    Folds constants where the value is finite; keeps the node where it is not (the error then has a place).
+    Folds constants where the value is finite; keeps the node where it is not.
     """
     if all(a.op == "const" for a in args):
-        try:
-            value = float(FUNCTIONS[name](*(a.value for a in args)))
-        except (ValueError, OverflowError, ZeroDivisionError):
-            value = math.nan
-        if math.isfinite(value):
+        value = _finite(FUNCTIONS[name], *(a.value for a in args))
+        if value is not None:
             return const(value)
     return _intern(name, args)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lmoc.diagnostics import Report, nearest
+from lmoc.diagnostics import Label, Report, nearest
 from lmoc.semantics.scope import Builtin, Member, Scope
 from lmoc.semantics.wrong import Wrong
+from lmoc.source import Span
 from lmoc.syntax import tree
 
 
@@ -32,7 +33,10 @@ def _fill(root: Scope, files: Sequence[tree.File]) -> None:
         for name in file.within:
             scope = scope.local.get(name) if scope else None
         if scope is None:
-            root.report.error("E0202", f"there is no package '{'.'.join(file.within)}' to be within", file.span)
+            message = f"there is no package '{'.'.join(file.within)}' for it to be within"
+            place = file.classes[0].name_span if file.classes else _first_line([file])
+            hint = "give the package's file as well, or leave 'within' out"
+            root.report.error("E0202", message, place, hint=hint)
             continue
         for definition in file.classes:
             scope.add_class(definition)
@@ -47,28 +51,27 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     models = [scope for scope in _all_classes(root) if _can_run(scope)]
     if name is not None:
         return _named(root, models, name)
-    used = _used(root)
+    if not models:
+        if root.report.errors:
+            raise Wrong()  # a class has been left out: it stands in no package, say
+        raise Wrong("E0602", "there is no model to run in the file", _first_line(files),
+                    hint="a scene is 'model Name … end Name;'")  # fmt: skip
+    uses = _uses(root)
+    used = {id(target) for user, _, target in uses if target is not user}
     free = [scope for scope in models if id(scope) not in used]
     at_top = [scope for scope in models if scope.parent is root and scope.kind == "model"]
     for meant in (free, at_top):
         if len(meant) == 1:
             return meant[0]
-    span = files[0].span if files else None
-    if not models:
-        raise Wrong("E0602", "there is no model to run in the file", span and _first_line(files),
-                    hint="a scene is 'model Name … end Name;'")  # fmt: skip
     if not free:
-        names = ", ".join(scope.full_name for scope in models)
-        raise Wrong("E0603", "every model here is used by another one", None, found=names,
-                    hint="say which with --model NAME")  # fmt: skip
-    names = ", ".join(scope.full_name for scope in free)
-    raise Wrong("E0603", "several models could be meant", None, found=names, hint="say which with --model NAME")
+        _refuse_cycle(uses)
+    message = "several models could be meant" if free else "every model here is used by another one"
+    names = ", ".join(scope.full_name for scope in free or models)
+    raise Wrong("E0603", message, None, found=names, hint="say which with --model NAME")
 
 
-def _first_line(files: Sequence[tree.File]):
-    from lmoc.source import Span
-
-    return Span(files[0].span.source, 0, 0)
+def _first_line(files: Sequence[tree.File]) -> Span | None:
+    return Span(files[0].span.source, 0, 0) if files else None
 
 
 def _all_classes(scope: Scope) -> Iterator[Scope]:
@@ -100,9 +103,9 @@ def _named(root: Scope, models: list[Scope], name: str) -> Scope:
     return found
 
 
-def _used(root: Scope) -> set[int]:
-    """The classes that others use as the type of a part, extend, or rename."""
-    used: set[int] = set()
+def _uses(root: Scope) -> list[tuple[Scope, tree.Ref, Scope]]:
+    """Which class uses which other one, as the type of a part, a base or under a new name, and where it says so."""
+    uses: list[tuple[Scope, tree.Ref, Scope]] = []
     for scope in _all_classes(root):
         definition = scope.definition
         refs: list[tuple[tree.Ref, Scope]] = []
@@ -115,10 +118,46 @@ def _used(root: Scope) -> set[int]:
             refs.append((definition.short.base, scope.parent))
         for ref, where in refs:
             try:
-                used.add(id(where.find_class(ref, inherited=False)))
+                target = where.find_class(ref, inherited=False)
             except Wrong:
                 continue  # reported where the class is used
-    return used
+            if isinstance(target, Scope):
+                uses.append((scope, ref, target))
+    return uses
+
+
+def _refuse_cycle(uses: Sequence[tuple[Scope, tree.Ref, Scope]]) -> None:
+    """Raise an error for the first cycle among the uses; return where there is none."""
+    following: dict[int, list[tuple[Scope, tree.Ref, Scope]]] = {}
+    for use in uses:
+        following.setdefault(id(use[0]), []).append(use)
+    finished: set[int] = set()
+    for start, _, _ in uses:
+        path: list[tuple[Scope, tree.Ref, Scope]] = []
+        pending = [iter(following[id(start)])]
+        while pending:
+            use = next(pending[-1], None)
+            if use is None:
+                pending.pop()
+                finished.add(id(path.pop()[2]) if path else id(start))
+                continue
+            target = use[2]
+            around = [id(user) for user, _, _ in (*path, use)]
+            if id(target) in around:
+                raise _cycle([*path, use][around.index(id(target)) :])
+            if id(target) not in finished:
+                path.append(use)
+                pending.append(iter(following.get(id(target), ())))
+
+
+def _cycle(path: Sequence[tuple[Scope, tree.Ref, Scope]]) -> Wrong:
+    (first, place, _), *rest = path
+    names = [user.full_name for user, _, _ in path]
+    labels = tuple(Label(ref.span, f"'{user.name}' needs '{target.name}'") for user, ref, target in rest)
+    return Wrong(
+        "E0208", f"'{first.full_name}' contains or extends itself", place.span, labels=labels,
+        found=" → ".join([*names, names[0]]), hint="a class cannot be made of itself: take one of these places away",
+    )  # fmt: skip
 
 
 def _redeclared(modification: tree.Modification | None) -> Iterator[tree.Ref]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.expression import dag
 from lmoc.semantics.instance import Instance
 from lmoc.semantics.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.scope import Scope
@@ -93,9 +94,10 @@ class Context:
 
     def known(self, value: Value, span: Span, what: str = "this") -> np.ndarray | float:
         """The numbers of a value that must be known when compiling, over the axes of the space and then its own."""
-
         if value.type == "String":
             raise Wrong("E0301", f"{what} must be a number, not a text", span)
+        if any(dag.depends_on_time(piece.expr) for _, piece in self.arrays.pieces(value)):
+            raise Wrong("E0211", f"{what} must be known when compiling, but depends on time", span)
 
         def column(k: int, order: int) -> Index | float | np.ndarray:
             leaf = self.leaves[k]
@@ -108,7 +110,7 @@ class Context:
 
         result = self.arrays.numbers(value, column)
         if np.any(np.isnan(result)):
-            raise Wrong("E0211", f"{what} must be known when compiling, but depends on time or has no value", span)
+            raise Wrong("E0211", f"{what} must be known when compiling, but has no value", span)
         return result
 
     def scalar(self, value: Value, span: Span, what: str = "this") -> float:

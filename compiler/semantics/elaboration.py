@@ -270,7 +270,8 @@ class Elaboration:
         around: Instance | None = instance
         while around is not None:
             if around.cls is cls:
-                raise Wrong("E0208", f"'{cls.name}' contains itself as '{component.name}'", component.span)
+                raise Wrong("E0208", f"'{cls.name}' contains itself as '{component.name}'", component.span,
+                            hint="a class cannot be made of itself; an array has many parts of a kind")  # fmt: skip
             around = around.parent
         if modifier.value is not None:
             modifier = record_fields(component.name, cls, modifier)

@@ -231,7 +231,7 @@ class EquationSection:
 
     def _end(self, context: Context, ref: tree.Ref) -> tuple[Instance | Variable, object, tuple[int, ...]] | None:
         start = find_start(context, ref)
-        if start is None:
+        if start is None and str(ref) != "time":
             raise unknown_name(context, ref)
         if not isinstance(start, Node):
             raise Wrong("E0305", f"'{ref}' is not a connector of this model", ref.span)

@@ -13,6 +13,7 @@ from lmoc.semantics import reference as _reference  # noqa: F401  registers that
 from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
 from lmoc.semantics.balance import check_balance, check_connectors
 from lmoc.semantics.choose import choose_model, open_scopes
+from lmoc.semantics.class_check import check_classes
 from lmoc.semantics.connect import balances, collect, equalities, unconnected
 from lmoc.semantics.context import Context
 from lmoc.semantics.declarations import declare
@@ -65,6 +66,10 @@ def flatten(
         flat = _Flattening(elaboration, overrides, drafts).run()
     except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
         wrong.put_into(report)
+    except RecursionError:
+        hint = "hundreds of classes stand inside of each other, or hundreds of values use each other"
+        message = f"what '{cls.full_name}' is made of is nested too deeply"
+        report.error("E0227", message, cls.definition.name_span, hint=hint)
     report.check()
     return flat
 
@@ -83,6 +88,7 @@ class _Flattening:
         """From the instance tree to the flat model."""
         model, root = self.model, self.model.root
         model.populate(root)
+        check_classes(root.instances(), self.report)
         self.overrides.check(root, self.report)
         if "ledger" in root.children:
             span = root.children["ledger"].name_span

@@ -96,6 +96,10 @@ class _Body:
     def __init__(self, context: Context, function: Scope, e: tree.Call):
         self.function = function
         self.call = e
+        equations = function.definition.equations or function.definition.initial_equations
+        if equations:
+            raise Wrong("E0226", f"the function '{function.name}' cannot have equations", equations[0].span,
+                        hint="write 'algorithm' instead of 'equation', and ':=' instead of '='")  # fmt: skip
         self.values: dict[str, Value] = {}
         self.declared = {n: _declared(m) for n, m in function.table.items() if isinstance(m, Member)}
         self.caller = context

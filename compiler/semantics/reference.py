@@ -11,7 +11,7 @@ from lmoc.expression.dag import TIME
 from lmoc.semantics.context import Context, translates
 from lmoc.semantics.instance import Absent, Broken, Instance, Node, Variable
 from lmoc.semantics.rows import Index, align, positions
-from lmoc.semantics.scope import Builtin, Member, Scope, resolve
+from lmoc.semantics.scope import ENUMERATIONS, Builtin, Member, Scope, resolve
 from lmoc.semantics.value import Value, number, stack
 from lmoc.semantics.wrong import NotAlike, Wrong
 from lmoc.source import Span
@@ -74,7 +74,10 @@ def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     """What to say where the first name of a reference means nothing."""
     name = ref.parts[0].name
     candidates = [*context.names, *context.scope.visible(), "time"]
+    owner = next((e for e, literals in ENUMERATIONS.items() if name in literals), "")
     hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
+    if owner and not hint:
+        hint = f"the literal is written '{owner}.{name}'"
     return Wrong("E0201", f"there is no variable '{name}' here", ref.parts[0].span, hint=hint)
 
 
@@ -233,7 +236,7 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
     """A constant of a package or a literal of an enumeration."""
     for k, part in enumerate(ref.parts):
         if k:
-            found = _inside(found, part, ref)
+            found = _inside(found, part)
         if isinstance(found, Member):
             if k < len(ref.parts) - 1:
                 raise Wrong("E0201", f"'{part.name}' cannot be used from here", part.span)
@@ -245,13 +248,13 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
     raise Wrong("E0301", f"'{name}' is a class, not a variable", ref.span)
 
 
-def _inside(found: Scope | Builtin, part: tree.RefPart, ref: tree.Ref) -> Member | Scope | Builtin | Value:
+def _inside(found: Scope | Builtin, part: tree.RefPart) -> Member | Scope | Builtin | Value:
     enumeration = found if isinstance(found, Builtin) else None
     if isinstance(found, Scope) and found.definition.kind == "type":
         enumeration = resolve(found).base
     if isinstance(enumeration, Builtin):
         if part.name not in enumeration.literals:
-            hint = nearest(part.name, enumeration.literals)
+            hint = nearest(part.name, enumeration.literals) or f"it has {', '.join(enumeration.literals)}"
             raise Wrong("E0201", f"'{enumeration.name}' has no literal '{part.name}'", part.span, hint=hint)
         return number(enumeration.literals.index(part.name) + 1, enumeration.name)
     inner = found.table.get(part.name)

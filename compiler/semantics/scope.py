@@ -29,6 +29,14 @@ class Builtin:
     literals: tuple[str, ...] = ()
 
 
+# the kinds of classes that a kind can extend, where it is not only its own (7.1.3)
+BASES = {
+    "model": ("model", "block", "class", "record"),
+    "class": ("model", "block", "class", "record"),
+    "block": ("block", "class", "record"),
+    "connector": ("connector", "record", "type"),
+}
+
 BUILTINS: dict[str, Builtin] = {name: Builtin(name) for name in ("Real", "Integer", "Boolean", "String")}
 BUILTINS |= {name: Builtin(name, literals) for name, literals in ENUMERATIONS.items()}
 
@@ -60,7 +68,8 @@ class Scope:
         self.local: dict[str, Scope] = {}
         self._table: dict[str, Member | Scope] | None = None
         self._bases: list[tuple[tree.Extends, Resolved]] | None = None
-        self._open = False
+        self._open = False  # its table is being made
+        self._searching = False  # its bases are being looked for
         self._types: dict[int, Resolved] = {}
         self.imports: list[tree.Import] = []
         for element in definition.elements if definition else ():
@@ -117,13 +126,25 @@ class Scope:
         """The `extends` clauses with the classes they mean."""
         if self._bases is None:
             self._bases = []
+            self._searching = True
             clauses = [e for e in self.definition.elements if isinstance(e, tree.Extends)] if self.definition else ()
             for clause in clauses:
                 try:
-                    self._bases.append((clause, resolve(self.find_class(clause.base, inherited=False))))
+                    self._bases.append((clause, self._base(clause)))
                 except Wrong as wrong:
                     wrong.put_into(self.report)
+            self._searching = False
         return self._bases
+
+    def _base(self, clause: tree.Extends) -> Resolved:
+        """The class that an `extends` clause means; its kind must be one that this kind can build on (7.1.3)."""
+        resolved = resolve(self.find_class(clause.base, inherited=False))
+        kind = resolved.base.kind if isinstance(resolved.base, Scope) else "type"
+        allowed = BASES.get(self.kind, (self.kind,))
+        if kind not in allowed:
+            raise Wrong("E0223", f"the {self.kind} '{self.name}' cannot extend the {kind} '{clause.base}'",
+                        clause.base.span, expected=f"a {_either(allowed)}", found=f"a {kind}")  # fmt: skip
+        return resolved
 
     @property
     def table(self) -> dict[str, Member | Scope]:
@@ -136,7 +157,6 @@ class Scope:
                 self._table = self._collect()
             finally:
                 self._open = False
-        self._types: dict[int, Resolved] = {}
         return self._table
 
     def _collect(self) -> dict[str, Member | Scope]:
@@ -265,9 +285,23 @@ class Scope:
         for name in path[1:]:
             found = found.table.get(name) if isinstance(found, Scope) else None
         if found is None:
-            hint = nearest(path[0], (*self.root.local, *(self.root.parent or self.root).local))
-            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=hint)
+            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=self._import_hint(path))
         return found
+
+    def _import_hint(self, path: Sequence[str]) -> str:
+        first = self.root.find(path[0])
+        if first is None and path[0] == "Modelica":
+            return "the Modelica Standard Library is not there; lmo's own parts need no import"
+        if isinstance(first, Scope) and len(path) == 2:
+            return nearest(path[1], first.table) or _classes_hint(first)
+        around = self.root.parent or self.root
+        return nearest(path[0], (*self.root.local, *around.local)) if first is None else ""
+
+    def check_import(self, element: tree.Import) -> None:
+        """Raise `Wrong` where an import means nothing."""
+        paths = [(*element.path, name) for name in element.names] or [element.path]
+        for path in paths:
+            self._path(path, element.span)
 
     def type_of(self, component: tree.Component) -> Resolved:
         """What the type of a component that is written in this class means."""
@@ -293,7 +327,7 @@ class Scope:
                 break
             outer, found = found, found.table.get(name)
             if found is None:
-                hint = nearest(name, outer.table)
+                hint = nearest(name, outer.table) or _classes_hint(outer)
                 raise Wrong("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
             text = ".".join(names)
@@ -306,7 +340,8 @@ class Scope:
         """All names that can be seen from here, for typo hints."""
         scope: Scope | None = self
         while scope is not None:
-            yield from scope.table if scope.definition else scope.local
+            making = scope.definition is None or scope._open or scope._searching
+            yield from scope.local if making else scope.table
             for element in scope.imports:
                 yield from element.names or (element.alias or element.path[-1],)
                 if element.wildcard:
@@ -319,6 +354,15 @@ class Scope:
         """A hint with the visible name most like this one."""
         visible = set(self.visible())
         return f"did you mean '{name}'?" if name in visible else nearest(name, sorted(visible))
+
+
+def _either(words: Sequence[str]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else words[0]
+
+
+def _classes_hint(scope: Scope) -> str:
+    names = [name for name, found in scope.table.items() if isinstance(found, Scope)]
+    return f"it has {', '.join(names[:8])}" if names else ""
 
 
 def redeclared_class(old: Scope, argument: tree.Argument, scope: Scope) -> Scope:
@@ -367,6 +411,9 @@ def resolve(found: Scope | Builtin) -> Resolved:
             raise Wrong("E0208", f"'{found.full_name}' is defined by itself", definition.name_span)
         seen.add(id(found))
         if definition is not None and definition.literals is not None:
+            twice = next((t for k, t in enumerate(definition.literals) if t in definition.literals[:k]), None)
+            if twice is not None:
+                raise Wrong("E0204", f"the literal '{twice}' stands in '{name}' twice", definition.name_span)
             return Resolved(Builtin(found.full_name, definition.literals), tuple(steps), name, kind)
         if definition is not None and definition.short is not None:
             steps.append((definition.short, found.parent))

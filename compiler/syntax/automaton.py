@@ -7,6 +7,18 @@ from typing import Any
 from lmoc.syntax.lexer import Tokens
 from lmoc.syntax.tables import Tables
 
+# Symbols that wait to be completed: brackets, blocks and operators around a place. Whoever walks the tree may
+# recurse, a few calls for each of them.
+MOST_PENDING = 250
+
+
+class TooDeep(Exception):
+    """The text is nested too deeply at the token `at`."""
+
+    def __init__(self, at: int):
+        super().__init__(at)
+        self.at = at
+
 
 def run(tables: Tables, tokens: Tokens, actions: object) -> Any:
     """Read tokens and make the value of the whole.
@@ -24,6 +36,11 @@ def run(tables: Tables, tokens: Tokens, actions: object) -> Any:
     -------
     Any
         What the action of the first rule made; None if a token cannot stand where it does.
+
+    Raises
+    ------
+    TooDeep
+        Where more than `MOST_PENDING` symbols wait.
     """
     steps, gotos, accept = tables.steps, tables.gotos, tables.accept
     rules = [(*rule, getattr(actions, rule.action, None)) for rule in tables.rules]
@@ -38,6 +55,8 @@ def run(tables: Tables, tokens: Tokens, actions: object) -> Any:
             return None
         if step >= 0:
             states.append(step)
+            if len(states) > MOST_PENDING:
+                raise TooDeep(at)
             values.append(texts[at])
             begins.append(starts[at])
             ends.append(stops[at])

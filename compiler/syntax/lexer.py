@@ -185,8 +185,9 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
         return [Diagnostic("E0104", "this quoted name is not closed", Span(source, offset, end), expected='a "\'"')]
     if not text[offset].isalpha():
         sign = text[offset]
+        shown = f"'{sign}'" if sign.isprintable() else f"the character U+{ord(sign):04X}"
         place = Span(source, offset, offset + 1)
-        return [Diagnostic("E0106", f"'{sign}' means nothing here", place, hint=_MEANT.get(sign, ""))]
+        return [Diagnostic("E0106", f"{shown} means nothing here", place, hint=_MEANT.get(sign, ""))]
     start, end = _put_name(source, tokens, offset, offset + len(re.match(_WORD, text[offset:])[0]))
     if start < offset and not text[offset - 1].isascii():
         return []  # said at its first wrong letter

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from lmoc.diagnostics import Entry
 
+_open = f"    {'(' * 63}\n" * 4
+
 SYNTAX: dict[str, Entry] = {
     "E0101": Entry(
         "something unexpected",
@@ -118,5 +120,11 @@ SYNTAX: dict[str, Entry] = {
         "'equation' is missing",
         "Equations stand below the word 'equation', statements below 'algorithm'.",
         "model A\n  Real x;\n  x = 1;\nend A;",
+    ),
+    "E0123": Entry(
+        "nested too deeply",
+        "Brackets, if-expressions, blocks and classes inside of each other, more than a hundred: a person cannot read "
+        "that, and the compiler does not try.",
+        f"model A\n  Real x =\n{_open}    1\n{_open.replace('(', ')')}    ;\nend A;",
     ),
 }

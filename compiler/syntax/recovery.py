@@ -17,13 +17,13 @@ from lmoc.syntax.slips import slips, unexpected
 from lmoc.syntax.tables import Tables
 from lmoc.syntax.trouble import CERTAIN, CLASSES, FRESH, Edit, Node, Slip, Trouble, advance
 
-# After a change that is no more than a guess, at least so many tokens must make sense.
+# So many tokens must make sense after a change that is a guess, and after a statement has been left out.
+_PLAUSIBLE = 2
 _CONVINCING = 3
-_MOST_ERRORS = 20
 
 
 def repair(
-    source: Source, tables: Tables, tokens: Tokens, known: Sequence[Diagnostic]
+    source: Source, tables: Tables, tokens: Tokens, known: Sequence[Diagnostic], most: int
 ) -> tuple[list[Diagnostic], bool]:
     """Change tokens in place until the grammar accepts them.
 
@@ -34,6 +34,8 @@ def repair(
         Changed in place.
     known : sequence of Diagnostic
         What is known to be wrong with the characters: what goes wrong next to it is not reported again.
+    most : int
+        So many changes are made, not more.
 
     Returns
     -------
@@ -54,7 +56,7 @@ def repair(
         begin, end = trouble.gap().start, trouble.span().end
         if slip is None or not any(d.span.start <= end and d.span.end >= begin for d in known):
             said.append(slip.explain() if slip else unexpected(trouble))
-        if slip is None or len(said) >= _MOST_ERRORS:
+        if slip is None or len(said) >= most:
             return said, False
         tokens.splice(*slip.edit)
         del trail[slip.edit.at + 1 :]
@@ -72,7 +74,7 @@ def _read(tables: Tables, tokens: Tokens, trail: list[Node]) -> None:
 
 def _most_likely(trouble: Trouble, candidates: Iterator[Slip]) -> Slip | None:
     """The first candidate with which reading goes on well, else the one that carries farthest."""
-    best, farthest = None, _CONVINCING - 1
+    best, farthest = None, _PLAUSIBLE - 1
     for slip in candidates:
         reach = trouble.reach(slip.edit)
         if reach >= CERTAIN:

@@ -50,6 +50,7 @@ def slips(trouble: Trouble) -> Iterator[Slip]:
         _misspelled_keyword,
         _missing_section,
         missing_end_name,
+        _bare_if,
         _missing_operand,
         _missing_operator,
         _missing_word,
@@ -256,12 +257,22 @@ def _hint_for_missing(trouble: Trouble, word: str) -> str:
         return "an if-expression has a value in every case: 'if c then a else b'"
     if word == "," and any(node.symbol == "connect" for node in trouble.stack()):
         return "'connect(a, b)' joins two connectors"
+    if word == "," and trouble.before == "STRING" and trouble.found == "=":
+        return "a description stands behind the value: 'x = 1 \"what it is\"'"
     if word == "," and trouble.tokens.texts[trouble.at] in _ATTRIBUTES:
         return f"attributes stand in parentheses: '{_text(trouble, -1)}({_text(trouble, 0)} = ...)'"
     return ""
 
 
 # ----------------------------------------------------------------- operands
+
+
+def _bare_if(trouble: Trouble) -> Iterator[Slip]:
+    """``1 + if c then a else b``: what follows up to the end of the statement is taken for one operand."""
+    symbols = trouble.tokens.symbols
+    if trouble.found == "if" and not trouble.breaks_line and ";" in symbols[trouble.at :]:
+        stop = symbols.index(";", trouble.at)
+        yield Slip(Edit(trouble.at, stop - trouble.at, ("IDENT",)), lambda: unexpected(trouble))
 
 
 def _missing_operand(trouble: Trouble) -> Iterator[Slip]:

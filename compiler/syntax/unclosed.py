@@ -5,7 +5,8 @@ As in `lmoc.syntax.slips`, each function yields changes of the tokens that would
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 
 from lmoc.diagnostics import Diagnostic, Label
 from lmoc.syntax.tables import END_OF_TEXT
@@ -14,6 +15,7 @@ from lmoc.syntax.words import found
 
 BLOCKS = {"for", "if", "when", "while"}
 _PARTNER = {"(": ")", "[": "]", "{": "}"}
+_MOST_SIGNS = 10  # brackets shown in a message
 
 
 # ------------------------------------------------------------------- blocks
@@ -41,17 +43,17 @@ def _open_block(trouble: Trouble, token: int) -> tuple[str, int] | None:
     return None
 
 
-def _open_bracket(trouble: Trouble) -> Node | None:
-    """The innermost bracket that is open before the place."""
-    closed = 0
+def _open_brackets(trouble: Trouble) -> list[Node]:
+    """The brackets that are open before the place, the innermost first."""
+    closed, found = 0, []
     for node in trouble.stack():
         if node.symbol in _PARTNER.values():
             closed += 1
         elif node.symbol in _PARTNER and closed:
             closed -= 1
         elif node.symbol in _PARTNER:
-            return node
-    return None
+            found.append(node)
+    return found
 
 
 def unclosed_block(trouble: Trouble) -> Iterator[Slip]:
@@ -161,32 +163,37 @@ def stray_end(trouble: Trouble) -> Iterator[Slip]:
 
 
 def brackets(trouble: Trouble) -> Iterator[Slip]:
-    opener = _open_bracket(trouble)
-    closers = set(_PARTNER.values())
-    if opener is None:
-        if trouble.found in closers:
+    """A bracket that is not closed, several of them, or one that was never opened."""
+    openers = _open_brackets(trouble)
+    if not openers:
+        if trouble.found in _PARTNER.values():
             yield Slip(
                 Edit(trouble.at, 1, ()),
                 lambda: Diagnostic("E0103", f"'{trouble.found}' has no partner before it", trouble.span()),
             )
         return
-    closer = _PARTNER[opener.symbol]
-
-    def explain() -> Diagnostic:
-        return Diagnostic(
-            "E0103",
-            f"'{opener.symbol}' is not closed",
-            trouble.gap(),
-            expected=f"'{closer}'",
-            found=found(trouble),
-            labels=(Label(trouble.span(opener.token), "opened here"),),
-        )
-
-    if trouble.found in closers and trouble.found != closer:
-        yield Slip(Edit(trouble.at, 1, (closer,)), explain)
+    closer = _PARTNER[openers[0].symbol]
+    one = partial(_unclosed, trouble, openers[:1])
+    if trouble.found in _PARTNER.values() and trouble.found != closer:
+        yield Slip(Edit(trouble.at, 1, (closer,)), one)
     if trouble.found != ",":
-        yield Slip(Edit(trouble.at, 0, (closer,)), explain)
+        yield Slip(Edit(trouble.at, 0, (closer,)), one)
     if trouble.breaks_line:
-        yield Slip(Edit(trouble.at, 0, (closer, ";")), explain)
+        yield Slip(Edit(trouble.at, 0, (closer, ";")), one)
     if trouble.before == ";":
-        yield Slip(Edit(trouble.at - 1, 0, (closer,)), explain)
+        yield Slip(Edit(trouble.at - 1, 0, (closer,)), one)
+    if trouble.found == ";" and len(openers) > 1:
+        closers = tuple(_PARTNER[node.symbol] for node in openers)
+        yield Slip(Edit(trouble.at, 0, closers), partial(_unclosed, trouble, openers))
+
+
+def _unclosed(trouble: Trouble, openers: Sequence[Node]) -> Diagnostic:
+    signs = "".join(node.symbol for node in reversed(openers))
+    return Diagnostic(
+        "E0103",
+        f"'{signs[:_MOST_SIGNS]}' {'is' if len(openers) == 1 else 'are'} not closed",
+        trouble.gap(),
+        expected=f"'{''.join(_PARTNER[node.symbol] for node in openers)[:_MOST_SIGNS]}'",
+        found=found(trouble),
+        labels=tuple(Label(trouble.span(node.token), "opened here") for node in openers[:3]),
+    )
