@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.expression.dag import Expr, postorder
 from lmoc.structure.program import Apply, Program, Solve, Total
 
-CASADI_ROWS = 4000  # programs with more rows are evaluated by C or numpy
+CASADI_ROWS = 10_000  # programs with more rows are evaluated faster by numpy
 _LARGEST_BLOCK = 8  # a linear block with more unknowns makes too long a function
 
 

@@ -224,16 +224,16 @@ class SegmentedSystem(VectorSystem):
 
 def make_system(plan: Plan) -> System:
     """The way of evaluating that suits the size and the blocks of a plan."""
-    if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
-        return CasadiSystem(plan)
-    if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
-        return SegmentedSystem(plan)
-    if plan.row_count > COMPILED_ROWS or plan.has_large_blocks:
+    if plan.row_count > COMPILED_ROWS or (plan.has_large_blocks and not can_lower(plan.program)):
         from lmoc.numerics.native.c_code import Unsupported
         from lmoc.numerics.native.system import NativeSystem
 
         try:
             return NativeSystem(plan)
-        except (Unsupported, OSError):  # a block that C does not take, or no compiler: numpy gives the same values
+        except (Unsupported, OSError):  # a block that C does not take, or no compiler: the others give the same values
             pass
+    if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
+        return CasadiSystem(plan)
+    if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
+        return SegmentedSystem(plan)
     return VectorSystem(plan)

@@ -12,7 +12,7 @@ import tempfile
 from functools import lru_cache
 from pathlib import Path
 
-FLAGS = ("-O3", "-march=native", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
+FLAGS = ("-march=native", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 
 
 @lru_cache(maxsize=1)
@@ -30,8 +30,12 @@ def cache_folder() -> Path:
     return Path(base) / "lmoc" / "kernels"
 
 
-def load_library(text: str) -> ctypes.CDLL | None:
+def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
     """Compile a C text, or take it from the cache.
+
+    Parameters
+    ----------
+    optimization : the compiler's option
 
     Returns
     -------
@@ -42,12 +46,12 @@ def load_library(text: str) -> ctypes.CDLL | None:
     if compiler is None:
         return None
     # -march=native ties the file to this processor, so its name is part of the key
-    key = hashlib.sha256("\0".join([text, compiler, *FLAGS, _processor()]).encode()).hexdigest()[:32]
+    key = hashlib.sha256("\0".join([text, compiler, optimization, *FLAGS, _processor()]).encode()).hexdigest()[:32]
     path = cache_folder() / f"{key}.so"
-    if not path.exists() and not _compile(compiler, text, path):
+    if not path.exists() and not _compile(compiler, text, path, optimization):
         # a cache that cannot be written: a folder of this process alone, never one that others could fill
         path = Path(tempfile.mkdtemp(prefix="lmoc-")) / f"{key}.so"
-        if not _compile(compiler, text, path):
+        if not _compile(compiler, text, path, optimization):
             return None
     try:
         return ctypes.CDLL(str(path))
@@ -65,14 +69,15 @@ def _processor() -> str:
         return sys.platform
 
 
-def _compile(compiler: str, text: str, path: Path) -> bool:
+def _compile(compiler: str, text: str, path: Path, optimization: str) -> bool:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
             source, target = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
             source.write_text(text)
             flags = [f for f in FLAGS if not (compiler.endswith("tcc") and f.startswith(("-march", "-ff", "-fno")))]
-            done = subprocess.run([compiler, *flags, str(source), "-o", str(target), "-lm"], capture_output=True)
+            command = [compiler, optimization, *flags, str(source), "-o", str(target), "-lm"]
+            done = subprocess.run(command, capture_output=True)
             if done.returncode != 0:
                 return False
             os.replace(target, path)  # atomic: two processes may compile the same text at once

@@ -11,7 +11,10 @@ from lmoc.numerics.native import sundials
 from lmoc.numerics.native.c_code import generate
 from lmoc.numerics.native.compiler import load_library
 from lmoc.numerics.native.prelude import CALLBACK, PRELUDE
+from lmoc.numerics.plan import program_rows
 from lmoc.structure.program import Program, Solve
+
+_LONG = 20_000  # rows from which the compiler's time for -O3, twice that for -O2, is soon won back
 
 
 class _Call(ctypes.Structure):
@@ -46,7 +49,8 @@ class Kernel:
             Where no compiler is at hand.
         """
         function = generate(program, registers)
-        library = load_library(PRELUDE + function.text + CALLBACK)
+        long = program_rows(program) > _LONG
+        library = load_library(PRELUDE + function.text + CALLBACK, "-O3" if long else "-O2")
         if library is None:
             raise OSError("no C compiler")
         self.library = library
