@@ -90,17 +90,26 @@ def test_singular_in_a_large_block():
     assert "and 95 more cannot be determined" in error.message
 
 
-def test_constraints_at_a_dead_centre():
-    """Both coordinates of a circle start in its centre, where the constraint has no direction."""
-    (error,) = errors("""
-        var x y s t
-        der(der(x)) = s*x + t*x
-        der(der(y)) = s*y - t*y
-        x**2 + y**2 = 1
-        x**2 + y**2 + 0*x = 2 - 1
-    """.replace("+ 0*x", ""))
+CIRCLE = """
+    var x y s t
+    der(der(x)) = s*x + t*x
+    der(der(y)) = s*y - t*y
+    x**2 + y**2 = 1
+"""
+
+
+def test_constraints_without_a_direction_of_their_own():
+    """Both say that the point is on the circle, but neither is a combination of the other."""
+    (error,) = errors(CIRCLE + "(x**2 + y**2)**2 = 1")
     assert error.code == "E0404"
     assert "cannot be solved near the start" in error.message
+
+
+def test_an_equation_that_repeats_another_determines_nothing():
+    (error,) = errors(CIRCLE + "2*y**2 + 2*x**2 = 2")
+    assert error.code == "E0403"
+    assert "3 equations for 4 unknowns" in error.message
+    assert "2*y^2 + 2*x^2" in error.found and "repeats others" in error.found
 
 
 def test_several_mistakes_in_one_run():

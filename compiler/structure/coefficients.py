@@ -60,10 +60,20 @@ def leaves_of(shape: Expr, kinds: Kinds, *wanted: int) -> tuple[Expr, ...]:
 
 def is_constant(expr: Expr, kinds: Kinds) -> bool:
     """Only numbers and parameters stand in it."""
-    return all(
-        n.args or n.op == "const" or (n.op == "slot" and kinds[n.value[0]] == KNOWN and n.value[1] == 0)
-        for n in postorder(expr)
-    )
+    return all(n.args or _is_constant_leaf(n, kinds) for n in postorder(expr))
+
+
+def constant_nodes(expr: Expr, kinds: Kinds) -> dict[int, bool]:
+    """For each node, by its id, whether only numbers and parameters stand below it."""
+    constant: dict[int, bool] = {}
+    for node in postorder(expr):
+        below = [constant[id(a)] for a in node.args]
+        constant[id(node)] = all(below) if below else _is_constant_leaf(node, kinds)
+    return constant
+
+
+def _is_constant_leaf(node: Expr, kinds: Kinds) -> bool:
+    return node.op == "const" or (node.op == "slot" and kinds[node.value[0]] == KNOWN and node.value[1] == 0)
 
 
 @cache
@@ -144,15 +154,10 @@ def linear_sum(coefficients: dict[Expr, Expr], rest: Expr) -> Expr:
 @cache
 def factors_of(shape: Expr, kinds: Kinds) -> tuple[Expr, ...]:
     """The parameter expressions that multiply something unknown: zero, they change the structure."""
-    constant: dict[int, bool] = {}
+    constant = constant_nodes(shape, kinds)
     found: dict[Expr, None] = {}
     for node in postorder(shape):
-        if not node.args:
-            known_slot = node.op == "slot" and kinds[node.value[0]] == KNOWN
-            constant[id(node)] = node.op == "const" or known_slot
-            continue
         state = [constant[id(a)] for a in node.args]
-        constant[id(node)] = all(state)
         if node.op == "mul" and sum(state) == 1:
             found[node.args[state.index(True)]] = None
         elif node.op == "div" and state == [True, False]:

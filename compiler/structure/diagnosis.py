@@ -39,8 +39,10 @@ def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: n
     sources = system.source[rows].tolist()
     names = [system.name(c) for c in columns.tolist()]
     excess = len(rows) - len(columns)
-    what = f"{_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')} ({listed(names)})" if names else (
-        f"{_count(len(rows), 'equation')} without any unknown"
+    what = (
+        f"{_count(len(rows), 'equation')} for {_count(len(columns), 'unknown')} ({listed(names)})"
+        if names
+        else (f"{_count(len(rows), 'equation')} without any unknown")
     )
     parts = equations.parts(sources)
     message = f"too many equations: {what}"
@@ -78,7 +80,9 @@ def _too_few(
     else:
         message = f"no equation determines {listed(names)}"
     hint = f"{_count(len(roots) - own, 'equation')} missing"
-    _at(equations, sources, report, "E0403", message, hint=hint, fallback=_span(flat, roots[0]))
+    # what was dropped as a repetition may be what the user counts on
+    found = "; ".join(note.message for note in system.normalized.notes[:SHOWN])
+    _at(equations, sources, report, "E0403", message, found=found, hint=hint, fallback=_span(flat, roots[0]))
 
 
 def _potentials(system: System, roots: Sequence[int]) -> np.ndarray:
@@ -145,9 +149,7 @@ def singular_blocks(
         _at(equations, sources, report, "E0405", message, found=found, hint=hint)
 
 
-def _says_what_floats(
-    system: System, equations: Equations, jacobian: Tied, rows: np.ndarray, report: Report
-) -> bool:
+def _says_what_floats(system: System, equations: Equations, jacobian: Tied, rows: np.ndarray, report: Report) -> bool:
     """E0402 where what a singular matrix leaves open are positions that can move together; whether it is so."""
     tight = Incidence.of(
         len(system.source), len(system.variable), jacobian.row, jacobian.column, np.zeros(len(jacobian.row), np.int64)

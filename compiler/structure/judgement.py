@@ -102,29 +102,35 @@ def _ports(work: Elimination, variable: int) -> bool:
     return False
 
 
-def dependent(work: Elimination, core: Constraints, guards: list[Guard], report: Report) -> list[int]:
-    """Judge the constraints between three and more coordinates; drops those that repeat others and returns them."""
+def dependent(work: Elimination, core: Constraints, guards: list[Guard], report: Report) -> dict[int, list[int]]:
+    """Judge the constraints that may be combinations of others; drops those that are.
+
+    Returns
+    -------
+    {equation: those that say the same together}
+    """
     judged = core.judged(work.derived.known, work.derived)
+    loops = work.loops
     if core.depends_on_parameters:
         derived = work.derived
 
         def holds(values: np.ndarray) -> bool:
             return core.judged(derived.extended(values), derived) == judged
 
-        parts = work.loops.equations.parts(core.source[core.kept].tolist())
+        parts = loops.equations.parts(core.source.tolist())
         guards.append(Guard(holds, f"which constraints of {_listed(parts) or 'the model'} repeat others"))
-    dropped = []
+    dropped: dict[int, list[int]] = {}
     for number, others, consistent in judged:
         if consistent:
-            dropped.append(number)
+            dropped[number] = others
             continue
         around = [number, *others]
-        parts = _listed(work.loops.equations.parts(around)) or f"'{work.loops.equations.text(number)}'"
+        parts = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
         message = f"{parts} contradict each other: no position satisfies all of them"
-        _at_loop(work.loops, around, report, "E0411", message)
+        _at_loop(loops, around, report, "E0411", message)
     if dropped:
         gone = np.zeros(work.flat.equation_count, bool)
-        gone[dropped] = True
+        gone[list(dropped)] = True
         work.groups = [g.take(np.flatnonzero(~gone[g.source])) for g in work.groups]
     return dropped
 
@@ -140,14 +146,20 @@ def _listed(names: Iterable[str]) -> str:
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
 
 
-def redundancy_notes(loops: Loops, repeated: list[int]) -> Iterable[Diagnostic]:
-    """What is said about constraints that were dropped."""
+def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[Diagnostic]:
+    """What is said about constraints that were dropped.
+
+    Parameters
+    ----------
+    repeated : {equation: those that say the same, [] where the spanning forest knows the loop}
+    """
     more = len(repeated) - SHOWN
-    for i, number in enumerate(repeated[:SHOWN]):
-        around = loops.around(number)
+    for i, (number, others) in enumerate(list(repeated.items())[:SHOWN]):
+        around = [number, *others] if others else loops.around(number)
         parts = _listed(loops.equations.parts(around))
         where = f"; the forces in the loop {parts} are not unique" if parts else ""
-        text = loops.equations.text(number)
-        message = f"the constraint '{text}' repeats others{where}"
+        message = f"the constraint '{loops.equations.text(number)}' repeats others{where}"
         hint = f"{more} more constraints repeat others" if i == SHOWN - 1 and more > 0 else ""
-        yield Diagnostic("N0415", message, loops.equations.span(number), hint=hint)
+        spans = loops.equations.spans(around)
+        labels = tuple(Label(s, "also here") for s in spans[1:])
+        yield Diagnostic("N0415", message, spans[0] if spans else None, hint=hint, labels=labels)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lmoc.diagnostics import Diagnostic, Report, nearest
+from lmoc.diagnostics import Report, nearest
 from lmoc.distinct import distinct
 from lmoc.expression.dag import ZERO, slot, sub
 from lmoc.semantics.flat import FlatDAE
@@ -43,38 +43,32 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
     """
     work = Elimination(flat, values, _asked(flat, states, report))
     work.run()
-    repeated = [*work.empty_sums, *judgement.closed(work, report)]
+    repeated: dict[int, list[int]] = {number: [] for number in (*work.empty_sums, *judgement.closed(work, report))}
     judgement.overdetermined(work, report)
     sums = _finish_sums(work)
-    flow_like = work.marked(lambda b: b.flow and b.connector) & ~work.coordinates
-    doubtful = constraints(work.groups, flow_like, work.derived.known)
     guards = list(work.splitter.guards)
+    doubtful = constraints(work.groups, work.marked(lambda b: b.flow and b.connector) & ~work.coordinates)
     if doubtful is not None:
-        repeated += judgement.dependent(work, doubtful, guards, report)
+        repeated |= judgement.dependent(work, doubtful, guards, report)
     report.check()
-    undetermined = np.zeros(0, np.int64)
-    notes: tuple[Diagnostic, ...] = ()
-    if repeated:
-        undetermined = _fix_reactions(work, sums, repeated)
-        notes = tuple(judgement.redundancy_notes(work.loops, repeated))
+    undetermined = _fix_reactions(work, sums, list(repeated)) if repeated else np.zeros(0, np.int64)
     root, order, factor, offset = _way_back(work.table, work.zero, work.derived)
     groups = tuple(JetGroup(g.shape, g.slots, g.source) for g in merged(work.groups))
-    left = sum(g.rows for g in groups) + sums.rows
     return Normalized(
-        flat,
-        values,
-        tuple(work.derived.assignments),
-        work.derived.known[flat.count :].copy(),
-        root,
-        order,
-        factor,
-        offset,
-        groups,
-        sums,
-        tuple(guards),
-        notes,
-        {"equations": flat.equation_count, "after elimination": left},
-        undetermined,
+        flat=flat,
+        values=values,
+        derived=tuple(work.derived.assignments),
+        derived_values=work.derived.known[flat.count :].copy(),
+        root=root,
+        order=order,
+        factor=factor,
+        offset=offset,
+        groups=groups,
+        sums=sums,
+        guards=tuple(guards),
+        notes=tuple(judgement.redundancy_notes(work.loops, repeated)),
+        counts={"equations": flat.equation_count, "after elimination": sum(g.rows for g in groups) + sums.rows},
+        undetermined=undetermined,
     )
 
 
