@@ -1,10 +1,10 @@
 """Constraints that repeat others, and the reactions that are then not unique.
 
-A loop of ideal transmissions gives one constraint too many among the coordinates, linear or not; in exchange one combination of the
-reactions in the loop appears nowhere (the matrix of the reactions is the transpose of that of the constraints). A
-repeated constraint is dropped; one reaction of its loop is set to zero, which leaves the sums that act on the bodies
-as they are, and all reactions that could have been otherwise are reported as undetermined. Cf. Wojtyra, "Joint
-reactions in rigid body mechanisms with dependent constraints", Mechanism and Machine Theory 44 (2009) 2265.
+A loop of ideal transmissions gives one constraint too many among the coordinates, linear or not; in exchange one
+combination of the reactions in the loop appears nowhere (the matrix of the reactions is the transpose of that of the
+constraints). A repeated constraint is dropped; one reaction of its loop is set to zero, which leaves the sums that act
+on the bodies as they are, and all reactions that could have been otherwise are reported as undetermined. Cf. Wojtyra,
+"Joint reactions in rigid body mechanisms with dependent constraints", Mechanism and Machine Theory 44 (2009) 2265.
 """
 
 from __future__ import annotations
