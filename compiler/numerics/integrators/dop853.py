@@ -29,7 +29,8 @@ _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
 _STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region
 _STIFF_STEPS = 15
 _ROUGH = 5.5, 60.0  # |h·λ| and roughness, in tolerances, from which the dense output is not good enough
-_LANDING = 30  # steps that end on output times after an interpolation was found too rough
+_CAREFUL = 4.5  # |h·λ| up to which it is, and which the steps keep to …
+_CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
 _LOOK = 128  # steps between two looks at the clock
 
 
@@ -48,7 +49,7 @@ class _Run:
         self.t, self.end = float(problem.times[0]), float(problem.times[-1])
         self.steps = self.rejected = 0
         self.stiff_count = self.calm_count = 0
-        self.landing = 0
+        self.careful = 0
         self.watch = Watch(problem)
 
     def go(self) -> Outcome:
@@ -72,12 +73,15 @@ class _Run:
             if error < 1.0:
                 if self.output.next <= t_new and not self.show(t_new, h, stiffness):
                     self.rejected += 1
-                    self.landing, h = _LANDING, self.output.next - self.t
+                    self.careful = _CAREFUL_STEPS
+                    h *= _CAREFUL / stiffness
                     continue
                 self.accept(t_new)
-                if self.has_become_stiff(stiffness, h):
+                factor = min(grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else grow
+                held = self.careful > 0 and factor * stiffness > _CAREFUL
+                if self.has_become_stiff(held or stiffness > _STIFF_LIMIT, h):
                     return self.outcome("", stiff=True, step=h)
-                h *= min(grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else grow
+                h *= _CAREFUL / stiffness if held else factor
                 grow = _GROW
             else:
                 self.rejected += 1
@@ -86,13 +90,8 @@ class _Run:
         return self.outcome("")
 
     def target(self, h: float) -> tuple[float, float]:
-        """Where a step of about h ends, and its length: it reaches the end, or an output time to land on, exactly."""
-        reach = self.t + 1.001 * h
-        if self.landing and reach >= self.output.next:
-            return self.output.next, self.output.next - self.t
-        if reach >= self.end:
-            return self.end, self.end - self.t
-        return self.t + h, h
+        """Where a step of about h ends, and its length: it reaches the end exactly."""
+        return (self.end, self.end - self.t) if self.t + 1.001 * h >= self.end else (self.t + h, h)
 
     def show(self, t_new: float, h: float, stiffness: float) -> bool:
         """Pass the step just tried on for output; False where its dense output is much less accurate than itself.
@@ -109,13 +108,13 @@ class _Run:
 
     def accept(self, t_new: float) -> None:
         self.steps += 1
-        self.landing = max(0, self.landing - 1)
+        self.careful = max(0, self.careful - 1)
         self.stepper.accept()
         self.t = t_new
 
-    def has_become_stiff(self, stiffness: float, h: float) -> bool:
-        """Whether the last steps say that the problem is too stiff to go on."""
-        if stiffness > _STIFF_LIMIT:
+    def has_become_stiff(self, limited: bool, h: float) -> bool:
+        """Whether too many steps lie ahead and the last ones were limited by stability."""
+        if limited:
             self.stiff_count, self.calm_count = self.stiff_count + 1, 0
             return self.stiff_count >= _STIFF_STEPS and (self.end - self.t) / h > self.problem.patience
         if self.stiff_count:
