@@ -1,7 +1,5 @@
 """The Runge–Kutta method itself: coefficients, orders, both steppers, dense output, stiffness, failures."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from by_hand import Scene, oscillator
@@ -17,8 +15,6 @@ from lmoc.numerics.plan import build_plan
 from lmoc.numerics.signals import bind_signals
 from lmoc.numerics.simulate import Simulator, simulate
 from lmoc.numerics.system import CasadiSystem, VectorSystem
-
-BENCH = Path(__file__).parents[1] / "models" / "bench"
 
 
 def made(system_class, scene: Scene):
@@ -149,17 +145,3 @@ def test_output_between_steps_that_stability_limits_is_as_good_as_the_steps() ->
     exact = dae.simulate(stop=10, points=301, solver="cvode", rtol=1e-11, atol=1e-13)
     run = dae.simulate(stop=10, points=301, solver="dop853", rtol=1e-6)
     assert max(np.max(np.abs(run[name] - exact[name])) for name in dae.states) < 1e-5
-
-
-def test_values_between_steps_where_stability_limits_them():
-    """A slow mode of a chain whose fastest modes sleep: steps at the edge of stability, ten outputs in each."""
-    n, stop = 60, 10.0
-    chain = lmoc.compile(BENCH / "chain.lmo", parameters={"N": n, "mode": 3})
-    run = chain.simulate(stop=stop, points=501, keep=["first"], energy=False, solver="dop853")
-    stiffness = 4 * np.sin(3 * np.pi / (2 * (n + 1))) ** 2
-    decay, frequency = 0.1 * stiffness / 2, np.sqrt(100 * stiffness - (0.1 * stiffness / 2) ** 2)
-    t = run.time
-    shape = np.exp(-decay * t) * (np.cos(frequency * t) + decay / frequency * np.sin(frequency * t))
-    exact = 0.01 * np.sin(3 * np.pi / (n + 1)) * shape
-    assert np.abs(run["first"] - exact).max() < 1e-4 * np.abs(exact).max()
-    assert run.stats["steps"] < 100
