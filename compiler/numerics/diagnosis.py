@@ -65,11 +65,17 @@ def first_not_finite(
                 bad = registers[~np.isfinite(w[registers])]
                 if len(bad):
                     nonlinear = isinstance(step, Solve) and not step.linear
-                    return *_sentence(reduced, bad, w, nonlinear), nonlinear
+                    return *sentence(reduced, bad, w, nonlinear), nonlinear
     return "", None, False
 
 
-def _sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) -> tuple[str, Span | None]:
+def sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) -> tuple[str, Span | None]:
+    """What is said of registers without a finite value, all filled by the same step, and the place of the first.
+
+    Parameters
+    ----------
+    nonlinear : they are unknowns of nonlinear equations
+    """
     named = [r for r in bad.tolist() if r < reduced.registers.count and reduced.registers.variable[r] >= 0]
     if not named:
         return "an intermediate result has no finite value", None

@@ -130,8 +130,9 @@ def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:
     x[:] = start.x
     lost = np.flatnonzero(~np.isfinite(start.residual))
     if len(lost):
-        k = int(lost[0])
-        report.error("E0535", f"{system.name(k)} has no finite value at the start", system.span(k))
+        system.evaluate(start.x)
+        found, span = system.lost(int(lost[0]))
+        report.error("E0535", f"{found} at the start", span, hint="look at the start values, and at divisions by zero")
         return
     for group in components.connected(np.flatnonzero(start.hard)):
         certain = components.excluded(start.jacobian, start.residual, group, straight)

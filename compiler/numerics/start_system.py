@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.diagnostics import Report
+from lmoc.numerics.diagnosis import sentence
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.initial_equations import InitialEquations
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.source import Span
-from lmoc.structure.program import needed_steps
+from lmoc.structure.program import Solve, needed_steps
 
 if TYPE_CHECKING:
     from lmoc.numerics.initialization import Targets
@@ -86,3 +87,13 @@ class StartSystem:
                     return a.span
             return self.flat.block_at(int(variable)).span
         return self.equations[k - len(self.targets)][0].span
+
+    def lost(self, k: int) -> tuple[str, Span | None]:
+        """Which value was lost first in the last evaluation, in which residual k is not finite, and its place."""
+        for step in self.program:
+            nonlinear = isinstance(step, Solve) and not step.linear
+            filled = step.unknowns.ravel() if isinstance(step, Solve) else step.out
+            bad = filled[~np.isfinite(self.w[filled])]
+            if len(bad) and bad[0] < self.plan.reduced.registers.count:
+                return sentence(self.plan.reduced, bad, self.w, nonlinear)
+        return f"{self.name(k)} has no finite value", self.span(k)
