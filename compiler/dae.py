@@ -354,7 +354,7 @@ def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]
     Raises
     ------
     ModelError
-        E0622 no such parameter, E0621 a value that does not fit.
+        E0622 no such parameter, E0621 a value that does not fit, E0206 and E0210 a final or protected one.
     """
     report, found = Report(), {}
     for name, value in parameters.items():
@@ -363,6 +363,11 @@ def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]
             what = "is not a parameter of" if variables is not None else "is not in"
             hint = hint_for(flat, name, lambda b: b.kind == Kind.PARAMETER)
             report.error("E0622", f"'{name}' {what} '{flat.name}'", hint=hint)
+            continue
+        block = flat.block_at(int(variables[0]))
+        if block.final or block.protected:
+            code, why = ("E0206", "is final: its value follows from others") if block.final else ("E0210", "is protected")
+            report.error(code, f"'{name}' {why}", block.span)
             continue
         try:
             numbers = np.broadcast_to(np.asarray(value, float).ravel(), len(variables))

@@ -67,7 +67,7 @@ def make_blocks(layout: Layout) -> list[Block]:
     return [
         Block(
             v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.description, v.flow, v.connector, v.output,
-            _protected(v), v.structural, v.state_select, v.parent.owner.part, v.span,
+            _protected(v), v.final, v.structural, v.state_select, v.parent.owner.part, v.span,
         )
         for v in layout.variables
     ]  # fmt: skip

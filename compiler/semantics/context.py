@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.diagnostics import Label
 from lmoc.expression import dag
+from lmoc.semantics.flat import Block, Kind
 from lmoc.semantics.instance import Instance
 from lmoc.semantics.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.scope import Scope
@@ -127,7 +129,28 @@ class Context:
         numbers = numbers.reshape(numbers.shape + (1,) * (self.space.rank + len(value.dims) - numbers.ndim))
         flat = numbers.reshape((prod(numbers.shape[: self.space.rank]), *numbers.shape[self.space.rank :]))
         if len(flat) and np.any(flat != flat[0]):
-            raise NotAlike(what, span)
+            raise NotAlike(what, span, **self._difference(value, flat))
         if not len(flat):
             raise Wrong()
         return np.broadcast_to(flat[0], value.dims)
+
+    def _difference(self, value: Value, numbers: np.ndarray) -> dict[str, object]:
+        """What to say where numbers, one row for each of the space, should be the same: which two elements differ."""
+        if not self.space.whole or self.node is None or self.space.shape != self.node.total:
+            return {}  # the rows are rounds of a loop
+        differing = int(np.flatnonzero((numbers != numbers[0]).reshape(len(numbers), -1).any(axis=1))[0])
+        names = (Block(self.node.path, 0, self.node.size, Kind.UNKNOWN).name(k) for k in (0, differing))
+        shown = (_number_text(numbers[k], value.type) for k in (0, differing))
+        found = ", ".join(f"{text} in '{name}'" for text, name in zip(shown, names))
+        array: Instance = self.node
+        while not array.dims:
+            array = array.parent
+        hint = f"declare the elements of '{array.name}' that differ one by one, as parts with names of their own"
+        labels = (Label(array.name_span, "the array of parts"),) if array.name_span else ()
+        return {"expected": "the same in all elements", "found": found, "hint": hint, "labels": labels}
+
+
+def _number_text(numbers: np.ndarray, type_: str) -> str:
+    if type_ == "Boolean" and numbers.size == 1:
+        return "true" if numbers.item() else "false"
+    return f"{numbers.item():g}" if numbers.size == 1 else "an array"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from lmoc.distinct import distinct
 from lmoc.expression import dag
 from lmoc.semantics.context import Context
 from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
-from lmoc.semantics.elaboration import Elaboration
+from lmoc.semantics.elaboration import Elaboration, at_events_only
 from lmoc.semantics.flat import Kind, StateSelect
 from lmoc.semantics.instance import Variable
 from lmoc.semantics.modification import Binding
@@ -22,19 +22,37 @@ from lmoc.source import Span
 
 def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
     """Add what the declaration of a variable and its modifications say."""
+    if variable.type.name == "String":
+        _guarded(model, lambda: _check_text(model, variable))
+        return
     if variable.value is not None:
-        _guarded(model, lambda: _value(model, drafts, variable, variable.value))
+        if not _guarded(model, lambda: _value(model, drafts, variable, variable.value)):
+            model.undetermined.add(variable)
     elif variable.kind == Kind.CONSTANT:
         model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
     for name, binding in variable.attributes.items():
         _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
 
 
-def _guarded(model: Elaboration, work) -> None:
+def _check_text(model: Elaboration, variable: Variable) -> None:
+    """A text has no place in the flat model: its value only has to be one."""
+    binding = variable.value
+    if binding is None or binding.scope is None:
+        return
+    value = model.binding_value(binding)[1]
+    if value.type != "String":
+        raise Wrong("E0301", f"the value of '{variable.label}' must be of type String", binding_span(binding),
+                    expected="String", found=value.type)  # fmt: skip
+
+
+def _guarded(model: Elaboration, work: Callable[[], None]) -> bool:
+    """Do it, and report what is wrong; whether all went well."""
     try:
         work()
     except Wrong as wrong:
         wrong.put_into(model.report)
+        return False
+    return True
 
 
 def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Binding) -> None:
@@ -102,6 +120,8 @@ def _require_constant(rows: list, variable: Variable, binding: Binding, what: st
         changing = [v for v, _ in columns if v is not None and not v.known]
         if changing or (dag.depends_on_time(shape) and not signal):
             found = f"'{changing[0].label}'" if changing else "time"
+            if variable.computed and what == "the value":
+                raise at_events_only(variable, found="a value that changes")
             use = "time, parameters and constants" if signal else "parameters and constants"
             raise Wrong("E0224", f"{what} of '{variable.label}' depends on {found}, which changes while it runs",
                         binding_span(binding), expected=f"an expression in {use}")  # fmt: skip

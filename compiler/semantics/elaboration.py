@@ -41,6 +41,7 @@ class Elaboration:
     elements : values that the caller gave to single elements of arrays
     long_sums : sums that get a variable of their own
     said : places warned of already
+    undetermined : variables of whose values it has been said that they are wrong
     """
 
     def __init__(self, root: Instance, report: Report, elements: ElementValues, long_sums: LongSums):
@@ -55,6 +56,7 @@ class Elaboration:
         self._short_modifiers: dict[tuple[int, int], Modifier] = {}
         self._open_constants: list[tree.Expression] = []
         self.said: set[tuple[str, int, int]] = set()
+        self.undetermined: set[Variable] = set()
 
     # ----------------------------------------------------------------------- children
 
@@ -249,12 +251,10 @@ class Elaboration:
         elif causality == "input" and instance.parent is None:
             made.kind = Kind.INPUT
         elif variability == "discrete" or resolved.base.name != "Real":
-            raise Wrong(
-                "E0230",
-                f"'{component.name}' changes at events only, and events are not available yet",
-                component.span,
-                hint="declare it as a parameter or constant" if variability != "discrete" else "",
-            )
+            if variability or causality or modifier.value is None:
+                plain = not variability and not causality
+                raise at_events_only(made, "give it a value here that depends on parameters only" if plain else "")
+            made.kind, made.computed = Kind.PARAMETER, True
         return made
 
     def _instance(self, instance, component, member: Member, resolved: Resolved, modifier: Modifier, dims) -> Instance:
@@ -292,6 +292,8 @@ class Elaboration:
                 "E0207", f"the value of '{variable.label}' depends on itself", variable.span,
                 found=" → ".join(v.label for v in cycle),
             )  # fmt: skip
+        if variable in self.undetermined:
+            raise Wrong()
         if variable.value is None:
             raise Wrong(
                 "E0212",
@@ -301,6 +303,10 @@ class Elaboration:
         self._evaluating.append(variable)
         try:
             found = self._evaluate(variable, variable.value)
+        except Wrong as wrong:
+            if variable.computed and wrong.code == "E0211":
+                raise at_events_only(variable, found="a value that changes") from None
+            raise
         finally:
             self._evaluating.pop()
         variable.structural = variable.kind == Kind.PARAMETER
@@ -366,6 +372,12 @@ class Elaboration:
         if key not in self.said:
             self.said.add(key)
             self.report.warning(code, message, span, **more)
+
+
+def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:
+    """What to say of a variable that only an event could change."""
+    message = f"'{variable.name}' changes at events only, and events are not available yet"
+    return Wrong("E0230", message, variable.span, hint=hint, found=found)
 
 
 def _elements_hint(table: Mapping[str, object]) -> str:

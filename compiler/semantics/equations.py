@@ -17,7 +17,7 @@ from lmoc.semantics.records import field_of
 from lmoc.semantics.reference import element_index, find_start, locate, unknown_name
 from lmoc.semantics.translate import LARGE, MAX_UNROLLED, changes, dims_text, iteration, sizes_differ
 from lmoc.semantics.value import Value, number
-from lmoc.semantics.wrong import NotOneGroup, RowsDiffer, Wrong
+from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong
 from lmoc.syntax import tree
 
 
@@ -122,7 +122,11 @@ class EquationSection:
                 self.add(context, equation)
             return
         index = e.indices[k]
-        numbers, type_ = iteration(context, index)
+        try:
+            numbers, type_ = iteration(context, index, e.body)
+        except NotAlike as wrong:
+            self._element_by_element(context, e, k, wrong)
+            return
         if len(numbers) <= LARGE:
             self._unrolled(context, e, k, numbers, type_)
             return
@@ -133,6 +137,14 @@ class EquationSection:
                 wrong.put_into(context.model.report)
                 return
             self._unrolled(context, e, k, numbers, type_)
+
+    def _element_by_element(self, context: Context, e: tree.For, k: int, wrong: NotAlike) -> None:
+        """The range differs between the elements of an array of parts: each goes through its own."""
+        rows = prod(context.space.shape)
+        if self.trying or not 1 < rows <= MAX_UNROLLED:  # the loops around are unrolled first
+            raise wrong
+        for row in range(rows):
+            self._loop(self._selected(context, np.array([row])), e, k)
 
     def _unrolled(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
         for x in numbers:

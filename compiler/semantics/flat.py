@@ -59,6 +59,7 @@ class Block:
     connector: bool = False  # declared in a connector
     output: bool = False  # a top-level `output`
     protected: bool = False
+    final: bool = False  # a parameter that cannot be set: it is declared so, or follows from others
     structural: bool = False  # a parameter whose value has shaped the flat model: changing it means flattening again
     state_select: StateSelect = StateSelect.default
     part: int = 0  # index into FlatDAE.parts

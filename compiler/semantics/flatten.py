@@ -94,7 +94,7 @@ class _Flattening:
             span = root.children["ledger"].name_span
             self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
         self.layout = layout = lay_out(root)
-        for variable in layout.variables:
+        for variable in root.variables():
             declare(model, self.drafts, variable)
         for instance in root.instances():
             self._equations(instance)
@@ -170,7 +170,7 @@ class _Flattening:
         """Ports to which nothing is connected: said once for each, at the declaration of its part."""
         for port, (variable, positions) in self._unconnected.items():
             part = port.owner
-            if not isinstance(port, Instance) or part.parent is None or part.parent.cls.library:
+            if not isinstance(port, Instance) or part.parent is None or part.parent.cls.library or _may_be_open(port):
                 continue
             first = int(positions[0]) // (variable.size // port.size)
             more = len(positions) * port.size // variable.size - 1
@@ -188,6 +188,18 @@ class _Flattening:
         check_connectors(self.model.root.instances(), self.report)
         if not self.report.errors:
             check_balance(self.layout.instances, self.drafts, self.connections, self.layout.variables, self.report)
+
+
+def _may_be_open(port: Instance) -> bool:
+    """Whether ``annotation(__lmoc(open = true))`` says that a port works unconnected as well."""
+    annotation = port.component.annotation
+    for vendor in annotation.arguments if annotation else ():
+        if isinstance(vendor, tree.ElementModification) and vendor.name == ("__lmoc",) and vendor.modification:
+            for entry in vendor.modification.arguments:
+                value = getattr(entry, "modification", None) and entry.modification.value
+                if isinstance(value, tree.Boolean) and entry.name == ("open",):
+                    return value.value
+    return False
 
 
 def _zeros(drafts: Drafts, count: int) -> np.ndarray:

@@ -333,7 +333,7 @@ class _Body:
             self._statements(s.body)
             return
         index = s.indices[k]
-        numbers, type_ = iteration(self.context, index)
+        numbers, type_ = iteration(self.context, index, s.body)
         if len(numbers) > MAX_ITERATIONS:
             raise Wrong("E0222", f"the loop over '{index.name}' is too long to unroll", index.span)
         hidden = self.values.get(index.name)

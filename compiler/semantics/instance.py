@@ -80,6 +80,7 @@ class Variable(Node):
     value : the binding, None where there is none
     offset : index of its first variable in the flat model, once that is laid out
     structural : its value has shaped the flat model
+    computed : no parameter, but of a type that changes at events only, and its value follows from parameters
     """
 
     def __init__(self, name, parent, dims, component, scope, protected, type_: Builtin, modifier: Modifier):
@@ -95,6 +96,7 @@ class Variable(Node):
         self.output = False
         self.offset = -1
         self.structural = False
+        self.computed = False
         self.unit = ""
         self.state_select = StateSelect.default
 
@@ -102,6 +104,11 @@ class Variable(Node):
     def known(self) -> bool:
         """A constant or a parameter."""
         return self.kind <= Kind.PARAMETER
+
+    @property
+    def final(self) -> bool:
+        """A parameter that cannot be given another value."""
+        return self.kind == Kind.PARAMETER and (self.computed or self.modifier.final)
 
     @property
     def flow_from_outside(self) -> bool:

@@ -80,6 +80,8 @@ class Overrides:
                     "E0622", f"'{name}' is not a parameter", found.span,
                     hint="only parameters can be given a value from outside",
                 )  # fmt: skip
+            elif found.final:
+                report.error("E0206", f"'{name}' is final: its value follows from others", found.span)
             elif path in self.whole:
                 self._check_value(name, found, report)
             else:

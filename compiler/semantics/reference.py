@@ -100,7 +100,7 @@ def locate(context: Context, ref: tree.Ref, start: Node) -> Located:
     implicit = True
     for k, part in enumerate(ref.parts):
         if k:
-            node = _step(context, node, part)
+            node = step(context, node, part)
         _require_present(node, part)
         if part.subscripts:
             implicit = False
@@ -110,7 +110,8 @@ def locate(context: Context, ref: tree.Ref, start: Node) -> Located:
     return Located(node, tuple(axes), shared, implicit)
 
 
-def _step(context: Context, node: Node, part: tree.RefPart) -> Node:
+def step(context: Context, node: Node, part: tree.RefPart) -> Node:
+    """The element of a node that a further part of a reference names."""
     if not isinstance(node, Instance):
         raise Wrong("E0201", f"'{node.name}' is a variable and has no element '{part.name}'", part.span)
     found = node.cls.table.get(part.name)

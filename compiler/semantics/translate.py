@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.semantics.context import Context, translates
+from lmoc.semantics.implied_range import implied_length
 from lmoc.semantics.rows import align
 from lmoc.semantics.value import Value, common_type, number, stack, text
 from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong, check_size
@@ -356,10 +357,10 @@ def range_numbers(context: Context, e: tree.Range) -> tuple[np.ndarray, str]:
     return a + step * np.arange(max(count, 0)), common_type(values)
 
 
-def iteration(context: Context, index: tree.ForIndex) -> tuple[np.ndarray, str]:
-    """The numbers that an iteration variable goes through."""
+def iteration(context: Context, index: tree.ForIndex, body: object) -> tuple[np.ndarray, str]:
+    """The numbers that an iteration variable goes through; where no range is written, the body tells it."""
     if index.range is None:
-        raise Wrong("E0230", f"the range of '{index.name}' must be written", index.span)
+        return 1.0 + np.arange(implied_length(context, index, body)), "Integer"
     if isinstance(index.range, tree.Range):
         return range_numbers(context, index.range)
     value = context.value(index.range)
@@ -378,7 +379,7 @@ def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
     if k < 0:
         return context.value(e.element)
     index = e.indices[k]
-    numbers, type_ = iteration(context, index)
+    numbers, type_ = iteration(context, index, e.element)
     if len(numbers) > LARGE:
         try:
             return _comprehend_at_once(context, e, k, numbers, type_)

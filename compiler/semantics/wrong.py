@@ -43,8 +43,8 @@ class NotOneGroup(Wrong):
 class NotAlike(NotOneGroup):
     """Something must be the same in all rows of a group and is not; a loop can then be unrolled."""
 
-    def __init__(self, what: str, span: Span):
-        super().__init__("E0220", f"{what} differs between the elements of an array", span)
+    def __init__(self, what: str, span: Span, **more):
+        super().__init__("E0220", f"{what} differs between the elements of an array", span, **more)
 
 
 class RowsDiffer(NotOneGroup):
