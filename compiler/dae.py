@@ -366,8 +366,8 @@ def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]
             continue
         block = flat.block_at(int(variables[0]))
         if block.final or block.protected:
-            code, why = ("E0206", "is final: its value follows from others") if block.final else ("E0210", "is protected")
-            report.error(code, f"'{name}' {why}", block.span)
+            code, why = ("E0206", "final: its value follows from others") if block.final else ("E0210", "protected")
+            report.error(code, f"'{name}' is {why}", block.span)
             continue
         try:
             numbers = np.broadcast_to(np.asarray(value, float).ravel(), len(variables))

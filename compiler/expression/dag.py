@@ -190,7 +190,7 @@ def power(a: Expr, b: Expr) -> Expr:
 
 
 def _finite(operation: Callable[..., float], *numbers: float) -> float | None:
-    """The result of an operation, None where it is no finite number: the node is kept then, and the error has a place."""
+    """The result of an operation; None where it is no finite number: then the node is kept."""
     try:
         value = float(operation(*numbers))
     except (ValueError, OverflowError, ZeroDivisionError):
