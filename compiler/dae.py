@@ -15,6 +15,7 @@ from lmoc.diagnostics import Diagnostic, Report, SimulationError
 from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names, hint_for
 from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.semantics.overrides import other_type
 from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.interface import SymbolicMethods
@@ -72,6 +73,10 @@ def compile_source(
     listener: Callable[[str], None] | None = None,
 ) -> DAE:
     """Compile one source; otherwise as `compile`."""
+    if not isinstance(source.text, str):
+        raise TypeError(f"a model is a text (str), not {type(source.text).__name__}")
+    if isinstance(states, str):
+        raise TypeError("states is a sequence of names, such as ['mass.q'], not one text")
     clock = Clock(listener)
     files = pipeline.parse([source], clock)
     scene = Scene(files, model, dict(parameters or {}), None if states is None else tuple(states))
@@ -354,7 +359,7 @@ def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]
     Raises
     ------
     ModelError
-        E0622 no such parameter, E0621 a value that does not fit, E0206 and E0210 a final or protected one.
+        E0622 no such parameter, E0206 and E0210 a final or protected one, E0301 and E0621 a value that does not fit.
     """
     report, found = Report(), {}
     for name, value in parameters.items():
@@ -375,6 +380,9 @@ def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]
             expected = "one number" if len(variables) == 1 else f"one number or {len(variables)}"
             report.error("E0621", f"the value of '{name}' does not fit", expected=expected, found=f"{value!r:.80}")
             continue
+        expected = other_type(block.quantity, numbers)
+        if expected:
+            report.error("E0301", f"'{name}' must be {expected}", block.span, found=f"{value!r:.80}")
         found.update(zip(variables.tolist(), numbers.tolist(), strict=True))
     report.check()
     return found

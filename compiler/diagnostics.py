@@ -121,7 +121,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     """A hint sentence with the candidate most like `name`; empty where none is near."""
     import difflib
 
-    candidates = list(candidates)
+    name, candidates = str(name), list(candidates)
     same = next((c for c in candidates if c.lower() == name.lower() and c != name), None)
     if same is not None:
         return f"did you mean '{same}'?"

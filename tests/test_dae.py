@@ -217,3 +217,50 @@ def test_values_that_are_lost_on_the_way_are_warned_of():
     run = dae.simulate(stop=2)
     assert [(n.code, n.message) for n in run.notes] == [("W0537", "y has no finite value (nan) at the end, t = 2 s")]
     assert np.isfinite(run["y"][run.time < 0.99]).all() and np.isnan(run["y"][run.time > 1.01]).all()
+
+
+TYPED = """
+model Typed
+  parameter Integer n = 2;
+  parameter Integer teeth = 20;
+  parameter Boolean on = true;
+  parameter Real k = 1;
+  Real x[n](each start = 1);
+equation
+  for i in 1:n loop
+    der(x[i]) = if on then -k*teeth*x[i] else 0;
+  end for;
+end Typed;
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "code"),
+    [
+        ("teeth", 2.5, "E0301"),
+        ("on", 0.5, "E0301"),
+        ("n", 1.5, "E0301"),
+        ("k", "much", ("E0301", "E0621")),
+        ("k", 1j, ("E0301", "E0621")),
+        ("k", [1, 2], ("E0302", "E0621")),
+        (3, 1, "E0622"),
+        ("x", 1, "E0622"),
+        ("x[", 1, "E0622"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_refused_at_once_and_from_run_to_run(name, value, code) -> None:
+    dae = lmoc.compile_text(TYPED)
+    for attempt in (lambda g: lmoc.compile_text(TYPED, parameters=g), lambda g: dae.simulate(parameters=g)):
+        with pytest.raises(lmoc.ModelError) as caught:
+            attempt({name: value})
+        (only,) = caught.value.diagnostics
+        assert only.code in code
+
+
+def test_arguments_of_another_type() -> None:
+    with pytest.raises(TypeError, match="not bytes"):
+        lmoc.compile_text(TYPED.encode())
+    with pytest.raises(TypeError, match="a sequence of names"):
+        lmoc.compile_text(TYPED, states="x")
+    with pytest.raises(lmoc.ModelError, match="E0601"):
+        lmoc.compile_text(TYPED, model=3)

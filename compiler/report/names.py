@@ -57,7 +57,7 @@ class Names(Sequence):
 def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda block: True) -> str:
     """What may have been meant by a name that the model does not have."""
     blocks = {_base(b): b for b in flat.blocks if b.size and among(b)}
-    plain = _SUBSCRIPT.sub("", name).strip()
+    plain = _SUBSCRIPT.sub("", str(name)).strip()
     same = blocks.get(plain)
     if same is not None:
         return f"the indices of {same.pattern} run from 1 to {' and '.join(map(str, same.dims))}" if same.dims else ""

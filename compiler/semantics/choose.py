@@ -89,7 +89,7 @@ def _named(root: Scope, models: list[Scope], name: str) -> Scope:
     scope: Scope | None = root
     while scope is not None and found is None:  # the user's classes, then the library's
         found = scope
-        for part in name.split("."):
+        for part in str(name).split("."):
             found = found.local.get(part) or found.table.get(part) if isinstance(found, Scope) else None
         scope = scope.parent
     if not isinstance(found, Scope):

@@ -17,7 +17,7 @@ from lmoc.semantics.context import Context
 from lmoc.semantics.flat import Kind
 from lmoc.semantics.instance import Absent, Broken, Instance, Node, Variable
 from lmoc.semantics.modification import Binding, Modifier
-from lmoc.semantics.overrides import element_positions
+from lmoc.semantics.overrides import element_positions, other_type
 from lmoc.semantics.records import record_fields
 from lmoc.semantics.scope import Builtin, Member, Resolved, Scope, redeclared_class, resolve
 from lmoc.semantics.value import Value, from_numbers
@@ -316,7 +316,7 @@ class Elaboration:
     def _evaluate(self, variable: Variable, binding: Binding) -> np.ndarray:
         if binding.node is None and binding.scope is None:
             numbers = np.asarray(binding.expression, float)
-            if numbers.shape not in ((), variable.total):
+            if numbers.shape not in ((), variable.total) or other_type(variable.type.name, numbers):
                 raise Wrong()  # reported with the values from outside
             return np.broadcast_to(numbers, variable.total).ravel()
         context, value = self.binding_value(binding)

@@ -91,9 +91,8 @@ class Overrides:
                         report.error("E0215", f"there is no '{name}'", found.span, expected=str(list(found.total)))
 
     def _check_type(self, name: str, found: Variable, value: np.ndarray, report: Report) -> None:
-        whole = found.type.name != "Real" and np.any(value != np.round(value))
-        if whole or (found.type.name == "Boolean" and np.any((value != 0) & (value != 1))):
-            expected = {"Integer": "an integer", "Boolean": "true or false"}.get(found.type.name, "a literal's number")
+        expected = other_type(found.type.name, value)
+        if expected:
             report.error("E0301", f"'{name}' must be {expected}", found.span, found=str(self.given[name]))
 
     def _check_value(self, name: str, found: Variable, report: Report) -> None:
@@ -120,6 +119,15 @@ class Overrides:
                 for t, x in zip(target, numbers):
                     bindings.append(Assignments(np.array([t]), dag.const(float(x)), np.zeros((1, 0), int)))
         return bindings
+
+
+def other_type(type_: str, value: np.ndarray) -> str:
+    """What a parameter of this type must be, if a number given to it is not; empty where it fits."""
+    if type_ == "Boolean":
+        return "true or false" if np.any((value != 0) & (value != 1)) else ""
+    if type_ == "Real" or not np.any(value != np.round(value)):
+        return ""
+    return "an integer" if type_ == "Integer" else "a literal's number"
 
 
 def _modifier(tree: dict) -> Modifier:
