@@ -93,7 +93,7 @@ def test_linearize_into_a_file(lmoc, scene, tmp_path):
     [
         (["--at", "soon"], "neither a time"),
         (["--at", "body.x=1"], "neither a state nor an input"),
-        (["-o", "model.txt"], ".mat or .npz"),
+        (["-o", "model.txt"], ".mat, .npz"),
         (["--output", "body.w"], "no variable 'body.w'"),
     ],
 )

@@ -7,7 +7,7 @@ from test_dae import CHAIN
 
 import lmoc
 from lmoc.report.names import UnknownNameError, patterns, summarised
-from lmoc.report.run import _per_second
+from lmoc.report.units import _per_second
 
 
 @pytest.fixture(scope="module")

@@ -92,12 +92,20 @@ def positive(text: str) -> float:
 
 
 def count(text: str) -> int:
+    return _whole_number(text, 2)
+
+
+def ordinal(text: str) -> int:
+    return _whole_number(text, 1)
+
+
+def _whole_number(text: str, least: int) -> int:
     try:
         result = int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number") from None
-    if result < 2:
-        raise argparse.ArgumentTypeError(f"expected at least 2, found {text}")
+    if result < least:
+        raise argparse.ArgumentTypeError(f"expected at least {least}, found {text}")
     return result
 
 

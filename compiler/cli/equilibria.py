@@ -12,6 +12,8 @@ from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_numbers
 if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibrium
 
+MOST_SHOWN = 20  # states whose values are printed one by one
+
 
 def configure(parser: Parser) -> None:
     add_symbol_arguments(parser)
@@ -29,7 +31,8 @@ def execute(arguments: argparse.Namespace) -> int:
         print(json.dumps([as_data(e) for e in found], indent=2, ensure_ascii=False))
         return 0
     if not found:
-        print(f"{dae.name}: no equilibrium: nothing balances the constant loads")
+        reason = "nothing balances the constant loads" if found.how == "exact" else f"none found by {found.how}"
+        print(f"{dae.name}: no equilibrium: {reason}")
     for i, e in enumerate(found, 1):
         print(f"{dae.name}: {'family of equilibria' if e.free else 'equilibrium'}{f' {i}' if len(found) > 1 else ''}")
         print("\n".join(f"  {line}" for line in lines(e)))
@@ -41,19 +44,47 @@ def lines(e: Equilibrium) -> list[str]:
     from lmoc.symbolic.notation import Notation
     from lmoc.symbolic.styles import UNICODE
 
-    notation = Notation.of(*e.values.values(), *e.conditions, names=list(e), given=e.own_names)
-    values = {symbol: value for symbol, value in e.values.items() if symbol not in e.free}
-    told = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in values.items()]
-    told += [f"{notation.name(symbol.name)}: any value" for symbol in e.free]
+    if not e.values:
+        return ["no states: nothing can move by itself"]
+    shown, rest = _shown(e)
+    names = [s.name for s in (*shown, *e.inputs)]
+    notation = Notation.of(*shown.values(), *e.conditions, names=names, given=e.own_names)
+    told = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in shown.items()]
+    told += [f"{notation.name(symbol.name)}: any value" for symbol in e.free[:MOST_SHOWN]]
+    told += [rest] if rest else []
     told += [f"only if {notation.text(condition)} = 0" for condition in e.conditions]
-    stability = e.stability or "not known: a parameter has no value"
-    told.append(f"stability: {stability}" + (" (by the linear model)" if e.nonlinear else ""))
-    if e.model is not None:
-        told.append(f"eigenvalues: {complex_numbers(e.model.eigenvalues)}")
+    loads = ", ".join(f"{notation.name(u.name)} = {_value(notation, v)}" for u, v in e.inputs.items())
+    told += [f"for {loads}"] if loads else []
+    told += _stability(e, notation)
     if e.how != "exact":
         told.append(f"found: {e.how}")
     table = [f"{UNICODE.symbol(short, 0)}: {full}" for short, full in notation.abbreviations.items()]
     return told + ([f"with {', '.join(table)}"] if table else [])
+
+
+def _shown(e: Equilibrium) -> tuple[dict, str]:
+    """The values that are told one by one, and what is said of the others: of many states those that are not zero."""
+    values = {symbol: value for symbol, value in e.values.items() if symbol not in e.free}
+    if len(e.values) <= MOST_SHOWN:
+        return values, ""
+    moved = {symbol: value for symbol, value in values.items() if not value.is_zero}
+    shown = dict(list(moved.items())[:MOST_SHOWN])
+    told = [f"the other {len(values) - len(moved)} states = 0" if moved else f"all {len(values)} states = 0"]
+    told = told if len(moved) < len(values) else []
+    told += [f"{len(moved) - len(shown)} more values"] if len(moved) > len(shown) else []
+    told += [f"{len(e.free) - MOST_SHOWN} more with any value"] if len(e.free) > MOST_SHOWN else []
+    return shown, "; ".join(told) + (" (--json lists all)" if told else "")
+
+
+def _stability(e: Equilibrium, notation) -> list[str]:
+    told = f"stability: {e.stability or 'not known: a parameter has no value'}"
+    if e.model is None:
+        return [told]
+    if e.nonlinear:
+        symbols = {s.name for value in e.values.values() for s in value.free_symbols}
+        zeroed = [f"{notation.name(u)} = 0" for u in e.model.inputs if u in symbols]
+        told += f" (by the linear model{' at ' + ', '.join(zeroed) if zeroed else ''})"
+    return [told, f"eigenvalues: {complex_numbers(e.model.eigenvalues)}"]
 
 
 def _value(notation, value) -> str:
@@ -64,6 +95,7 @@ def as_data(e: Equilibrium) -> dict:
     """An equilibrium as plain data."""
     return {
         "values": {symbol.name: str(value) for symbol, value in e.values.items()},
+        "inputs": {symbol.name: str(value) for symbol, value in e.inputs.items()},
         "free": [symbol.name for symbol in e.free],
         "conditions": [f"{condition} = 0" for condition in e.conditions],
         "stability": e.stability,

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.cli.arguments import Parser, UsageError, assignment, number
-from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_number, matrix, table
+from lmoc.cli.symbols import (
+    add_place_arguments,
+    add_symbol_arguments,
+    compiled,
+    complex_number,
+    matrix,
+    place,
+    table,
+)
 from lmoc.cli.symbols import number as shown
 from lmoc.diagnostics import Diagnostic
 
@@ -25,60 +33,62 @@ MOST_COLUMNS = 8  # coordinates in the table of modes
 def configure(parser: Parser) -> None:
     add_symbol_arguments(parser)
     add = parser.add_argument
-    add("--at", metavar="TIME|NAME=VALUE", action="append", default=[],
-        help="a time of the default run, or the value of a state or input; by default the equilibrium")  # fmt: skip
+    add_place_arguments(parser, "a time of the default run, or ")
     add("--input", type=assignment(number), metavar="U=VALUE", action="append", default=[],
         help="constant value of an input at the equilibrium; may be repeated")  # fmt: skip
     add("--output", metavar="NAME", action="append", default=[], help="a variable as output; may be repeated")
     add("--symbolic", action="store_true", help="matrices in symbols")
     add("--realization", action="store_true", help="change the states so that no input's derivative acts on them")
     add("-o", "--write", metavar="FILE", type=Path, help="write the matrices: .mat or .npz")
+    add("--plot", metavar="FILE", type=Path, help="draw the eigenvalues and the shapes of the modes: .png, .svg, .pdf")
     add("--json", action="store_true", help="print JSON")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    _check_target(arguments.write)
+    _check_targets(arguments)
     dae = compiled(arguments)
-    model = dae.linearize(_place(arguments.at), arguments.symbolic, dict(arguments.input), arguments.output or None)
+    inputs = dict(arguments.input)
+    at = place(dae, arguments, inputs)
+    model = dae.linearize(at, arguments.symbolic, inputs, arguments.output or None)
+    shifted = arguments.realization and any(np.any(B) for B in model.Bs[1:])
     model = model.realization() if arguments.realization else model
-    if arguments.write is not None:
-        _write(model, arguments.write)
+    _write(model, dae.name, arguments)
     if arguments.json:
         print(json.dumps(as_data(model), indent=2, ensure_ascii=False))
     else:
-        print(f"{dae.name}: linear model {_about(model)}\n")
+        moment = f"at t = {shown(at)} s, " if isinstance(at, float) else ""
+        print(f"{dae.name}: linear model {moment}{_about(model)}")
+        if shifted:
+            print("its states are those of the scene less B1·u: no input's derivative acts on them")
+        print()
         print(_symbols(model) if model.symbolic else _numbers(model))
     return 0
 
 
-def _place(given: list[str]) -> float | dict[str, float] | None:
-    """A time, or a point by names."""
-    if not given:
-        return None
-    if len(given) == 1 and "=" not in given[0]:
-        try:
-            return number(given[0])
-        except argparse.ArgumentTypeError:
-            message = f"--at: '{given[0]}' is neither a time nor name=value"
-            raise UsageError([Diagnostic("E0621", message)]) from None
+def _check_targets(arguments: argparse.Namespace) -> None:
+    """Refuse what cannot be written before work is spent."""
+    from lmoc.report.files import PICTURES, check_target
+
+    targets = [(arguments.write, (".mat", ".npz")), (arguments.plot, PICTURES)]
+    for path, endings in targets:
+        if path is None:
+            continue
+        if arguments.symbolic:
+            raise UsageError([Diagnostic("E0620", "a file holds numbers: leave --symbolic out, or use --json")])
+        check_target(path, endings)
+
+
+def _write(model: LinearModel, name: str, arguments: argparse.Namespace) -> None:
     try:
-        return dict(assignment(number)(text) for text in given)
-    except argparse.ArgumentTypeError as error:
-        raise UsageError([Diagnostic("E0621", f"--at: {error}")]) from None
+        if arguments.write is not None:
+            model.save(arguments.write)
+        if arguments.plot is not None:
+            from lmoc.report.mode_plots import modes
 
-
-def _check_target(path: Path | None) -> None:
-    if path is not None and path.suffix.lower() not in (".mat", ".npz"):
-        raise UsageError([Diagnostic("E0624", f"'{path}': matrices are written as .mat or .npz")])
-
-
-def _write(model: LinearModel, path: Path) -> None:
-    if model.symbolic:
-        raise UsageError([Diagnostic("E0620", "a file holds numbers: leave --symbolic out, or use --json")])
-    if path.suffix.lower() == ".mat":
-        model.save(str(path))
-    else:
-        np.savez(path, **{k: v for k, v in model.arrays().items()})
+            modes(model, arguments.plot, name)
+    except OSError as error:
+        message = f"'{error.filename}' cannot be written: {error.strerror}"
+        raise UsageError([Diagnostic("E0623", message)]) from None
 
 
 def _about(model: LinearModel) -> str:
@@ -131,7 +141,7 @@ def _modes(model: LinearModel) -> str:
         mode = model.modes[places, i] if places else []
         rows.append(
             [
-                complex_number(value) + (" ±" if value.imag > 0 else ""),
+                complex_number(value, paired=value.imag > 0),
                 shown(abs(value)),
                 shown(abs(value) / (2 * np.pi)),
                 "–" if np.isnan(damping) else shown(0.0 if abs(damping) < 1e-12 else damping),
@@ -141,7 +151,7 @@ def _modes(model: LinearModel) -> str:
     more = [f"… {len(rows) - MOST_SHOWN} more"] if len(rows) > MOST_SHOWN else []
     if not rows:
         return "no states: the outputs follow the inputs at once"
-    return "\n".join([table(rows[:MOST_SHOWN], head), *more, "", model.stability])
+    return "\n".join([table(rows[:MOST_SHOWN], head), *more, "", f"the linear model is {model.stability}"])
 
 
 def _symbols(model: LinearModel) -> str:

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.cli.arguments import Parser
-from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_numbers, number
-from lmoc.diagnostics import ModelError
+from lmoc.cli.arguments import Parser, UsageError
+from lmoc.cli.symbols import add_place_arguments, add_symbol_arguments, compiled, complex_numbers, number, place
+from lmoc.diagnostics import Diagnostic, ModelError
 
 if TYPE_CHECKING:
-    from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
+    from lmoc.dae import DAE
+    from lmoc.symbolic.notation import Notation
+    from lmoc.symbolic.transfer import TransferFunction
 
 
 def configure(parser: Parser) -> None:
@@ -24,37 +26,47 @@ def configure(parser: Parser) -> None:
     add("output", metavar="OUTPUT", help="any variable")
     add("--bode", metavar="FILE", type=Path, help="draw the frequency response: .png, .svg, .pdf")
     add("--step", metavar="FILE", type=Path, help="draw the response to a unit step")
+    add_place_arguments(parser)
     add("--latex", action="store_true", help="print LaTeX")
     add("--json", action="store_true", help="print JSON")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
-    found = dae.transfer_function(arguments.input, arguments.output)
-    equation = dae.input_output_equation(arguments.input, arguments.output)
-    for path, kind in ((arguments.bode, "bode"), (arguments.step, "step")):
-        if path is not None:
-            from lmoc.report import linear_plots
-
-            getattr(linear_plots, kind)(found, path)
+    at = place(dae, arguments, {})
+    if isinstance(at, float):
+        raise UsageError([Diagnostic("E0621", f"--at: expected name=value, found '{arguments.at[0]}'")])
+    found = dae.transfer_function(arguments.input, arguments.output, at=at)
+    _draw(found, dae, arguments)
     if arguments.json:
-        print(json.dumps(as_data(found, equation), indent=2, ensure_ascii=False))
-    elif arguments.latex:
-        print(latex(found, equation))
+        print(json.dumps(as_data(found), indent=2, ensure_ascii=False))
     else:
-        print("\n".join(lines(found, equation)))
+        print(latex(found) if arguments.latex else "\n".join(lines(found)))
     return 0
 
 
-def lines(found: TransferFunction, equation: InputOutputEquation) -> list[str]:
+def _draw(found: TransferFunction, dae: DAE, arguments: argparse.Namespace) -> None:
+    for path, kind in ((arguments.bode, "bode"), (arguments.step, "step")):
+        if path is not None:
+            from lmoc.report import linear_plots
+            from lmoc.report.units import unit_of
+
+            units = tuple(unit_of(dae.reduced, name) for name in (arguments.input, arguments.output))
+            getattr(linear_plots, kind)(found, path, dae.name, units)
+
+
+def lines(found: TransferFunction) -> list[str]:
     """Everything in words."""
-    from lmoc.symbolic.notation import Notation
     from lmoc.symbolic.styles import UNICODE
 
-    notation = Notation.of(found.numerator, found.denominator, *equation, names=(found.output, found.input))
-    top, bottom = (notation.polynomial(e, "s") for e in (found.numerator, found.denominator))
+    notation = _notation(found)
     u, y = notation.name(found.input), notation.name(found.output)
-    told = [f"{y}/{u} = {top}/{bottom}" if bottom != "1" else f"{y}/{u} = {top}", "", f"{equation}    (p = d/dt)"]
+    quotient = notation.quotient(found.numerator, found.denominator, "s")
+    equation = found.input_output_equation.write(notation, UNICODE)
+    told = [f"{y}/{u} = {quotient}", "", f"{equation}    (p = d/dt)"]
+    if found.point:
+        place = ", ".join(f"{notation.name(n)} = {notation.text(v)}" for n, v in found.point.items())
+        told = [f"linear about {place}", "", *told]
     if found.cancelled:
         factors = ", ".join(notation.polynomial(f, "s") for f in found.cancelled)
         told += ["", f"cancelled: {factors}  (not seen in {y}, or not moved by {u})"]
@@ -62,8 +74,7 @@ def lines(found: TransferFunction, equation: InputOutputEquation) -> list[str]:
         told += ["", *_numbers(found)]
     except ModelError as error:
         told += ["", error.diagnostics[0].message]
-    table = [f"  {UNICODE.symbol(short, 0)}  {full}" for short, full in notation.abbreviations.items()]
-    return told + (["", "with", *table] if table else [])
+    return told + notation.legend()
 
 
 def _numbers(found: TransferFunction) -> list[str]:
@@ -75,27 +86,32 @@ def _numbers(found: TransferFunction) -> list[str]:
     ]
 
 
-def latex(found: TransferFunction, equation: InputOutputEquation) -> str:
+def _notation(found: TransferFunction) -> Notation:
     from lmoc.symbolic.notation import Notation
+
+    names = (found.output, found.input, *found.point)
+    return Notation.of(found.numerator, found.denominator, *found.point.values(), names=names)
+
+
+def latex(found: TransferFunction) -> str:
     from lmoc.symbolic.styles import LATEX
 
-    notation = Notation.of(found.numerator, found.denominator, *equation, names=(found.output, found.input))
-    top, bottom = (notation.polynomial(e, "s", LATEX, bare=True) for e in (found.numerator, found.denominator))
-    left, right = (notation.polynomial(e, "p", LATEX) for e in equation)
+    notation = _notation(found)
     u, y = notation.name(found.input, LATEX), notation.name(found.output, LATEX)
-    return (
-        f"\\begin{{align*}}\n  \\frac{{{y}}}{{{u}}} &= \\frac{{{top}}}{{{bottom}}} \\\\\n"
-        f"  {left} \\, {y} &= {right} \\, {u}\n\\end{{align*}}"
-    )
+    quotient = notation.quotient(found.numerator, found.denominator, "s", LATEX)
+    equation = found.input_output_equation.write(notation, LATEX).replace(" = ", " &= ", 1)
+    return f"\\begin{{align*}}\n  \\frac{{{y}}}{{{u}}} &= {quotient} \\\\\n  {equation}\n\\end{{align*}}"
 
 
-def as_data(found: TransferFunction, equation: InputOutputEquation) -> dict:
+def as_data(found: TransferFunction) -> dict:
+    equation = found.input_output_equation
     data = {
         "input": found.input,
         "output": found.output,
         "numerator": str(found.numerator),
         "denominator": str(found.denominator),
         "cancelled": [str(f) for f in found.cancelled],
+        "about": {name: str(value) for name, value in found.point.items()},
         "left": str(equation.left),
         "right": str(equation.right),
     }

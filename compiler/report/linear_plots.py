@@ -1,4 +1,4 @@
-"""Pictures of a transfer function: frequency response and step response."""
+"""Pictures of linear models: frequency response, step response, and the modes with their eigenvalues."""
 
 from __future__ import annotations
 
@@ -8,12 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.report.files import PICTURES, check_target
-from lmoc.report.plots import COLOURS, STYLE
+from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
+from lmoc.report.units import ratio
+from lmoc.symbolic.styles import unit_text
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from lmoc.symbolic.transfer import TransferFunction
+
+ON_AXIS = 1e-7  # |Re|/|root| below which a root counts as one of no damping
+SHARP = 0.01  # relative distance from an undamped root within which the amplitude may leave the picture
+PERIODS = 10  # of the slowest oscillation in a step response that does not decay
+MOST_PERIODS = 40  # and in one that does
+MOST_TIMES = 20_000
 
 
 def frequency_range(tf: TransferFunction) -> tuple[float, float]:
@@ -25,39 +34,84 @@ def frequency_range(tf: TransferFunction) -> tuple[float, float]:
     return float(corners.min()) / 10, float(corners.max()) * 10
 
 
-def bode(tf: TransferFunction, path: str | Path | None = None) -> Figure:
+def phase(tf: TransferFunction, omega: np.ndarray) -> np.ndarray:
+    """Phase in degrees, continuous: the sum of what each pole and zero turns.
+
+    Undamped ones are taken as the limit of weak damping, which `numpy.unwrap` could not know: a resonance turns by
+    −180°, an antiresonance by +180°.
+    """
+    top, _ = tf.coefficients
+    gain = top[np.flatnonzero(top)[0]] if np.any(top) else 1.0
+    turned = sum((_turn(r, omega) for r in tf.zeros), np.zeros(len(omega)))
+    turned = turned - sum((_turn(r, omega) for r in tf.poles), np.zeros(len(omega)))
+    if gain < 0:
+        return min(turned + 180.0, turned - 180.0, key=lambda p: abs(p.mean()))
+    return turned
+
+
+def _turn(root: complex, omega: np.ndarray) -> np.ndarray:
+    if abs(root.real) <= ON_AXIS * abs(root):
+        return np.where(omega < root.imag, -90.0, 90.0)
+    return np.degrees(np.angle(1j * omega - root))
+
+
+def bode(tf: TransferFunction, path: str | Path | None = None, title: str = "", units: tuple = ("", "")) -> Figure:
     """Amplitude and phase over the angular frequency.
+
+    Parameters
+    ----------
+    path : where to write the picture, if anywhere
+    title : name of the scene
+    units : of input and output
 
     Raises
     ------
     ModelError
-        E0623, E0624: the picture cannot be written.
+        E0623, E0624: the picture cannot be written; E0660: a parameter has no value.
     """
     low, high = frequency_range(tf)
-    special = np.abs(np.concatenate([tf.poles, tf.zeros]).imag)
-    omega = np.unique(np.concatenate([np.geomspace(low, high, 1200), special[(special > low) & (special < high)]]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        response = tf.response(omega)
-    figure, (upper, lower) = _figure(2, path)
-    upper.loglog(omega, np.abs(response), color=COLOURS[0])
-    upper.set_ylabel(f"|{tf.output}/{tf.input}|")
-    finite = np.isfinite(response)
-    phase = np.degrees(np.unwrap(np.angle(response[finite])))
-    lower.semilogx(omega[finite], phase, color=COLOURS[0])
+    roots = np.concatenate([tf.poles, tf.zeros]).astype(complex)
+    undamped = np.abs(roots.real) <= ON_AXIS * np.abs(roots)
+    special = np.abs(roots.imag[~undamped])
+    edges = np.abs(roots.imag[undamped & (roots.imag != 0)])
+    close = (edges[:, None] * (1 + np.geomspace(1e-6, 0.1, 40)[None, :] * np.array([[[-1]], [[1]]]))).ravel()
+    omega = np.concatenate([np.geomspace(low, high, 1200), special, close])
+    omega = np.unique(omega[(omega >= low) & (omega <= high)])
+    size = np.abs(tf.response(omega))
+    figure, (upper, lower) = _figure(2, path, _heading(tf, title))
+    if np.any(size > 0):
+        upper.loglog(omega, np.where(size > 0, size, np.nan), color=COLOURS[0])
+        upper.set_ylim(*_amplitudes(omega, size, edges))
+    upper.set_ylabel(_label(f"amplitude {tf.output}/{tf.input}", ratio(units[1], units[0])))
+    turned = phase(tf, omega)
+    lower.semilogx(omega, turned, color=COLOURS[0])
     lower.set_ylabel("phase in degrees")
     lower.set_xlabel("angular frequency in rad/s")
-    lower.set_yticks(np.arange(90 * np.floor(phase.min() / 90), phase.max() + 91, 90))
+    ticks = np.arange(90 * np.floor(turned.min() / 90 + 1e-9), turned.max() + 90, 90)
+    lower.set_yticks(ticks)
+    lower.set_ylim(ticks[0] - 20, ticks[-1] + 20)
     return _written(figure, path)
 
 
-def step(tf: TransferFunction, path: str | Path | None = None) -> Figure:
-    """Response to a unit step of the input.
+def _amplitudes(omega: np.ndarray, size: np.ndarray, undamped: np.ndarray) -> tuple[float, float]:
+    """Limits of the amplitude, without the peaks that have no end."""
+    near = (np.abs(omega[:, None] - undamped[None, :]) < SHARP * undamped[None, :]).any(axis=1)
+    seen = size[~near & (size > 0)]
+    low, high = float(seen.min()), float(seen.max())
+    room = max((high / low) ** 0.05, 1.5)
+    return low / room, high * room
+
+
+def step(tf: TransferFunction, path: str | Path | None = None, title: str = "", units: tuple = ("", "")) -> Figure:
+    """Response to a unit step of the input; parameters as in `bode`.
 
     Raises
     ------
     ModelError
-        E0623, E0624: the picture cannot be written; E0660: the output contains a derivative of the input.
+        E0623, E0624: the picture cannot be written; E0660: the output contains a derivative of the input, or a
+        parameter has no value.
     """
+    from scipy.signal import StateSpace, tf2ss
     from scipy.signal import step as response
 
     from lmoc.symbolic.system import refuse
@@ -65,25 +119,45 @@ def step(tf: TransferFunction, path: str | Path | None = None) -> Figure:
     top, bottom = tf.coefficients
     if len(top) > len(bottom):
         raise refuse(f"'{tf.output}' contains a derivative of '{tf.input}': its step response is not finite")
-    time = np.linspace(0.0, _duration(tf.poles), 1001)
-    time, value = response((top, bottom), T=time)
-    figure, (axis,) = _figure(1, path)
+    time = np.linspace(0.0, *_times(tf.poles))
+    if len(bottom) > 1:
+        time, value = response(StateSpace(*tf2ss(top, bottom)), T=time)
+    else:
+        value = np.full(len(time), top[0] / bottom[0])
+    by = f"{tf.input} steps by 1 {unit_text(units[0])}".rstrip()
+    figure, (axis,) = _figure(1, path, f"{title}: {by}" if title else by)
     axis.plot(time, value, color=COLOURS[0])
+    if len(tf.poles) and np.all(tf.poles.real < 0):
+        axis.axhline(tf.gain, color=GREY, linewidth=0.8, linestyle="--", zorder=0.5)
+    axis.margins(x=0)
     axis.set_xlabel("time in s")
-    axis.set_ylabel(f"{tf.output} for a unit step of {tf.input}")
+    axis.set_ylabel(_label(tf.output, unit_text(units[1])))
     return _written(figure, path)
 
 
-def _duration(poles: np.ndarray) -> float:
-    """Long enough for the slowest decay, or for some periods of what does not decay."""
-    decay = -poles.real[poles.real < -1e-9]
-    turning = np.abs(poles.imag[np.abs(poles.imag) > 1e-9])
+def _times(poles: np.ndarray) -> tuple[float, int]:
+    """How long, for the slowest to decay or for some periods of what hardly does, and at how many times."""
+    decay = -poles.real[poles.real < -ON_AXIS * np.abs(poles)]
+    turning = np.abs(poles.imag[np.abs(poles.imag) > ON_AXIS * np.abs(poles)])
     longest = [6.0 / decay.min()] if len(decay) else []
-    longest += [12 * np.pi / turning.min()] if len(turning) else []
-    return float(min(longest)) if longest else 10.0
+    longest += [(MOST_PERIODS if len(decay) else PERIODS) * 2 * np.pi / turning.min()] if len(turning) else []
+    growing = poles.real[poles.real > ON_AXIS * np.abs(poles)]
+    longest += [6.0 / growing.max()] if len(growing) else []
+    duration = float(min(longest)) if longest else 10.0
+    fastest = float(turning.max(initial=0.0))
+    return duration, int(min(MOST_TIMES, 1001 + 20 * duration * fastest / (2 * np.pi)))
 
 
-def _figure(panels: int, path: str | Path | None):
+def _heading(tf: TransferFunction, title: str) -> str:
+    return f"{title}: from {tf.input} to {tf.output}" if title else f"from {tf.input} to {tf.output}"
+
+
+def _label(quantity: str, unit: str) -> str:
+    return f"{quantity} in {unit}" if unit and unit != "1" else quantity
+
+
+def _figure(panels: int, path: str | Path | None, title: str) -> tuple[Figure, tuple[Axes, ...]]:
+    """Panels one below the other, with one abscissa."""
     if path is not None:
         check_target(Path(path), PICTURES)
     import matplotlib
@@ -94,10 +168,14 @@ def _figure(panels: int, path: str | Path | None):
         figure = Figure(figsize=(8, 1.4 + 2.2 * panels), dpi=150, layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0]
+        head(figure, title)
     return figure, tuple(axes)
 
 
 def _written(figure: Figure, path: str | Path | None) -> Figure:
+    for axis in figure.axes:
+        axis.margins(x=0)
+    figure.align_ylabels()
     if path is not None:
-        figure.savefig(path)
+        write(figure, Path(path))
     return figure

@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.diagnostics import Diagnostic, ModelError
 from lmoc.report.files import PICTURES, check_target
+from lmoc.symbolic.styles import unit_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -83,11 +84,15 @@ def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None =
         for axis in axes:
             axis.margins(x=0)
         axes[-1].set_xlabel("time in s")
-        figure.suptitle(_title(run), x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
+        head(figure, _title(run))
         figure.align_ylabels()
         if path is not None:
-            _write(figure, Path(path))
+            write(figure, Path(path))
     return figure
+
+
+def head(figure: Figure, title: str) -> None:
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
 
 
 def choose(run: Run) -> list[str]:
@@ -180,12 +185,7 @@ def _axis_label(unit: str) -> str:
     if not unit:
         return "value"
     quantity = QUANTITIES.get(unit)
-    return f"{quantity} in {_pretty(unit)}" if quantity else _pretty(unit)
-
-
-def _pretty(unit: str) -> str:
-    """``N.m/rad`` as ``N·m/rad``, ``m/s2`` as ``m/s²``."""
-    return unit.replace(".", "·").translate(str.maketrans("23456", "²³⁴⁵⁶"))
+    return f"{quantity} in {unit_text(unit)}" if quantity else unit_text(unit)
 
 
 def _colours(n: int) -> list[str]:
@@ -196,7 +196,8 @@ def _spread(total: int, most: int) -> list[int]:
     return np.unique(np.linspace(0, total - 1, most).round().astype(int)).tolist()
 
 
-def _write(figure: Figure, path: Path) -> None:
+def write(figure: Figure, path: Path) -> None:
+    """Write a picture; E0623 where the system refuses."""
     try:
         figure.savefig(path)
     except OSError as error:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.diagnostics import Diagnostic
 from lmoc.report.names import Names, UnknownNameError, hint_for
+from lmoc.report.units import unit_of
 from lmoc.semantics.flat import Block, FlatDAE, Kind
 from lmoc.structure.reduced import Reduced
 
@@ -157,20 +158,7 @@ class Run:
 
     def unit(self, name: str) -> str:
         """Unit of a variable or a state's derivative as written, or of a variable with the same value; else empty."""
-        order = name.count("der(")
-        found = self.flat.find(name.replace("der(", "").rstrip(")") if order else name)
-        if found is None:
-            return ""
-        unit = self.flat.block_at(int(found[0])).unit or self._unit_of_equals(int(found[0]))
-        for _ in range(order if unit else 0):
-            unit = _per_second(unit)
-        return unit
-
-    def _unit_of_equals(self, variable: int) -> str:
-        """The unit of the first variable that shares its register: what an output without unit was bound to."""
-        register = self.reduced.register_of[variable]
-        equals = np.flatnonzero(self.reduced.register_of == register) if register >= 0 else []
-        return next((b.unit for v in equals if (b := self.flat.block_at(int(v))).unit), "")
+        return unit_of(self.reduced, name)
 
     # ------------------------------------------------------------- tables, files, pictures
 
@@ -246,13 +234,3 @@ def _is_array(flat: FlatDAE, name: str) -> bool:
     block: Block = flat.block_at(int(flat.find(name)[0]))
     subscripts = name.count("[") and sum(len(s.split("]")[0].split(",")) for s in name.split("[")[1:])
     return subscripts < len(block.dims) or ":" in name
-
-
-def _per_second(unit: str) -> str:
-    """The unit of a derivative: m → m/s → m/s2."""
-    if unit == "1":
-        return "1/s"
-    head, slash, tail = unit.rpartition("/s")
-    if slash and (not tail or tail.isdigit()):
-        return f"{head}/s{int(tail or 1) + 1}"
-    return f"{unit}/s" if "/" not in unit else f"{unit}.s-1"

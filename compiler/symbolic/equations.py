@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.symbolic.notation import Formula, Notation
+from lmoc.symbolic.notation import Formula, Notation, told
 from lmoc.symbolic.sorting import Equation, gathered, sorted_equation
-from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style
+from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, symbolic_system
 
 if TYPE_CHECKING:
@@ -71,16 +71,12 @@ class EquationsOfMotion:
     def text(self, ascii: bool = False) -> str:
         """For a terminal: the equations, the forces, and the table of abbreviations."""
         style = ASCII if ascii else UNICODE
-        lines = self.lines(style) or ["there is no free coordinate: all motion is given"]
+        lines = self.lines(style) or [_NOTHING_MOVES]
         if self.forces:
             lines += ["", "internal forces:", *self.force_lines(style)]
         if self.undetermined:
-            lines += ["", f"not determined, because of a redundant loop: {', '.join(self.undetermined)}"]
-        table = [(style.symbol(short, 0), _told(full)) for short, full in self.notation.abbreviations.items()]
-        if table:
-            width = max(len(short) for short, _ in table)
-            lines += ["", "with", *(f"  {short:<{width}}  {full}" for short, full in table)]
-        return "\n".join(lines)
+            lines += ["", f"{_UNDETERMINED} {', '.join(self.undetermined)}"]
+        return "\n".join(lines + self.notation.legend(style))
 
     def __str__(self) -> str:
         return self.text()
@@ -99,16 +95,19 @@ class EquationsOfMotion:
 
     def html(self) -> str:
         """The equations in MathML and the table of symbols, to be put into a page."""
-        lines = [*self.lines(MATHML), *self.force_lines(MATHML)]
-        shown = "\n".join(f"<p><math display='block'>{line}</math></p>" for line in lines)
+        shown = _formulas(self.lines(MATHML)) or f"<p>{_NOTHING_MOVES}</p>"
+        if self.forces:
+            shown += f"\n<h2>Internal forces</h2>\n{_formulas(self.force_lines(MATHML))}"
+        if self.undetermined:
+            shown += f"\n<p>{_UNDETERMINED} {', '.join(f'<code>{escape(n)}</code>' for n in self.undetermined)}</p>"
         rows = []
         for full, short in self.notation.short.items():
-            unit, text = self.descriptions.get(full, ("", ""))
+            unit, text = self.descriptions.get(full.removeprefix("δ"), ("", ""))
             symbol = f"<math>{MATHML.symbol(short, 0)}</math>"
-            cells = (symbol, f"<code>{escape(full)}</code>", escape(unit), escape(text))
+            cells = (symbol, f"<code>{escape(told(full))}</code>", escape(unit_text(unit)), escape(text))
             rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-        head = "<tr><th></th><th>name</th><th>unit</th><th></th></tr>"
-        return f"{shown}\n<table>\n{head}\n" + "\n".join(rows) + "\n</table>"
+        head = "<tr><th></th><th>name</th><th>unit</th><th>meaning</th></tr>"
+        return shown if not rows else f"{shown}\n<table>\n{head}\n" + "\n".join(rows) + "\n</table>"
 
     def to_dict(self) -> dict:
         """For JSON: each equation as text, LaTeX and residual in full names (SymPy syntax)."""
@@ -126,6 +125,7 @@ class EquationsOfMotion:
             ],
             "forces": {name: str(value) for name, value in self.forces.items()},
             "abbreviations": self.notation.abbreviations,
+            "undetermined": list(self.undetermined),
             "assumptions": list(self.assumptions),
         }
 
@@ -170,12 +170,16 @@ class EquationsOfMotion:
         return replace(self, equations=tuple(moved), notation=notation, forces={})
 
 
+_NOTHING_MOVES = "there is no free coordinate: all motion is given"
+_UNDETERMINED = "not determined, because of a redundant loop:"
+
+
+def _formulas(lines: list[str]) -> str:
+    return "\n".join(f"<p><math display='block'>{line}</math></p>" for line in lines)
+
+
 def _delta(name: str) -> str:
     return "δ" + name
-
-
-def _told(full: str) -> str:
-    return f"deviation of {full[1:]}" if full.startswith("δ") else full
 
 
 def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forces: bool = False) -> EquationsOfMotion:

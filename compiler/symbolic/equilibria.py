@@ -7,7 +7,7 @@ changes, in several by Newton's method from many starts. Each result says how it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
-from lmoc.symbolic.roots import Root, real_roots, search
+from lmoc.symbolic.roots import Root, closed_roots, scan, search
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, refuse
 
@@ -39,6 +39,8 @@ class Equilibrium(Mapping):
         Must vanish for it to exist (the sum of the loads on something that nothing holds).
     how : str
         ``exact``, or how it was found.
+    inputs : {Symbol: Expr}
+        Values of the inputs that were given, or taken as zero for a search; others stand in `values` as symbols.
     model : LinearModel | None
         Numeric linear model about it; None where a value is missing.
     nonlinear : bool
@@ -52,6 +54,7 @@ class Equilibrium(Mapping):
     model: LinearModel | None = None
     nonlinear: bool = False
     own_names: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> sympy.Expr:
         import sympy as sp
@@ -87,9 +90,17 @@ class Equilibrium(Mapping):
         return f"Equilibrium({{{values}}}, stability={self.stability!r})"
 
 
+class Equilibria(list):
+    """The equilibria that were found, by rising values; `how` tells how they were sought, also where there is none."""
+
+    def __init__(self, found: Iterable[Equilibrium], how: str = "exact"):
+        super().__init__(found)
+        self.how = how
+
+
 def equilibria(
     system: SymbolicSystem, inputs: Mapping[str, object] | None = None, linear_model: LinearAbout | None = None
-) -> list[Equilibrium]:
+) -> Equilibria:
     """All states of rest of a system for constant inputs.
 
     Parameters
@@ -104,8 +115,8 @@ def equilibria(
 
     Returns
     -------
-    list of Equilibrium
-        Empty where there is none.
+    Equilibria
+        A list, empty where there is none.
 
     Raises
     ------
@@ -116,7 +127,7 @@ def equilibria(
 
     time = sp.Symbol("time")
     zero = {jet: sp.S.Zero for u in system.inputs for jet in system.jets(u)[1:]}
-    given = {sp.Symbol(name): _exact(value) for name, value in (inputs or {}).items()}
+    given = {sp.Symbol(name): exactly(value) for name, value in (inputs or {}).items()}
     equations = [sp.sympify(d).xreplace(zero).xreplace(given) for d in system.derivatives]
     if any(e.has(time) for e in equations):
         raise refuse("the equations contain time itself: nothing stays at rest", hint="make the signal an input")
@@ -125,14 +136,16 @@ def equilibria(
     unknowns = [x for x in system.states if x not in at_rest]
     rest, balanced = _without_balanced(rest, set(unknowns), system)
     linear = all(not slope(e, x).free_symbols & set(unknowns) for e in rest for x in unknowns)
+    how = "exact"
     if linear:
         found = _linear(rest, unknowns, set(system.inputs) - set(given))
     else:
-        found = _nonlinear(rest, unknowns, system, given)
+        found, zeroed, how = _nonlinear(rest, unknowns, system)
+        given |= zeroed
     found = [replace(root, conditions=(*root.conditions, *balanced)) for root in found]
     nonlinear = not is_linear(system)
     about = linear_model or (lambda point: linearize(system, {sp.Symbol(n): v for n, v in point.items()}))
-    return [_finished(system, root, at_rest, given, nonlinear, about) for root in found]
+    return Equilibria((_finished(system, root, at_rest, given, nonlinear, about) for root in found), how)
 
 
 def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) -> tuple[list, list]:
@@ -150,7 +163,8 @@ def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) ->
     return left, conditions
 
 
-def _exact(value) -> sympy.Expr:
+def exactly(value) -> sympy.Expr:
+    """A number as the fraction that a person meant, an expression as it is."""
     import sympy as sp
 
     from lmoc.expression.to_sympy import exact
@@ -162,7 +176,7 @@ def _finished(system, root: Root, at_rest, given, nonlinear: bool, about: Linear
     values = {x: at_rest.get(x, root.values.get(x, x)) for x in system.states}
     free = tuple(x for x in system.states if values[x] == x)
     model = _model(system, values, given, about)
-    return Equilibrium(values, free, root.conditions, root.how, model, nonlinear, system.own_names)
+    return Equilibrium(values, free, root.conditions, root.how, model, nonlinear, system.own_names, given)
 
 
 def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearModel | None:
@@ -213,8 +227,46 @@ def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
     return sp.Mul(*factors) if factors else top
 
 
-def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem, given) -> list[Root]:
-    """Eliminate what stands linearly, then solve the core."""
+def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem) -> tuple[list[Root], dict, str]:
+    """Eliminate what stands linearly, then solve the core: in closed form, with the inputs at zero where that helps.
+
+    Returns
+    -------
+    (roots, inputs that were taken as zero, how they were sought)
+    """
+    import sympy as sp
+
+    equations, unknowns, explicit = _core(equations, unknowns)
+    if not unknowns:
+        found = [] if any(equations) else [Root({x: sp.simplify(v) for x, v in explicit.items()})]
+        return found, {}, "exact"
+    zeroed = {u: sp.S.Zero for u in system.inputs if any(e.has(u) for e in (*equations, *explicit.values()))}
+    alone = len(unknowns) == 1 and len(equations) == 1
+    for zero in ({}, zeroed):
+        at_zero = [e.xreplace(zero) for e in equations]
+        core = closed_roots(at_zero[0], unknowns[0], system.numbers) if alone else None
+        if core is not None:
+            return _with_explicit(core, explicit, zero, system), zero, "exact"
+    sought = scan(at_zero[0], unknowns[0], system) if alone else search(at_zero, unknowns, system)
+    return _with_explicit(sought.roots, explicit, zeroed, system), zeroed, sought.how
+
+
+def _with_explicit(roots: list[Root], explicit: dict, zero: dict, system: SymbolicSystem) -> list[Root]:
+    """Roots by rising values, with the unknowns that follow from those of the core."""
+    import sympy as sp
+
+    numbers = {**system.numbers, **{u: sp.S.Zero for u in system.inputs}}
+
+    def place(root: Root) -> list[float]:
+        values = [sp.N(v.xreplace(numbers)) for v in root.values.values()]
+        return [float(v) if v.is_real else 0.0 for v in values]
+
+    explicit = {x: v.xreplace(zero) for x, v in explicit.items()}
+    return [root.extended(explicit) for root in sorted(roots, key=place)]
+
+
+def _core(equations: list, unknowns: list) -> tuple[list, list, dict]:
+    """Equations and unknowns without those that stand linearly, and how these follow."""
     import sympy as sp
 
     explicit: dict = {}
@@ -229,13 +281,7 @@ def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem, given) -
         unknowns.remove(x)
         equations = [sp.numer(sp.together(e.subs(x, value))) for e in equations]
         explicit = {y: v.subs(x, value) for y, v in explicit.items()} | {x: value}
-    if not unknowns:
-        return [Root({x: sp.simplify(v) for x, v in explicit.items()})] if not any(equations) else []
-    if len(unknowns) == 1 and len(equations) == 1:
-        core = real_roots(equations[0], unknowns[0], system, given)
-    else:
-        core = search(equations, unknowns, system, given)
-    return [root.extended(explicit) for root in core]
+    return equations, unknowns, explicit
 
 
 def _linear_unknown(equations: list, unknowns: list):

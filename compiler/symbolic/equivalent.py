@@ -55,8 +55,8 @@ class Equivalent:
         found = [f"{name} = {notation.text(value)}" for name, value in named.items() if value]
         if found:
             return "\n".join(found)
-        top, bottom = (notation.polynomial(e, "s") for e in sp.fraction(sp.cancel(self.dynamic_stiffness)))
-        return f"{'torque/angle' if self.rotational else 'force/displacement'} = {top}/{bottom}"
+        quotient = notation.quotient(*sp.fraction(sp.cancel(self.dynamic_stiffness)), "s")
+        return f"{'torque/angle' if self.rotational else 'force/displacement'} = {quotient}"
 
 
 def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None = None) -> Equivalent:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from lmoc.structure.reduced import Reduced
     from lmoc.symbolic.equations import EquationsOfMotion
-    from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.equilibria import Equilibria, Equilibrium
     from lmoc.symbolic.equivalent import Equivalent
     from lmoc.symbolic.linearize import LinearModel
     from lmoc.symbolic.system import SymbolicSystem
@@ -54,7 +54,7 @@ class SymbolicMethods:
         _, reduced, values, _ = self.prepared(parameters or {})
         return equations_of_motion(reduced, values, forces)
 
-    def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> list[Equilibrium]:
+    def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
         """States of rest for constant inputs.
 
         Inputs not given stay symbols as long as the equations can be solved in symbols, otherwise they are zero. A
@@ -100,10 +100,8 @@ class SymbolicMethods:
 
     def _numeric_point(self, system, at, inputs: Point, parameters: Point | None) -> dict[str, float]:
         if isinstance(at, (int, float)):
-            times = sorted({0.0, float(at)})
-            run = self.simulate(times=times, parameters=parameters)
-            return {name: float(run[name][times.index(float(at))]) for name in (*system.states, *system.inputs)}
-        given = {**(at or {}), **inputs}
+            return self._moment(system, float(at), inputs, parameters)
+        given = _with_inputs(at, inputs)
         _check_names(given, (*system.states, *system.inputs))
         if at is not None:
             return self._numbers({name: value for name, value in given.items() if value is not None})
@@ -117,6 +115,18 @@ class SymbolicMethods:
         _, reduced, values, _ = self.prepared(parameters or {})
         only = _only(_equilibria(reduced, values, {name: 0 for name in system.inputs} | dict(inputs)))
         return self._numbers({**only, **inputs}, parameters)
+
+    def _moment(self, system, time: float, inputs: Point, parameters: Point | None) -> dict[str, float]:
+        """States and inputs at a time of the default run."""
+        start = self.flat.experiment.start or 0.0
+        if time < start:
+            message = f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about"
+            raise ModelError([Diagnostic("E0663", message)])
+        if inputs:
+            hint = "leave the values of the inputs out, or say where by a point {state: value}"
+            raise ModelError([Diagnostic("E0663", "at a time of the run its own inputs act", hint=hint)])
+        run = self.simulate(times=sorted({start, time}), parameters=parameters)
+        return {name: float(run[name][-1]) for name in (*system.states, *system.inputs)}
 
     def _numbers(self, point: Point, parameters: Point | None = None) -> dict[str, float]:
         """Expressions in parameters as numbers."""
@@ -142,29 +152,36 @@ class SymbolicMethods:
             )
         return linearize(system, symbolic_point(system, at, inputs), symbolic=True)
 
-    def transfer_function(self, u: str, y: str, parameters: Point | None = None) -> TransferFunction:
+    def transfer_function(
+        self, u: str, y: str, parameters: Point | None = None, at: Point | None = None
+    ) -> TransferFunction:
         """Transfer function from an input to any variable, a rational expression in ``Symbol("s")``.
 
         The result can be used as the SymPy expression; it also has `poles`, `zeros`, `gain`, `cancelled`.
-        A nonlinear scene is taken about its equilibrium.
+
+        Parameters
+        ----------
+        u, y : names of a top-level input and of a variable
+        at : {name: value} of states (an `Equilibrium` is one) and inputs, zero where nothing is given; about which a
+            nonlinear scene is taken. By default its equilibrium without inputs.
         """
+        from lmoc.symbolic.linearize import linearize
         from lmoc.symbolic.transfer import transfer_function
 
-        system, model = self._for_transfer(y, parameters)
-        return transfer_function(model, u, y, system.values)
-
-    def input_output_equation(self, u: str, y: str, parameters: Point | None = None) -> InputOutputEquation:
-        """``left(p)·y = right(p)·u`` with p = d/dt; the pair (left, right), which prints as an equation."""
-        from lmoc.symbolic.transfer import input_output_equation
-
-        return input_output_equation(self._for_transfer(y, parameters)[1], u, y)
-
-    def _for_transfer(self, y: str, parameters: Point | None) -> tuple[SymbolicSystem, LinearModel]:
-        from lmoc.symbolic.linearize import linearize
-
+        scene, _, _, _ = self.prepared(parameters or {})
+        _check_varies(scene.flat, y)
         system = self.symbolic((y,), parameters)
         system = replace(system, outputs={y: system.variables[y]})
-        return system, linearize(system, symbolic_point(system, None, {}), symbolic=True)
+        if at is not None:
+            at = {s.name: 0 for s in (*system.states, *system.inputs)} | dict(at)
+        model = linearize(system, symbolic_point(system, at, {}), symbolic=True)
+        return transfer_function(model, u, y, system.values)
+
+    def input_output_equation(
+        self, u: str, y: str, parameters: Point | None = None, at: Point | None = None
+    ) -> InputOutputEquation:
+        """``left(p)·y = right(p)·u`` with p = d/dt; the pair (left, right), which prints as an equation."""
+        return self.transfer_function(u, y, parameters, at).input_output_equation
 
     def equivalent(self, port: str, other: str | None = None, parameters: Point | None = None) -> Equivalent:
         """Equivalent stiffness, damping and inertia seen at a port, against another one or the ground."""
@@ -174,6 +191,12 @@ class SymbolicMethods:
         return equivalent(scene.flat, values, port, other)
 
 
+def _with_inputs(at: Point | None, inputs: Point) -> dict[str, Any]:
+    """A point, with the inputs that an equilibrium was found for."""
+    own = {u.name: value for u, value in getattr(at, "inputs", {}).items()}
+    return {**(at or {}), **own, **inputs}
+
+
 def _check_names(given: Point, known: Sequence[str]) -> None:
     for name in given:
         if name not in known:
@@ -181,18 +204,26 @@ def _check_names(given: Point, known: Sequence[str]) -> None:
             raise ModelError([Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=hint)])
 
 
+def _check_varies(flat, name: str) -> None:
+    """An output is something that can move."""
+    from lmoc.semantics.flat import Kind
+
+    found = flat.find(name)
+    if found is not None and len(found) == 1 and flat.kind[found[0]] in (Kind.CONSTANT, Kind.PARAMETER):
+        raise ModelError([Diagnostic("E0661", f"'{name}' is a parameter: no input moves it")])
+
+
 def symbolic_point(system: SymbolicSystem, at: Point | None, inputs: Point) -> dict:
     """States and inputs about which to be linear; empty where the equations are linear anyway."""
-    import sympy as sp
-
+    from lmoc.symbolic.equilibria import exactly
     from lmoc.symbolic.linearize import is_linear
 
     known = {s.name: s for s in (*system.states, *system.inputs)}
-    given = {**(at or {}), **inputs}
+    given = _with_inputs(at, inputs)
     _check_names(given, list(known))
     if at is None and not is_linear(system):
         return only_equilibrium(system, inputs)
-    return {known[name]: sp.sympify(value) for name, value in given.items()}
+    return {known[name]: exactly(value) for name, value in given.items()}
 
 
 def only_equilibrium(system: SymbolicSystem, inputs: Point) -> dict:
@@ -216,12 +247,24 @@ def _only(found: list[Equilibrium]) -> Equilibrium:
     """
     if len(found) == 1 and found[0].isolated:
         return found[0]
-    shown = "; ".join(", ".join(f"{n} = {v}" for n, v in e.items()) for e in found) or "none"
-    hint = "say where: a time, or a point {state: value}"
-    raise ModelError([Diagnostic("E0663", "there is not one equilibrium to be linear about", found=shown, hint=hint)])
+    if not found:
+        raise ModelError([Diagnostic("E0663", "there is no equilibrium to be linear about", hint=_WHERE)])
+    shown = "; ".join(f"({i}) {_point_text(e)}" for i, e in enumerate(found, 1))
+    message = "there is not one equilibrium to be linear about"
+    hint = f"choose one, `--equilibrium 1` or in Python `at=dae.equilibria()[0]`; or {_WHERE}"
+    raise ModelError([Diagnostic("E0663", message, found=shown, hint=hint)])
 
 
-def _equilibria(reduced: Reduced, values: np.ndarray, inputs: Point) -> list[Equilibrium]:
+_WHERE = "say where, as `--at name=value` or `at={name: value}`"
+
+
+def _point_text(e: Equilibrium) -> str:
+    """The coordinates that are not zero, or say that all are."""
+    values = {n: f"{float(v):.6g}" if v.is_Float else str(v) for n, v in e.items()}
+    return ", ".join(f"{n} = {v}" for n, v in values.items() if v != "0") or "all states 0"
+
+
+def _equilibria(reduced: Reduced, values: np.ndarray, inputs: Point) -> Equilibria:
     from lmoc.symbolic.equilibria import equilibria
     from lmoc.symbolic.motion import balances
     from lmoc.symbolic.numeric import equilibria_numerically, linearize_numerically

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lmoc.diagnostics import Diagnostic, ModelError
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.stability import Spectrum, spectrum, stability
@@ -158,8 +160,13 @@ class LinearModel:
             E0660 where an output contains an input's derivative: no such (proper) form exists.
         """
         proper = self.realization()
-        if any(np.any(np.asarray(d, float) != 0) for d in proper.Ds[1:]):
-            raise refuse("an output contains the derivative of an input: there is no proper form A, B, C, D")
+        improper = [y for i, y in enumerate(self.outputs) if any(np.any(D[i] != 0) for D in proper.Ds[1:])]
+        if improper:
+            which = ", ".join(improper)
+            raise refuse(
+                f"the derivative of an input acts on {which}: there is no proper form A, B, C, D",
+                hint="choose other outputs: linearize(outputs=[…])",
+            )
         return proper.A, proper.B, proper.C, proper.D
 
     def to_scipy(self):
@@ -175,18 +182,40 @@ class LinearModel:
         return control.ss(*self.matrices(), states=self.states, inputs=self.inputs, outputs=self.outputs)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """A, B, C, D, Bd, Dd and the names as arrays, for files."""
+        """A, B, C, D, the point x0, u0, y0 and the names as arrays, for files.
+
+        Bd and Dd belong to the inputs' first derivatives; B2, D2, … to higher ones, where those act.
+        """
         names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
         blocks = {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
         blocks |= {"Bd": self.B * 0 if self.Bd is None else self.Bd, "Dd": self.D * 0 if self.Dd is None else self.Dd}
+        for k in range(2, len(self.Bs)):
+            blocks |= {f"B{k}": self.Bs[k], f"D{k}": self.Ds[k]}
+        at = {"x0": self.states, "u0": self.inputs}
+        blocks |= {key: np.array([float(self.point[name]) for name in of]) for key, of in at.items()}
+        blocks["y0"] = self.output_values
         return blocks | {key: np.array(value, str) for key, value in names.items()}
 
-    def save(self, path: str) -> None:
-        """Write a MATLAB file with A, B, C, D, Bd, Dd and the names."""
-        from scipy.io import savemat
+    def save(self, path: str | Path) -> None:
+        """Write the `arrays` into a file, .mat (MATLAB, names as cell arrays) or .npz.
 
-        arrays = self.arrays()
-        savemat(path, {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()})
+        Raises
+        ------
+        ModelError
+            E0624 for another ending.
+        OSError
+            The file cannot be written.
+        """
+        path, arrays = Path(path), self.arrays()
+        if path.suffix.lower() == ".npz":
+            np.savez(path, **arrays)
+        elif path.suffix.lower() == ".mat":
+            from scipy.io import savemat
+
+            savemat(path, {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()})
+        else:
+            message = f"the format of '{path}' is not known"
+            raise ModelError([Diagnostic("E0624", message, expected=".mat, .npz", found=f"'{path.suffix}'")])
 
 
 def linearize(
@@ -219,13 +248,9 @@ def linearize(
 
     outputs = dict(system.outputs if outputs is None else outputs) or {s.name: s for s in system.states}
     point = dict(point or {})
-    jets = [system.jets(u) for u in system.inputs]
-    highest = max((len(j) for j in jets), default=1)
     f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
     here = {x: sp.sympify(v) for x, v in point.items()}
-    for jet in jets:
-        here |= {d: sp.S.Zero for d in jet[1:] if d not in here}
-
+    here = {d: sp.S.Zero for u in system.inputs for d in system.jets(u)[1:]} | here
     if not symbolic:
         _check_values(f.free_symbols | h.free_symbols, system, values)
 
@@ -233,25 +258,29 @@ def linearize(
         matrix = matrix.xreplace(here)
         return matrix.applyfunc(_lowest) if symbolic else numeric_matrix(matrix, system, values)
 
-    drift, output_values = finish(f), finish(h)
-    Bs, Ds = [], []
-    for k in range(highest):
-        columns = [jet[k] if k < len(jet) else sp.Dummy() for jet in jets]
-        Bs.append(finish(_jacobian(f, columns)))
-        Ds.append(finish(_jacobian(h, columns)))
+    by_order = _jets_by_order(system)
     return LinearModel(
         states=[s.name for s in system.states],
         inputs=[u.name for u in system.inputs],
         outputs=list(outputs),
         A=finish(_jacobian(f, system.states)),
-        Bs=tuple(Bs),
+        Bs=tuple(finish(_jacobian(f, jets)) for jets in by_order),
         C=finish(_jacobian(h, system.states)),
-        Ds=tuple(Ds),
+        Ds=tuple(finish(_jacobian(h, jets)) for jets in by_order),
         point={x.name: here.get(x, x if symbolic else sp.S.Zero) for x in (*system.states, *system.inputs)},
-        drift=_column(drift),
-        output_values=_column(output_values),
+        drift=_column(finish(f)),
+        output_values=_column(finish(h)),
         coordinates=system.coordinates,
     )
+
+
+def _jets_by_order(system: SymbolicSystem) -> list[list[sympy.Symbol]]:
+    """The inputs, their first derivatives, and so on; a symbol that stands nowhere for what does not act."""
+    import sympy as sp
+
+    jets = [system.jets(u) for u in system.inputs]
+    highest = max((len(j) for j in jets), default=1)
+    return [[jet[k] if k < len(jet) else sp.Dummy() for jet in jets] for k in range(highest)]
 
 
 def is_linear(system: SymbolicSystem) -> bool:
@@ -306,8 +335,6 @@ def _numbers(system: SymbolicSystem, values: Mapping | None) -> dict:
 
 
 def no_value(missing: list[str]):
-    from lmoc.diagnostics import Diagnostic, ModelError
-
     return ModelError(
         [
             Diagnostic(

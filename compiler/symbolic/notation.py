@@ -7,7 +7,7 @@ dots, and what counts up comes before what is subtracted: ``(J + m·r²)·θ̈ +
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from lmoc.symbolic.names import base_of, short_names
@@ -57,16 +57,38 @@ class Notation:
         import sympy as sp
 
         x = sp.Symbol(variable)
-        formula = Formula(self, style)
+        formula = Formula(replace(self, late={variable: 0}), style)  # its powers come last
         terms = sp.Poly(value, x).terms() if value.has(x) else [((0,), value)]
         parts = [formula.term(sp.factor_terms(c), x**n if n else None) for (n,), c in terms]
+        if len(parts) > 1 and all(negative for negative, _ in parts):
+            return style.sign + style.brackets(join_terms(((False, text) for _, text in parts), style))
         text = join_terms(parts, style)
-        return style.brackets(text) if len(parts) > 1 and not bare else text
+        a_sum = len(parts) > 1 or not value.has(x) and value.is_Add
+        return style.brackets(text) if a_sum and not bare else text
+
+    def quotient(self, top: sympy.Expr, bottom: sympy.Expr, variable: str, style: Style = UNICODE) -> str:
+        """A rational function, as one fraction."""
+        above = self.polynomial(top, variable, style, bare=style.fills or bottom == 1)
+        if bottom == 1:
+            return above
+        below = self.polynomial(bottom, variable, style, bare=True)
+        return style.fraction(above, below, bottom.is_Symbol or bottom.is_Number)
+
+    def legend(self, style: Style = UNICODE) -> list[str]:
+        """Lines with what each abbreviation stands for, after an empty one; nothing where there is none."""
+        table = [(style.symbol(short, 0), told(full)) for short, full in self.abbreviations.items()]
+        width = max((len(short) for short, _ in table), default=0)
+        return ["", "with", *(f"  {short:<{width}}  {full}" for short, full in table)] if table else []
 
     @property
     def abbreviations(self) -> dict[str, str]:
         """{name shown: full name} where they differ."""
         return {short: full for full, short in self.short.items() if short != full}
+
+
+def told(full: str) -> str:
+    """A full name for a person."""
+    return f"deviation of {full[1:]}" if full.startswith("δ") else full
 
 
 def join_terms(parts: Iterable[tuple[bool, str]], style: Style) -> str:
@@ -106,8 +128,14 @@ class Formula:
 
         terms = [(_is_negative(t), t) for t in sp.Add.make_args(value)]
         parts = [(negative, self.product(-t if negative else t), t) for negative, t in terms]
-        parts.sort(key=lambda p: (p[0], self._place(p[2]), p[1]))
+        parts.sort(key=lambda p: (p[0], self._place(p[2]), self._spoken(p[2])))
         return join_terms(((negative, text) for negative, text, _ in parts), self.style)
+
+    def _spoken(self, term: sympy.Expr) -> str:
+        """What a sum is sorted by: the term without its number, in any style the same."""
+        number, rest = term.as_coeff_Mul()
+        text = Formula(self.notation, ASCII).product(rest if rest != 1 else abs(number))
+        return text.replace("'", "").casefold() + text
 
     def _place(self, term: sympy.Expr) -> int:
         """Plain coordinates first (``q2 + L - d0``), then constants, then the rest (``J + m·cos²(θ)``)."""
@@ -127,7 +155,7 @@ class Formula:
             return self.number(value)
         top, bottom = [], []
         number = sp.S.One
-        for factor in _factors(value):
+        for factor in _with_odd_roots(_factors(value)):
             if factor.is_Rational:
                 number *= factor
             elif isinstance(factor, sp.Pow) and _is_negative(factor.exp):
@@ -180,6 +208,8 @@ class Formula:
             return self.style.brackets(self.sum(value))
         if value in (sp.pi, sp.E):
             return self.style.constant("pi" if value == sp.pi else "e")
+        if isinstance(value, sp.Function) and value.func.__name__ == _ODD_ROOT:
+            return self.style.odd_root(self.sum(value.args[0]), self.number(value.args[1]))
         if isinstance(value, sp.Function) and not isinstance(value, sp.Piecewise):
             return self.style.function(type(value).__name__.lower()) + self._arguments(value)
         if isinstance(value, sp.Piecewise):
@@ -223,6 +253,22 @@ def _factors(value: sympy.Expr) -> list:
     if not isinstance(value, sp.Mul):
         return [value]
     return [g for f in value.args for g in _factors(f)]
+
+
+_ODD_ROOT = "odd_root"
+
+
+def _with_odd_roots(factors: list) -> list:
+    """``|x|^(1/3)·sign(x)`` as one factor, the real cube root of x."""
+    import sympy as sp
+
+    for sign in (f for f in factors if isinstance(f, sp.sign)):
+        (x,) = sign.args
+        for power in (f for f in factors if f.is_Pow and f.base == sp.Abs(x)):
+            if power.exp.is_Rational and power.exp.p == 1 and power.exp.q % 2:
+                root = sp.Function(_ODD_ROOT)(x, power.exp.q)
+                return [*(f for f in factors if f not in (sign, power)), root]
+    return factors
 
 
 def _is_negative(value: sympy.Expr) -> bool:

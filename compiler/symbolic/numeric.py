@@ -18,7 +18,7 @@ from lmoc.symbolic.linearize import LinearModel, no_value
 from lmoc.symbolic.system import coordinates_of
 
 if TYPE_CHECKING:
-    from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.equilibria import Equilibria
 
 NEWTON_STEPS = 60
 
@@ -125,7 +125,7 @@ class NumericSystem:
             x = x - step
             if np.abs(step).max(initial=0.0) <= 1e-12 * (1.0 + np.abs(x).max(initial=0.0)):
                 break
-        x[np.abs(x) < 1e-14 * np.abs(x).max(initial=0.0)] = 0.0
+        x[np.abs(x) < 1e-14 * (1.0 + np.abs(x).max(initial=0.0))] = 0.0  # below what the iteration can tell
         scale = 1.0 + np.abs(jacobian[:n, :n]).sum(axis=1) * (1.0 + np.abs(x).max(initial=0.0)) if n else 1.0
         return x if np.all(np.abs(self.rates(x, u)) <= 1e-9 * scale) else None
 
@@ -193,24 +193,27 @@ def linearize_numerically(
     )
 
 
-def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> list[Equilibrium]:
+def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> Equilibria:
     """The state of rest that Newton's method finds from the state zero, if any; inputs not given are zero."""
     import sympy as sp
 
-    from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.equilibria import Equilibria, Equilibrium
 
     system = NumericSystem(reduced, values, ())
     u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
     found = system.rest(u)
+    how = "Newton's method from the state zero"
     if found is None:
-        return []
+        return Equilibria((), how)
     model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)) | dict(inputs), ())
     linear = system.is_linear()
-    how = "Newton's method from the state zero" + ("" if linear else "; there may be others")
+    how += "" if linear else "; there may be others"
     symbols = [sp.Symbol(name) for name in system.states]
     free = _free(model.A) if linear else set()
     at = {s: s if i in free else sp.Float(v) for i, (s, v) in enumerate(zip(symbols, found.tolist(), strict=True))}
-    return [Equilibrium(at, tuple(symbols[i] for i in sorted(free)), how=how, model=model, nonlinear=not linear)]
+    given = {sp.Symbol(name): sp.Float(value) for name, value in zip(system.inputs, u.tolist(), strict=True)}
+    members = tuple(symbols[i] for i in sorted(free))
+    return Equilibria([Equilibrium(at, members, how=how, model=model, nonlinear=not linear, inputs=given)], how)
 
 
 def _free(A: np.ndarray) -> set[int]:

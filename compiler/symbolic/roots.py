@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 STARTS = 200
 REACH = 10.0  # half the side of the box that is searched, in SI units
-SAMPLES = 4001
+SAMPLES = 8001
+DENSITY = 20.0  # of the samples about zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,28 +37,32 @@ class Root:
         return replace(self, values={**self.values, **more})
 
 
-def real_roots(equation: sympy.Expr, x: sympy.Symbol, system: SymbolicSystem, given: Mapping) -> list[Root]:
-    """Real roots of one equation: factor by factor in closed form, else numerically with the parameter values."""
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """What a numeric search has found, and how it searched."""
+
+    roots: list[Root]
+    how: str
+
+
+def closed_roots(equation: sympy.Expr, x: sympy.Symbol, numbers: Mapping) -> list[Root] | None:
+    """All real roots of one equation in closed form, factor by factor; None where there is none for some factor."""
     import sympy as sp
 
     if not equation.is_polynomial(x):
-        return _angles(equation, x) or _scan(_with_numbers([equation], [x], system, given)[0], x)
+        return _angles(equation, x) or None
     found: list[Root] = []
     for factor, _ in sp.factor_list(equation)[1]:
-        if not factor.has(x):
-            continue
-        exact = _closed_form(sp.Poly(factor, x), x)
-        if exact is None:
-            number = _with_numbers([factor], [x], system, given)[0]
-            roots = [r for r in sp.Poly(number, x).nroots(n=17, maxsteps=200) if abs(sp.im(r)) < 1e-12]
-            found += [Root({x: sp.re(r)}, how="all real roots of a polynomial, with numbers") for r in roots]
-        else:
+        if factor.has(x):
+            exact = _closed_form(sp.Poly(factor, x), x, numbers)
+            if exact is None:
+                return None
             found += [Root({x: value}) for value in exact]
     return found
 
 
-def _closed_form(polynomial: sympy.Poly, x: sympy.Symbol) -> list[sympy.Expr] | None:
-    """Roots of degree one, and the real one of ``a·(x + b)^n = c`` with odd n; None where neither fits."""
+def _closed_form(polynomial: sympy.Poly, x: sympy.Symbol, numbers: Mapping) -> list[sympy.Expr] | None:
+    """Real roots of degree one, and of ``a·(x + b)^n = c``, for even n where the sign of c/a is known; else None."""
     import sympy as sp
 
     n = polynomial.degree()
@@ -66,10 +71,15 @@ def _closed_form(polynomial: sympy.Poly, x: sympy.Symbol) -> list[sympy.Expr] | 
     if n == 1:
         return [-shift]
     rest = sp.cancel(polynomial.as_expr() - sp.expand(a * (x + shift) ** n))
-    if n % 2 == 0 or rest.has(x):
+    if rest.has(x):
         return None
     value = sp.cancel(-rest / a)
-    return [-shift + sp.sign(value) * sp.Abs(value) ** sp.Rational(1, n)]
+    if n % 2 == 1:
+        return [-shift + sp.sign(value) * sp.Abs(value) ** sp.Rational(1, n)]
+    known = value.xreplace(numbers)
+    if not known.is_Number or known == 0:
+        return None
+    return [-shift - value ** sp.Rational(1, n), -shift + value ** sp.Rational(1, n)] if known > 0 else []
 
 
 def _angles(equation: sympy.Expr, x: sympy.Symbol) -> list[Root]:
@@ -83,13 +93,10 @@ def _angles(equation: sympy.Expr, x: sympy.Symbol) -> list[Root]:
     return [Root({x: c}, how="exact, within one turn") for c in exact] if exact and plain else []
 
 
-def _with_numbers(equations: list, unknowns: list, system: SymbolicSystem, given: Mapping) -> list:
-    import sympy as sp
-
+def _with_numbers(equations: list, unknowns: list, system: SymbolicSystem) -> list:
     from lmoc.symbolic.linearize import no_value
 
-    table = {**system.numbers, **{u: given.get(u, sp.S.Zero) for u in system.inputs}}
-    done = [e.xreplace(table) for e in equations]
+    done = [e.xreplace(system.numbers) for e in equations]
     missing = sorted({s.name for e in done for s in e.free_symbols - set(unknowns)})
     if missing:
         raise no_value(missing)
@@ -102,24 +109,41 @@ def _periodic(equations: list, x: sympy.Symbol) -> bool:
     return all(sp.expand(e.subs(x, x + 2 * sp.pi) - e) == 0 for e in equations)
 
 
-def _scan(equation: sympy.Expr, x: sympy.Symbol) -> list[Root]:
-    """Sign changes and touching zeros on a grid, refined by bisection."""
+def scan(equation: sympy.Expr, x: sympy.Symbol, system: SymbolicSystem) -> Sought:
+    """Real roots of one equation with the parameter values: all of a polynomial, else the sign changes on a grid."""
     import sympy as sp
 
+    (equation,) = _with_numbers([equation], [x], system)
+    if equation.is_polynomial(x):
+        how = "all real roots of a polynomial, with numbers"
+        roots = [r for r in sp.Poly(equation, x).nroots(n=17, maxsteps=200) if abs(sp.im(r)) < 1e-12]
+        return Sought([Root({x: sp.re(r)}, how=how) for r in roots], how)
     turn = _periodic([equation], x)
-    low, high = (-np.pi, np.pi) if turn else (-REACH, REACH)
-    where = "within one turn" if turn else f"for |{x.name}| ≤ {REACH:g}"
+    grid = _turn() if turn else _spread()
+    where = "within one turn" if turn else f"for |{x.name}| ≤ {REACH:g}, dense about zero"
+    how = f"sign changes at {SAMPLES} points {where}; roots that touch zero without crossing are not seen"
+    return Sought([Root({x: _plain(r)}, how=how) for r in _sign_changes(equation, x, grid)], how)
+
+
+def _turn() -> np.ndarray:
+    return np.linspace(-np.pi, np.pi, SAMPLES) + 1e-8  # off the special values
+
+
+def _spread() -> np.ndarray:
+    """Points in the reach, their distance from each other about a hundredth of that from zero."""
+    return REACH * np.sinh(DENSITY * (np.linspace(-1, 1, SAMPLES) + 1e-9)) / np.sinh(DENSITY)
+
+
+def _sign_changes(equation: sympy.Expr, x: sympy.Symbol, grid: np.ndarray) -> list[float]:
+    """Zeros between points of a grid, refined by bisection; not the poles."""
+    import sympy as sp
+
     f = sp.lambdify(x, equation, "numpy")
-    grid = np.linspace(low, high, SAMPLES) + (high - low) * 1e-9  # off the special values
     with np.errstate(all="ignore"):
         value = np.broadcast_to(np.asarray(f(grid), float), grid.shape)
-    roots = []
-    for i in np.flatnonzero(np.signbit(value[:-1]) != np.signbit(value[1:])):
-        root = _bisect(f, grid[i], grid[i + 1])
-        if abs(f(root)) < 1e-6 * np.nanmax(np.abs(value)):
-            roots.append(root)
-    how = f"sign changes at {SAMPLES} points {where}; roots that touch zero without crossing are not seen"
-    return [Root({x: _plain(r)}, how=how) for r in roots]
+        changes = np.flatnonzero(np.signbit(value[:-1]) != np.signbit(value[1:]))
+        found = [_bisect(f, grid[i], grid[i + 1]) for i in changes]
+        return [root for root in found if abs(f(root)) < 1e-6 * np.nanmax(np.abs(value))]
 
 
 def _bisect(f, low: float, high: float) -> float:
@@ -138,11 +162,11 @@ def _plain(value: float) -> sympy.Expr:
     return turns * sp.pi / 2 if abs(value - turns * np.pi / 2) < 1e-9 else sp.Float(value)
 
 
-def search(equations: list, unknowns: list, system: SymbolicSystem, given: Mapping) -> list[Root]:
+def search(equations: list, unknowns: list, system: SymbolicSystem) -> Sought:
     """Newton's method from many starts in a box; says how thorough that was."""
     import sympy as sp
 
-    equations = _with_numbers(equations, unknowns, system, given)
+    equations = _with_numbers(equations, unknowns, system)
     f = sp.lambdify([unknowns], equations, "numpy")
     jacobian = sp.lambdify([unknowns], [[slope(e, x) for x in unknowns] for e in equations], "numpy")
     reach = np.array([np.pi if _periodic(equations, x) else REACH for x in unknowns])
@@ -160,7 +184,7 @@ def search(equations: list, unknowns: list, system: SymbolicSystem, given: Mappi
     box = ", ".join(f"|{x.name}| ≤ {r:.3g}" for x, r in zip(unknowns, reach, strict=True))
     how = f"Newton's method from {STARTS} starts in {box}; there may be others"
     plain = [[_plain(v) for v in root] for root in sorted(found, key=tuple)]
-    return [Root(dict(zip(unknowns, root, strict=True)), how=how) for root in plain]
+    return Sought([Root(dict(zip(unknowns, root, strict=True)), how=how) for root in plain], how)
 
 
 def _newton(f, jacobian, x: np.ndarray) -> np.ndarray | None:

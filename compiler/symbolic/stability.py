@@ -16,6 +16,8 @@ import numpy as np
 NEAR_AXIS = 1e-6  # |Re λ|/|λ| below which several equal eigenvalues may be one on the imaginary axis
 ON_AXIS = 1e-9  # and below which a single one is
 
+ROUNDED_OFF = 1e-24  # of the largest entry: less is what a square of a difference of equal numbers leaves
+
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
@@ -41,7 +43,7 @@ def spectrum(A: np.ndarray) -> Spectrum:
     """Eigenvalues of a square matrix, zeros found by rank."""
     if not len(A):
         return Spectrum(np.zeros(0), (), 0.0)
-    rest = balanced(A)
+    rest = balanced(np.where(np.abs(A) < ROUNDED_OFF * np.abs(A).max(), 0.0, A))
     rounding = len(A) * np.finfo(float).eps * float(np.linalg.norm(rest))
     chains: list[int] = []
     while len(rest):

@@ -14,6 +14,11 @@ _LATEX_ACCENTS = {1: r"\dot", 2: r"\ddot", 3: r"\dddot", 4: r"\ddddot"}
 _DOTS = {1: "˙", 2: "¨", 3: "⃛", 4: "⃜"}
 
 
+def unit_text(unit: str) -> str:
+    """``N.m/rad`` as ``N·m/rad``, ``m/s2`` as ``m/s²``."""
+    return unit.replace(".", "·").translate(str.maketrans("23456", "²³⁴⁵⁶"))
+
+
 def split_name(name: str) -> tuple[str, str, str, str]:
     """``δtheta1`` → (``δ``, ``theta``, ``1``, no word); ``q_left`` → (no δ, ``q``, no number, ``left``)."""
     delta, rest = ("δ", name[1:]) if name.startswith("δ") else ("", name)
@@ -24,10 +29,28 @@ def split_name(name: str) -> tuple[str, str, str, str]:
     return (delta, word, "", index) if underscore and word.isalpha() else (delta, rest, "", "")
 
 
+def _lettered(index: str) -> tuple[str, str]:
+    """``theta1`` → (``theta``, ``1``), if it is a Greek letter's name."""
+    found = re.fullmatch(r"([a-z]+?)(\d*)", index)
+    return found.groups() if found and found[1] in GREEK else ("", "")
+
+
+def _greek(index: str) -> str:
+    """``theta1`` → ``θ1``; other words as they are."""
+    letter, digits = _lettered(index)
+    return GREEK[letter] + digits if letter else index
+
+
+def _latex_index(index: str) -> str:
+    letter, digits = _lettered(index)
+    return f"\\{letter}" + (f"_{{{digits}}}" if digits else "") if letter else rf"\mathrm{{{_escaped(index)}}}"
+
+
 class Ascii:
     """Plain text that can be typed: ``m*q'' + k*q = f``."""
 
     times, plus, minus, sign, equals = "*", " + ", " - ", "-", " = "
+    applied = " "  # between an operator and what it acts on
 
     def symbol(self, name: str, order: int) -> str:
         return name + "'" * order
@@ -48,6 +71,10 @@ class Ascii:
 
     def root(self, text: str) -> str:
         return f"sqrt({text})"
+
+    def odd_root(self, text: str, order: str) -> str:
+        """The real root of any sign."""
+        return f"cbrt({text})" if order == "3" else f"root{order}({text})"
 
     def function(self, name: str) -> str:
         return name
@@ -71,7 +98,7 @@ class Unicode(Ascii):
     def symbol(self, name: str, order: int) -> str:
         delta, word, digits, index = split_name(name)
         letter = GREEK.get(word, word)
-        tail = digits + (f"_{GREEK.get(index, index)}" if index else "")
+        tail = digits + (f"_{_greek(index)}" if index else "")
         if order and (len(letter) > 1 or order > 4):
             return f"{delta}{letter}{tail}" + "'" * order
         return delta + normalize("NFC", letter + _ACCENTS.get(order, "")) + tail
@@ -81,6 +108,9 @@ class Unicode(Ascii):
             return base + exponent.translate(_SUPERSCRIPT)
         return super().power(base, exponent)
 
+    def odd_root(self, text: str, order: str) -> str:
+        return f"∛({text})" if order == "3" else super().odd_root(text, order)
+
     def constant(self, name: str) -> str:
         return {"pi": "π"}.get(name, name)
 
@@ -88,7 +118,7 @@ class Unicode(Ascii):
 class Latex(Ascii):
     r"""``m \, \ddot{q} + k \, q = f``."""
 
-    times, fills = r" \, ", True
+    times, applied, fills = r" \, ", r" \, ", True
 
     def symbol(self, name: str, order: int) -> str:
         delta, word, digits, index = split_name(name)
@@ -98,8 +128,7 @@ class Latex(Ascii):
             letter = word if len(word) == 1 else rf"\mathit{{{_escaped(word)}}}"
         if order:
             letter = f"{_LATEX_ACCENTS[order]}{{{letter}}}" if order <= 4 else rf"{letter}^{{({order})}}"
-        word_below = "\\" + index if index in GREEK else rf"\mathrm{{{_escaped(index)}}}"
-        below = word_below if index else digits
+        below = _latex_index(index) if index else digits
         return (r"\delta " if delta else "") + letter + (f"_{{{below}}}" if below else "")
 
     def power(self, base: str, exponent: str) -> str:
@@ -113,6 +142,9 @@ class Latex(Ascii):
 
     def root(self, text: str) -> str:
         return rf"\sqrt{{{text}}}"
+
+    def odd_root(self, text: str, order: str) -> str:
+        return rf"\sqrt[{order}]{{{text}}}"
 
     def function(self, name: str) -> str:
         known = "sin cos tan sinh cosh tanh exp log arcsin arccos arctan".split()
@@ -138,6 +170,7 @@ class MathML(Ascii):
     """For a page: presentation MathML, which browsers show without any script."""
 
     times = "<mo>&#x2062;</mo>"
+    applied = "<mo>&#x2061;</mo>"
     plus, minus, sign, equals = "<mo>+</mo>", "<mo>−</mo>", "<mo form='prefix'>−</mo>", "<mo>=</mo>"
     fills = True
 
@@ -148,8 +181,7 @@ class MathML(Ascii):
             dots = _DOTS.get(order, f"({order})")
             letter = f"<mover accent='true'>{letter}<mo>{dots}</mo></mover>"
         if digits or index:
-            word_below = escape(GREEK.get(index, index))
-            below = f"<mn>{digits}</mn>" if digits else f"<mi mathvariant='normal'>{word_below}</mi>"
+            below = f"<mn>{digits}</mn>" if digits else f"<mi mathvariant='normal'>{escape(_greek(index))}</mi>"
             letter = f"<msub>{letter}{below}</msub>"
         return ("<mi>δ</mi>" if delta else "") + letter
 
@@ -167,6 +199,9 @@ class MathML(Ascii):
 
     def root(self, text: str) -> str:
         return f"<msqrt>{text}</msqrt>"
+
+    def odd_root(self, text: str, order: str) -> str:
+        return f"<mroot><mrow>{text}</mrow>{order}</mroot>"
 
     def function(self, name: str) -> str:
         return f"<mi>{name}</mi>"

@@ -7,13 +7,15 @@ free of fractions, so that everything happens in a ring of polynomials: nothing 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.symbolic.linearize import LinearModel
+from lmoc.symbolic.notation import Notation
+from lmoc.symbolic.styles import UNICODE, Style
 from lmoc.symbolic.system import refuse
 
 if TYPE_CHECKING:
@@ -34,6 +36,8 @@ class TransferFunction:
         show or this input does not move.
     values : {Symbol: float}
         Parameter values for poles, zeros and plots.
+    point : {name: value}
+        States and inputs about which a nonlinear scene is linear; empty for a linear one.
     """
 
     input: str
@@ -42,6 +46,7 @@ class TransferFunction:
     denominator: sympy.Expr
     cancelled: tuple[sympy.Expr, ...]
     values: Mapping[sympy.Symbol, float]
+    point: Mapping[str, sympy.Expr] = field(default_factory=dict)
 
     @property
     def s(self) -> sympy.Symbol:
@@ -115,6 +120,14 @@ class TransferFunction:
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(np.float64(top[-1]) / np.float64(bottom[-1]))
 
+    @property
+    def input_output_equation(self) -> InputOutputEquation:
+        """The differential equation that ties output and input, in the operator p = d/dt."""
+        import sympy as sp
+
+        p = {self.s: sp.Symbol("p")}
+        return InputOutputEquation(self.input, self.output, self.denominator.xreplace(p), self.numerator.xreplace(p))
+
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Frequency response at angular frequencies in rad/s."""
         top, bottom = self.coefficients
@@ -145,11 +158,23 @@ class InputOutputEquation:
         return iter((self.left, self.right))
 
     def __str__(self) -> str:
-        from lmoc.symbolic.notation import Notation
-
         notation = Notation.of(self.left, self.right, names=(self.input, self.output))
-        left, right = (notation.polynomial(e, "p") for e in (self.left, self.right))
-        return f"{left} {notation.name(self.output)} = {right} {notation.name(self.input)}"
+        return self.write(notation, UNICODE)
+
+    def write(self, notation: Notation, style: Style) -> str:
+        """In the names and the style given."""
+        sides = ((self.left, self.output), (self.right, self.input))
+        return style.equals.join(_side(notation, style, operator, name) for operator, name in sides)
+
+
+def _side(notation: Notation, style: Style, operator: sympy.Expr, name: str) -> str:
+    """``(J·p² + k) y``; a factor one is not written, and nothing is left of a factor zero."""
+    shown = notation.name(name, style)
+    if operator == 0:
+        return style.number("0")
+    if operator in (1, -1):
+        return shown if operator == 1 else style.sign + shown
+    return notation.polynomial(operator, "p", style) + style.applied + shown
 
 
 def characteristic_polynomial(model: LinearModel) -> sympy.Expr:
@@ -185,18 +210,9 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     top, bottom = sp.fraction(sp.cancel(_determinant(bordered) / (full * last)))
     if sp.Poly(bottom, s).LC().could_extract_minus_sign():
         top, bottom = sp.expand(-top), sp.expand(-bottom)
-    return TransferFunction(
-        u, y, _collect(top, s), _collect(bottom, s), _cancelled(full, bottom, s), dict(values or {})
-    )
-
-
-def input_output_equation(model: LinearModel, u: str, y: str) -> InputOutputEquation:
-    """The differential equation that ties one output to one input, in the operator p = d/dt."""
-    import sympy as sp
-
-    tf = transfer_function(model, u, y)
-    p = {tf.s: sp.Symbol("p")}
-    return InputOutputEquation(u, y, tf.denominator.xreplace(p), tf.numerator.xreplace(p))
+    point = {n: v for n, v in model.point.items() if str(v) != n}
+    common = _cancelled(full, bottom, s)
+    return TransferFunction(u, y, _collect(top, s), _collect(bottom, s), common, dict(values or {}), point)
 
 
 def _index(names: list[str], name: str, what: str) -> int:
