@@ -16,6 +16,7 @@ from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names, hint_for
 from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.semantics.overrides import other_type
+from lmoc.semantics.parameter_checks import check_parameters
 from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.interface import SymbolicMethods
@@ -230,6 +231,9 @@ class DAE(SymbolicMethods):
         return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
 
     def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
+        report = Report()
+        check_parameters(self.flat, values, report)
+        report.check()
         with clock.stage("lower"):
             from lmoc.numerics.simulate import Simulator
             from lmoc.report.run import Run

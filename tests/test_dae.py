@@ -264,3 +264,33 @@ def test_arguments_of_another_type() -> None:
         lmoc.compile_text(TYPED, states="x")
     with pytest.raises(lmoc.ModelError, match="E0601"):
         lmoc.compile_text(TYPED, model=3)
+
+
+LIMITED = """
+model Limited
+  parameter Real k[2](each min = 0) = {1, 2};
+  parameter Real top = 5;
+  Real x(start = 1);
+equation
+  der(x) = -k[1]*x;
+  assert(k[2] < top, "the second is too large");
+  assert(x > -1, "too low");
+end Limited;
+"""
+
+
+@pytest.mark.parametrize(
+    ("given", "message", "found"),
+    [
+        ({"k[2]": -1}, "'k' must be at least 0", "k[2] = -1"),
+        ({"top": 2}, "the second is too large", "k[2] = 2, top = 2"),
+    ],
+)
+def test_parameters_out_of_their_limits_are_refused_before_the_run(given: dict, message: str, found: str) -> None:
+    dae = lmoc.compile_text(LIMITED)
+    assert dae.check() == ()
+    for attempt in (lambda: lmoc.compile_text(LIMITED, parameters=given).check(), lambda: dae.simulate(parameters=given)):
+        with pytest.raises(lmoc.ModelError) as caught:
+            attempt()
+        (only,) = caught.value.diagnostics
+        assert (only.code, only.message, only.found) == ("E0551", message, found)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flattening import codes, equations, flat, mistakes, sums
 
-from lmoc.semantics.connect import components
+from lmoc.semantics.components import components
 
 PIN = """
 connector Pin Real v; flow Real i; end Pin;

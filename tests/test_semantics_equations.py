@@ -185,3 +185,17 @@ def test_limits_of_parameters_are_checks() -> None:
 
 def test_constants_need_values() -> None:
     assert codes("model A constant Real c; Real x = c; end A;") == ["E0212"]
+
+
+@pytest.mark.parametrize(
+    ("choice", "warnings"),
+    [
+        ("if time < 1 then 1 else if time < 2 then 2 else if time < 3 then 3 else 4", 1),
+        ("if time < 1 then 1 else if time < 2 then abs(time) else 3", 2),
+        ("if fixed then 1 else if time < 2 then 2 else 3", 1),
+        ("if time < 1 then (if time < 0.5 then 1 else 2) else 3", 2),
+    ],
+)
+def test_one_choice_of_many_branches_is_warned_of_once(choice: str, warnings: int) -> None:
+    dae = flat(f"model A parameter Boolean fixed = true; Real x = {choice}; end A;")
+    assert [n.code for n in dae.notes] == ["W0311"] * warnings

@@ -82,6 +82,11 @@ NUMERICS: dict[str, Entry] = {
         "a variable that is to be kept does not exist",
         "`--keep` and `keep=` take names of variables or of whole arrays of the flat model, such as `mass.q`.",
     ),
+    "E0551": Entry(
+        "parameters that break a condition",
+        "A parameter lies outside its `min` and `max`, or an assertion over parameters alone does not hold. The message is "
+        "the model's own where it gives one.",
+    ),
     "W0551": Entry(
         "an assertion of level warning does not hold",
         "The model says itself that something is not as it should be; the message is the model's.",

@@ -15,7 +15,8 @@ import numpy as np
 
 from lmoc.diagnostics import Label, Report
 from lmoc.distinct import distinct
-from lmoc.semantics.connect import Connections, Edges, components
+from lmoc.semantics.components import components
+from lmoc.semantics.connect import Connections, Edges
 from lmoc.semantics.draft import Drafts
 from lmoc.semantics.flat import Kind
 from lmoc.semantics.instance import Instance, Variable

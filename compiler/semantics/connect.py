@@ -18,6 +18,8 @@ from lmoc.expression import dag
 from lmoc.semantics.draft import ConnectDraft
 from lmoc.semantics.flat import Group, Kind, Sums
 from lmoc.semantics.instance import Broken, Instance, Node, Variable
+from lmoc.semantics.components import components
+from lmoc.semantics.signal_sources import SignalEdge, check_sources
 from lmoc.semantics.unit_check import unit_of
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
@@ -60,6 +62,7 @@ class Connections:
 def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connections:
     """The edges of all connects; those that are wrong are reported and left out."""
     across, through, good = [], [], []
+    signals: list[SignalEdge] = []
     for draft in connects:
         try:
             inside = [_seen_from_inside(end, draft) for end in (draft.left, draft.right)]
@@ -74,7 +77,11 @@ def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connect
                 through.append((left + count * inside[0], right + count * inside[1], len(good)))
             else:
                 across.append((left, right, len(good)))
+            if a.causality or b.causality:
+                gives = [_gives_signal(v, seen) for v, seen in zip((a, b), inside)]
+                signals.append(SignalEdge(draft, (a, b), (left, right), tuple(gives)))
         good.append(draft)
+    check_sources(signals, report)
     return Connections(tuple(good), Edges.join(across), Edges.join(through), count)
 
 
@@ -103,6 +110,11 @@ def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
     raise Wrong(
         "E0313", f"'{end.label}' is too deep inside: a connect reaches the ports of parts, no further", draft.span
     )
+
+
+def _gives_signal(variable: Variable, inside: bool) -> bool:
+    """Whether a signal comes from here: the output of a part, or an input of the class around (9.3)."""
+    return variable.causality == ("input" if inside else "output")
 
 
 def _pairs(a: Node, b: Node, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
@@ -157,40 +169,6 @@ def _place(end: Node, draft: ConnectDraft) -> Span:
 
 
 # ------------------------------------------------------------------------ the sets
-
-
-def components(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Connected components of a graph given by its edges.
-
-    FastSV (Zhang, Azad and Hu 2020): every node points to a smaller one of its component; pointers hook onto the
-    smallest grandparents along the edges and are shortened, until they all show the smallest node. A few rounds,
-    whatever the size.
-
-    Returns
-    -------
-    nodes : the distinct end points, ascending
-    label : number of the component of each node, in the order of their first nodes
-    left, right : the edges as positions in `nodes`
-    """
-    used = np.zeros(int(max(left.max(), right.max())) + 1, bool)
-    used[left] = used[right] = True
-    nodes = np.flatnonzero(used)
-    number = np.cumsum(used, dtype=np.int32) - 1
-    a, b = number[left], number[right]
-    parent = np.arange(len(nodes), dtype=np.int32)
-    grandparent = parent.copy()
-    while True:
-        before = grandparent
-        for u, v in ((a, b), (b, a)):
-            hook = grandparent[v]
-            np.minimum.at(parent, parent[u], hook)
-            np.minimum.at(parent, u, hook)
-        np.minimum(parent, grandparent, out=parent)
-        grandparent = parent[parent]
-        if np.array_equal(grandparent, before):
-            break
-    first = grandparent == np.arange(len(nodes))
-    return nodes, (np.cumsum(first) - 1)[grandparent], a, b
 
 
 def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:

@@ -22,6 +22,7 @@ from lmoc.semantics.records import record_fields
 from lmoc.semantics.scope import Builtin, Member, Resolved, Scope, redeclared_class, resolve
 from lmoc.semantics.value import Value, from_numbers
 from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.source import Span
 from lmoc.syntax import tree
 
 if TYPE_CHECKING:
@@ -368,10 +369,15 @@ class Elaboration:
 
     def say_once(self, code: str, message: str, span, **more) -> None:
         """A warning that is given once for each place."""
-        key = (code, id(span.source), span.start)
-        if key not in self.said:
-            self.said.add(key)
+        if self.not_said(code, span):
             self.report.warning(code, message, span, **more)
+
+    def not_said(self, code: str, span: Span) -> bool:
+        """Whether this is the first time that something is to be said of a place; from now on it counts as said."""
+        key = (code, id(span.source), span.start)
+        first = key not in self.said
+        self.said.add(key)
+        return first
 
 
 def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:

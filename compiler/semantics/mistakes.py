@@ -208,4 +208,9 @@ SEMANTICS: dict[str, Entry] = {
         "connected to itself",
         "Both ends of a connect are the same port. One of them is probably meant to be another one.",
     ),
+    "E0315": Entry(
+        "two signals in one connection",
+        "A connection of signals has one source: the output of a part, or an input of the class itself. Everything\n"
+        "else in it takes the signal.",
+    ),
 }

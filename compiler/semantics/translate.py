@@ -235,6 +235,8 @@ def _if(context: Context, e: tree.If) -> Value:
         if condition.dims:
             raise Wrong("E0301", "a condition must be true or false, not an array", condition_tree.span)
         warn_kink(context, "this if-expression", e.span, condition)
+        if isinstance(e.otherwise, tree.If) and changes(context, condition):
+            context.model.not_said("W0311", e.otherwise.span)  # `else if` goes on with the same choice
         conditions.append(condition)
         if condition.expr.is_const and condition.expr.value:
             break

@@ -1,0 +1,34 @@
+"""Assertions, and limits of parameters, that hold or not before anything moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.diagnostics import Report
+from lmoc.expression import dag
+from lmoc.expression.evaluate import evaluate
+from lmoc.semantics.flat import FlatDAE, Kind
+
+_SHOWN = 4  # so many values are told
+
+
+def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
+    """Report each assertion of level error, over parameters alone, that their values break.
+
+    Parameters
+    ----------
+    flat : FlatDAE
+    values : (variables,) those of parameters and constants, NaN where there is none: what uses it is not judged
+    report : takes E0551
+    """
+    for check in flat.checks:
+        timed = dag.depends_on_time(check.condition) or np.any(flat.kind[check.slots] > Kind.PARAMETER)
+        if timed or not check.error:
+            continue  # looked at along the run
+        used = values[check.slots]
+        holds = np.broadcast_to(evaluate(check.condition, lambda k, _, used=used: used[:, k]), len(used))
+        broken = np.flatnonzero((holds == 0) & ~np.isnan(used).any(axis=1))
+        if len(broken):
+            named = dict.fromkeys(int(i) for i in check.slots[broken[0]] if flat.kind[i] == Kind.PARAMETER)
+            found = ", ".join(f"{flat.variable_name(i)} = {values[i]:g}" for i in list(named)[:_SHOWN])
+            report.error("E0551", check.message, check.span, found=found)
