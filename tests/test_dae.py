@@ -289,7 +289,8 @@ end Limited;
 def test_parameters_out_of_their_limits_are_refused_before_the_run(given: dict, message: str, found: str) -> None:
     dae = lmoc.compile_text(LIMITED)
     assert dae.check() == ()
-    for attempt in (lambda: lmoc.compile_text(LIMITED, parameters=given).check(), lambda: dae.simulate(parameters=given)):
+    at_once = lambda: lmoc.compile_text(LIMITED, parameters=given).check()  # noqa: E731
+    for attempt in (at_once, lambda: dae.simulate(parameters=given)):
         with pytest.raises(lmoc.ModelError) as caught:
             attempt()
         (only,) = caught.value.diagnostics

@@ -137,3 +137,79 @@ def test_wrong_calls(call: str, code: str) -> None:
 
 def test_what_a_function_never_assigns() -> None:
     assert codes("function f input Real x; output Real y; algorithm end f; model A Real r = f(1); end A;") == ["E0222"]
+
+
+RECORDS = """
+    record Pair Real x; Real y = 7; end Pair;
+    record Body Real m(unit = "kg"); Pair at; end Body;
+    function moment
+      input Body body;
+      input Real g = 10;
+      output Real t;
+    algorithm
+      t := body.m*g*body.at.x - body.at.y;
+    end moment;
+    function twice
+      input Body body;
+      output Real t;
+    algorithm
+      t := moment(body) + moment(g = 0, body = body);
+    end twice;
+"""
+
+
+@pytest.mark.parametrize(
+    ("declared", "expected"),
+    [
+        ("parameter Body b(m = 2, at(x = 3, y = 4)); parameter Real r = moment(b);", 2 * 10 * 3 - 4),
+        ("parameter Real r = moment(Body(2, Pair(3, 4)));", 2 * 10 * 3 - 4),
+        ("parameter Real r = moment(Body(at = Pair(x = 3), m = 2), g = 1);", 2 * 3 - 7),
+        ("parameter Body b(m = 2, at(x = 3, y = 4)); parameter Real r = twice(b);", 2 * 10 * 3 - 4 - 4),
+        ("parameter Body b[2](m = {1, 2}, each at(x = 3, y = 4)); parameter Real c[2] = moment(b);"
+         " parameter Real r = c[1] + 100*c[2];", 26 + 5600),
+    ],
+)  # fmt: skip
+def test_a_record_as_argument(declared: str, expected: float) -> None:
+    assert value(flat(f"{RECORDS} model A {declared} end A;", library=False), "r") == expected
+
+
+def test_a_record_of_variables_as_argument() -> None:
+    dae = flat(f"{RECORDS} model A Body b(m = time, at(x = 2, y = 1)); Real r = moment(b); end A;", library=False)
+    assert "r = b.m*10*b.at.x - b.at.y" in equations(dae)
+
+
+@pytest.mark.parametrize(
+    ("declared", "code", "words"),
+    [
+        ("Real r = moment(3);", "E0301", "'body' is a record"),
+        ("Real r = moment(Body(2));", "E0217", "the argument 'body.at.x' of 'moment' is missing"),
+        ("Real r = moment(Body(2, where = 3));", "E0217", "the record 'Body' has no field 'where'"),
+        ("Pair p(x = 1); Real r = moment(p);", "E0201", "'p' (Pair) has no element 'm'"),
+    ],
+)
+def test_records_that_do_not_fit(declared: str, code: str, words: str) -> None:
+    (only,) = mistakes(f"{RECORDS} model A {declared} end A;")
+    assert only.code == code and words in only.message
+
+
+@pytest.mark.parametrize(
+    ("body", "code", "words"),
+    [
+        ("y := p.z;", "E0201", "'p' has no element 'z'"),
+        ("y := p;", "E0301", "'p' is a record"),
+        ("p.x := 1; y := 2;", "E0201", "'p.x' is not a variable of the function"),
+    ],
+)
+def test_a_record_inside_a_function(body: str, code: str, words: str) -> None:
+    (only,) = mistakes(f"""{RECORDS} function f input Pair p; output Real y; algorithm {body} end f;
+                       model A Real r = f(Pair(1, 2)); end A;""")
+    assert only.code == code and words in only.message
+
+
+def test_an_assertion_in_a_function_is_looked_at_where_it_is_known() -> None:
+    function = """function root input Real x; output Real y;
+        algorithm assert(x >= 0, "no root of a negative number"); y := sqrt(x); end root;"""
+    (only,) = mistakes(f"{function} model A Real r = root(4) + root(-4); end A;")
+    assert only.code == "E0222" and "no root of a negative number" in only.message
+    dae = flat(f"{function} model A Real r = root(time); end A;", library=False)
+    assert [note.code for note in dae.notes] == ["W0229"]

@@ -84,8 +84,8 @@ NUMERICS: dict[str, Entry] = {
     ),
     "E0551": Entry(
         "parameters that break a condition",
-        "A parameter lies outside its `min` and `max`, or an assertion over parameters alone does not hold. The message is "
-        "the model's own where it gives one.",
+        "A parameter lies outside its `min` and `max`, or an assertion over parameters alone does not hold. The text "
+        "of an assertion is the model's own.",
     ),
     "W0551": Entry(
         "an assertion of level warning does not hold",

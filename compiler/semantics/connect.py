@@ -15,10 +15,10 @@ import numpy as np
 from lmoc.diagnostics import Label, Report
 from lmoc.distinct import first_of_each, numbered
 from lmoc.expression import dag
+from lmoc.semantics.components import components
 from lmoc.semantics.draft import ConnectDraft
 from lmoc.semantics.flat import Group, Kind, Sums
 from lmoc.semantics.instance import Broken, Instance, Node, Variable
-from lmoc.semantics.components import components
 from lmoc.semantics.signal_sources import SignalEdge, check_sources
 from lmoc.semantics.unit_check import unit_of
 from lmoc.semantics.wrong import Wrong

@@ -357,7 +357,7 @@ class FlatDAE:
 
 
 def parse_name(name: str) -> list[tuple[str, tuple]] | None:
-    """Split ``a.b[2].c[1:3]`` into names and subscripts; a range is a pair, ``:`` is (1, None). None if it is no name."""
+    """Split ``a.b[2].c[1:3]`` into names and subscripts; a range is a pair, ``:`` is (1, None). None if no name."""
     if not isinstance(name, str):
         return None
     result = []

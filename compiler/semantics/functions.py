@@ -7,11 +7,13 @@ unrolled, an `if` over a variable becomes an if-expression for every variable th
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lmoc.diagnostics import nearest
+from lmoc.diagnostics import Label, nearest
 from lmoc.semantics.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.context import Context, translates
+from lmoc.semantics.records import argument_fields, leaf_fields
 from lmoc.semantics.scope import Builtin, Member, Scope, resolve
 from lmoc.semantics.translate import choose, dims_text, iteration, sizes_differ, warn_kink
 from lmoc.semantics.unit_check import has_unit
@@ -101,12 +103,30 @@ class _Body:
             raise Wrong("E0226", f"the function '{function.name}' cannot have equations", equations[0].span,
                         hint="write 'algorithm' instead of 'equation', and ':=' instead of '='")  # fmt: skip
         self.values: dict[str, Value] = {}
-        self.declared = {n: _declared(m) for n, m in function.table.items() if isinstance(m, Member)}
+        self.records: dict[str, Scope] = {}  # inputs that are records: what they are
+        self.declared: dict[str, _Variable] = {}
+        for name, member in function.table.items():
+            if isinstance(member, Member):
+                self._declare(name, member)
         self.caller = context
         self.context = context.inside_function(function, self.values)
         self.context.depth = context.depth + 1
         if self.context.depth > MAX_DEPTH:
             raise Wrong("E0222", f"the function '{function.name}' calls itself without end", e.span)
+
+    def _declare(self, name: str, member: Member) -> None:
+        """A variable; a record that is an input becomes one for each of its fields."""
+        base = resolve(member.scope.find_class(member.component.type)).base
+        role = member.component.causality
+        if isinstance(base, Builtin):
+            self.declared[name] = _Variable(member, base.name, role)
+            return
+        if base.kind != "record" or role != "input" or member.component.dimensions:
+            raise Wrong("E0230", "functions take records, but work with numbers and arrays so far",
+                        member.component.span)  # fmt: skip
+        self.records[name] = base
+        for field, inner, type_ in leaf_fields(base):
+            self.declared[f"{name}.{field}"] = _Variable(inner, type_.name, role)
 
     def run(self) -> list[Value]:
         """Bind the arguments, run the algorithm, collect the results."""
@@ -141,8 +161,32 @@ class _Body:
     # ------------------------------------------------------------------ arguments
 
     def _inputs(self) -> dict[str, Value]:
-        names = [n for n, v in self.declared.items() if v.role == "input"]
         e, given = self.call, {}
+        for name, argument in self._arguments():
+            if name in given:
+                raise Wrong("E0217", f"the argument '{name}' is given twice", e.span)
+            value = self.caller.value(argument)
+            self._check_type(name, value, argument.span)
+            given[name] = value if self._has_unit(name) else self._of_any_unit(value)
+        names = [n for n, v in self.declared.items() if v.role == "input"]
+        for name in names:
+            if name not in given:
+                default = self.declared[name].member.component.modification
+                if default is None or default.value is None:
+                    raise Wrong("E0217", f"the argument '{name}' of '{self.function.name}' is missing", e.span,
+                                expected=", ".join(self._formal()))  # fmt: skip
+                self.values.update(given)
+                given[name] = self.context.value(default.value)
+        return {name: given[name] for name in names}
+
+    def _formal(self) -> list[str]:
+        """The names of the inputs, in their order."""
+        members = self.function.table.items()
+        return [n for n, m in members if isinstance(m, Member) and m.component.causality == "input"]
+
+    def _arguments(self) -> Iterator[tuple[str, tree.Expression]]:
+        """What the call gives to each input, records field by field."""
+        names, e = self._formal(), self.call
         if len(e.arguments) > len(names):
             raise Wrong("E0217", f"'{self.function.name}' is called with {len(e.arguments)} arguments", e.span,
                         expected=", ".join(names) or "none", found=str(len(e.arguments)))  # fmt: skip
@@ -150,20 +194,10 @@ class _Body:
             if name not in names:
                 raise Wrong("E0217", f"'{self.function.name}' has no argument '{name}'", e.span,
                             hint=nearest(name, names))  # fmt: skip
-            if name in given:
-                raise Wrong("E0217", f"the argument '{name}' is given twice", e.span)
-            value = self.caller.value(argument)
-            self._check_type(name, value, argument.span)
-            given[name] = value if self._has_unit(name) else self._of_any_unit(value)
-        for name in names:
-            if name not in given:
-                default = self.declared[name].member.component.modification
-                if default is None or default.value is None:
-                    raise Wrong("E0217", f"the argument '{name}' of '{self.function.name}' is missing", e.span,
-                                expected=", ".join(names))  # fmt: skip
-                self.values.update(given)
-                given[name] = self.context.value(default.value)
-        return {name: given[name] for name in names}
+            if name in self.records:
+                yield from argument_fields(name, self.records[name], argument)
+            else:
+                yield name, argument
 
     def _has_unit(self, name: str) -> bool:
         component = self.declared[name].member.component
@@ -236,9 +270,24 @@ class _Body:
         elif isinstance(s, tree.Break):
             raise _Break
         elif isinstance(s, tree.CallStatement) and str(s.call.function) == "assert":
-            return  # a check inside a function: the values it guards are checked where they are used
+            self._assert(s)
         else:
             raise Wrong("E0230", "this statement is not available in functions yet", s.span)
+
+    def _assert(self, s: tree.CallStatement) -> None:
+        """Looked at here where the condition is known; what changes while it runs is not."""
+        given = dict(zip(("condition", "message"), s.call.arguments)) | dict(s.call.named)
+        if "condition" not in given or "message" not in given:
+            raise Wrong("E0217", "'assert' needs a condition and a message", s.span)
+        condition, message = (self.context.value(given[name]) for name in ("condition", "message"))
+        if condition.type != "Boolean" or condition.dims:
+            raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
+        if not condition.expr.is_const:
+            self.context.model.say_once("W0229", "this assertion is not looked at while it runs", s.span,
+                                        hint="write it in the model that calls the function")  # fmt: skip
+        elif not condition.expr.value:
+            raise Wrong("E0222", f"'{self.function.name}' does not take this: {message.text}", self.call.span,
+                        labels=(Label(s.span, "this assertion does not hold"),))  # fmt: skip
 
     def _assign(self, s: tree.Assignment) -> None:
         if isinstance(s.target, tree.Ref):
@@ -357,13 +406,6 @@ class _Body:
             except _Break:
                 return
         raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} rounds", s.condition.span)
-
-
-def _declared(member: Member) -> _Variable:
-    base = resolve(member.scope.find_class(member.component.type)).base
-    if not isinstance(base, Builtin):
-        raise Wrong("E0230", "functions work with numbers and arrays so far", member.component.span)
-    return _Variable(member, base.name, member.component.causality)
 
 
 def _open_size(variable: _Variable) -> bool:

@@ -132,6 +132,11 @@ SEMANTICS: dict[str, Entry] = {
         "The annotation `experiment` gives a run its defaults: it ends after it begins, its interval is positive and\n"
         "not shorter than makes sense, and its tolerance lies between 0 and 1.",
     ),
+    "W0229": Entry(
+        "an assertion in a function",
+        "An assertion in a function is looked at where its condition is known when compiling. Where it depends on\n"
+        "variables or parameters it is left out: write it in the model that calls the function.",
+    ),
     "E0230": Entry(
         "not available yet",
         "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"

@@ -55,11 +55,16 @@ def reference(context: Context, ref: tree.Ref) -> Value:
     """The value of a name."""
     first = ref.parts[0]
     if not ref.absolute:
-        value = context.names.get(first.name)
-        if value is not None:
-            if len(ref.parts) > 1:
-                raise Wrong("E0201", f"'{first.name}' has no element '{ref.parts[1].name}'", ref.parts[1].span)
-            return subscripted(context, value, first) if first.subscripts else value
+        value = context.names.get(".".join(part.name for part in ref.parts))  # dotted: the field of a record
+        last = ref.parts[-1]
+        if value is not None and not any(part.subscripts for part in ref.parts[:-1]):
+            return subscripted(context, value, last) if last.subscripts else value
+        fields = [name.removeprefix(f"{first.name}.") for name in context.names if name.startswith(f"{first.name}.")]
+        if fields or first.name in context.names:
+            if len(ref.parts) == 1:
+                raise Wrong("E0301", f"'{first.name}' is a record, not a number", ref.span)
+            hint = nearest(ref.parts[1].name, fields) or (f"it has {', '.join(fields)}" if fields else "")
+            raise Wrong("E0201", f"'{first.name}' has no element '{ref.parts[1].name}'", ref.parts[1].span, hint=hint)
     start = find_start(context, ref)
     if isinstance(start, Node):
         return located_value(context, locate(context, ref, start), ref.span)
