@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.expression.evaluate import evaluate
+from lmoc.numerics.follow import Follower
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.newton import Newton, dense_solve
 from lmoc.structure.program import Apply, Program, Solve, Total
@@ -27,6 +28,8 @@ class Interpreter:
         self.count = count
         self._blocks: dict[int, _Block] = {}
         self._prepare(program)
+        self.newtons = [b.newton for b in self._blocks.values() if b.newton is not None]
+        self._follower = Follower(lambda w, t: self.steps(program, w, t), self.newtons)
 
     def _prepare(self, program: Program) -> None:
         for step in program:
@@ -49,17 +52,10 @@ class Interpreter:
     def run(self, w: np.ndarray, time: float | np.ndarray) -> None:
         """Fill the registers that the program writes; what cannot be computed becomes NaN."""
         with np.errstate(all="ignore"):
-            if w.ndim == 2 and any(not b.step.linear for b in self._blocks.values()):
-                self._run_in_time(w, np.broadcast_to(time, w.shape[1:]))
+            if w.ndim == 2 and self.newtons:
+                self._follower(w, np.broadcast_to(time, w.shape[1:]))
             else:
                 self.steps(self.program, w, time)
-
-    def _run_in_time(self, w: np.ndarray, times: np.ndarray) -> None:
-        """Nonlinear blocks: one time after the other, so that each solution is sought near the one before."""
-        for k, t in enumerate(times):
-            column = np.ascontiguousarray(w[:, k])
-            self.steps(self.program, column, t)
-            w[:, k] = column
 
     def steps(self, program: Program, w: np.ndarray, time: float | np.ndarray) -> None:
         for step in program:

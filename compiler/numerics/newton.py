@@ -14,6 +14,7 @@ _TIGHT = 1e-13  # of the size of the unknowns: no correction is smaller in doubl
 _LOOSE = 1e-8  # good enough where the corrections do not shrink any more
 _ITERATIONS = 50
 _HALVINGS = 12
+_NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
 
 
 def dense_solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -43,9 +44,20 @@ class Newton:
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
         self.last: np.ndarray | None = None
+        self.start = self.target = np.full(shape, np.nan)  # of the last search: its first guess, and after one step
 
     def forget(self) -> None:
         self.last = None
+
+    @property
+    def near(self) -> bool:
+        """Whether the last search has ended not far off, where its first step pointed: the solution that is meant."""
+        if self.last is None:
+            return False
+        with np.errstate(invalid="ignore"):
+            size, way = 1.0 + np.abs(self.last), np.abs(self.last - self.start)
+            missed = np.abs(self.last - self.target).max()
+            return bool(missed <= _NEAR * way.max() + _LOOSE * size.max() and (way <= _NEAR * size).all())
 
     def solve(
         self,
@@ -61,36 +73,39 @@ class Newton:
         matrix : Jacobian at the point where `residual` was called last, (instances, size, size)
         guess : used where there is no earlier solution
         """
-        start = guess if self.last is None else np.where(np.isfinite(self.last), self.last, guess)
-        u, good = iterate(residual, matrix, start)
-        if not good.all() and self.last is not None:
-            u, good = iterate(residual, matrix, guess)
+        self.start = guess if self.last is None else np.where(np.isfinite(self.last), self.last, guess)
+        u, good, self.target = iterate(residual, matrix, self.start)
+        if not good.all():
+            self.target = np.full(self.shape, np.nan)  # wherever this ends, it is not near
+            if self.last is not None:
+                u, good, _ = iterate(residual, matrix, guess)
         u = np.where(good[:, None], u, np.nan)
         if good.all():
             self.last = u
         return u
 
 
-def iterate(residual, matrix, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Damped Newton steps from `start`; the point reached and which instances have converged."""
-    u = start.copy()
+def iterate(residual, matrix, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Damped Newton steps from `start`: the point reached, which instances have converged, where the first led."""
+    u, target = start.copy(), start
     r = residual(u)
     before = np.full(len(u), np.inf)
-    for _ in range(_ITERATIONS):
+    for iteration in range(_ITERATIONS):
         a = matrix(u)
         step = -dense_solve(a, r[..., None])[..., 0]
+        target = target if iteration else u + step
         size = 1.0 + np.abs(u).max(axis=1)
         length = np.abs(step).max(axis=1)
         if (length <= _TIGHT * size).all():
-            return u + step, np.ones(len(u), bool)
+            return u + step, np.ones(len(u), bool), target
         stuck = (length <= _LOOSE * size) & (length >= 0.5 * before)
         if (stuck | (length <= _TIGHT * size)).all():
-            return u, np.ones(len(u), bool)
+            return u, np.ones(len(u), bool), target
         if not np.isfinite(length).any():
             break
         u, r = _damped(residual, a, u, step, length)
         before = length
-    return u, _converged(residual, matrix, u)
+    return u, _converged(residual, matrix, u), target
 
 
 def _damped(residual, a, u, step, length):

@@ -50,6 +50,11 @@ class SegmentedProgram:
         for piece in self.pieces:
             piece.reset()
 
+    @property
+    def newtons(self) -> list[Newton]:
+        """The solvers of nonlinear blocks."""
+        return [p.newton for p in self.pieces if isinstance(p, _Block) and not p.step.linear]
+
     def run(self, w: np.ndarray, time: float) -> None:
         """Fill the registers that the program writes; what cannot be computed becomes NaN."""
         for piece in self.pieces:
@@ -124,6 +129,7 @@ class _Block:
         guess = self._guess(w)
         start = guess if newton.last is None else newton.last
         self.x[:] = 0.0 if step.linear else start.ravel()
+        newton.start = start
         if self._quick():
             newton.last = self.x.reshape(step.unknowns.shape).copy()
         elif step.linear:
@@ -146,7 +152,7 @@ class _Block:
     def _quick(self) -> bool:
         """Full Newton steps while each is at most half as long as the one before; False where that fails."""
         before = math.inf
-        for _ in range(_QUICK):
+        for iteration in range(_QUICK):
             self.call()
             if self.scalar:
                 slope = float(self.j[0])
@@ -159,6 +165,8 @@ class _Block:
                 length = float(np.abs(change).max())
                 self.x += change
                 size = 1.0 + float(np.abs(self.x).max())
+            if not iteration:
+                self.newton.target = self.x.reshape(self.newton.shape).copy()
             if self.step.linear or length <= _EXACT * size:
                 return math.isfinite(length)
             if not length <= 0.5 * before:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.numerics.casadi_system import CASADI_ROWS
 from lmoc.numerics.evaluate import Interpreter
+from lmoc.numerics.follow import Follower
 from lmoc.numerics.plan import Plan, program_rows, walk
 from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.numerics.signals import Formula, Signal, sample
@@ -81,14 +82,7 @@ def _runner(program: Program, count: int):
     if not (implicit and program_rows(program) <= CASADI_ROWS and can_segment(program)):
         return Interpreter(program, count).run
     steps = SegmentedProgram(program, count)
-
-    def run(w: np.ndarray, times: np.ndarray) -> None:
-        rows = np.ascontiguousarray(w.T)
-        for row, t in zip(rows, times.tolist(), strict=True):
-            steps.run(row, t)
-        w[:] = rows.T
-
-    return run
+    return Follower(steps.run, steps.newtons)
 
 
 def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from lmoc.numerics.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate import Interpreter
+from lmoc.numerics.follow import Follower
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.segments import SegmentedProgram, can_segment
@@ -160,7 +161,7 @@ class VectorSystem(System):
         self.inputs = plan.states if inputs is None else inputs
         self.outputs = plan.derivatives if outputs is None else outputs
         self.n = len(self.inputs)
-        self.interpreter = Interpreter(self.program, plan.count)
+        self._follow(Interpreter(self.program, plan.count))
         self.w = np.full(plan.count, np.nan)
         self._derivative: Jacobian | None = None
         self._order: np.ndarray | None = None
@@ -172,7 +173,12 @@ class VectorSystem(System):
         super().prepare(base, signals)
         self.w[:] = base
         self.interpreter.reset()
+        self.follower.forget()
         self._given = base, signals
+
+    def _follow(self, interpreter: Interpreter | SegmentedProgram) -> None:
+        self.interpreter = interpreter
+        self.follower = Follower(interpreter.run, interpreter.newtons)
 
     def opened(self) -> System | None:
         from lmoc.numerics.opened import OpenedSystem, open_blocks
@@ -188,7 +194,10 @@ class VectorSystem(System):
         if self.samplers:
             self.sample(t, self._u)
             self.w[self.plan.sampled] = self._u
-        self.interpreter.run(self.w, t)
+        if self.follower.newtons:
+            self.follower.go(self.w, t)
+        else:
+            self.interpreter.run(self.w, t)
 
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
@@ -219,7 +228,7 @@ class SegmentedSystem(VectorSystem):
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)
-        self.interpreter = SegmentedProgram(plan.program, plan.count)
+        self._follow(SegmentedProgram(plan.program, plan.count))
 
 
 def make_system(plan: Plan) -> System:
