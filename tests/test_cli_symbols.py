@@ -95,6 +95,17 @@ def test_linearize_into_a_file(lmoc, scene, tmp_path):
         (["--at", "body.x=1"], "neither a state nor an input"),
         (["-o", "model.txt"], ".mat, .npz"),
         (["--output", "body.w"], "no variable 'body.w'"),
+        (["--output", "body.m"], "is a parameter"),
+        (["-o", "nowhere/model.mat"], "there is no folder"),
+        (["--plot", "nowhere/model.png"], "there is no folder"),
+        (["--plot", "model.mat"], ".png, .svg, .pdf"),
+        (["--symbolic", "-o", "model.mat"], "a file holds numbers"),
+        (["--at", "-1"], "the run starts at 0 s"),
+        (["--at", "1", "--input", "f=2"], "its own inputs"),
+        (["--at", "1", "--equilibrium", "1"], "exclude each other"),
+        (["--equilibrium", "2"], "no equilibrium 2: 1 were found"),
+        (["--equilibrium", "0"], "at least 1"),
+        (["--states", "body.w"], "no variable 'body.w' to be a state"),
     ],
 )
 def test_linearize_refuses(lmoc, scene, words, message):
@@ -125,3 +136,69 @@ def test_transfer_of_an_unknown_input(lmoc, scene):
 def test_too_large_for_symbols(lmoc):
     answer = lmoc("equations", ROOT / "models/bench/chain.lmo", "--set", "N=500")
     assert answer.code == 2 and "too many" in answer.err
+
+
+def test_forms_of_output_exclude_each_other(lmoc, scene):
+    answer = lmoc("equations", scene, "--latex", "--json")
+    assert answer.code == 2 and "not allowed with" in answer.err
+
+
+LEVER = NOTES / "s9_lever_large_angles.lmo"
+
+
+def test_several_equilibria_are_listed_with_the_way_to_choose(lmoc):
+    answer = lmoc("transfer", LEVER, "tau", "theta")
+    assert answer.code == 2 and "(3) body.theta = pi/2" in answer.err and "--equilibrium 1" in answer.err
+    assert "equilibrium 3\n  θ = π/2" in lmoc("equilibria", LEVER).out
+
+
+def test_transfer_about_a_listed_equilibrium(lmoc):
+    assert "linear about θ_body = 0" in lmoc("transfer", LEVER, "tau", "theta", "--equilibrium", "2").out
+    standing = lmoc("transfer", LEVER, "tau", "theta", "--equilibrium", "3").out
+    assert "θ/τ = 1/(J·s² - k·l2²)" in standing
+
+
+def test_equilibria_tell_their_inputs_and_how_they_were_sought(lmoc, tmp_path):
+    model = tmp_path / "tank.lmo"
+    model.write_text("model Tank Real h(start = 1); input Real u = 1; equation der(h) = u - 0.5*sqrt(h); end Tank;")
+    empty = lmoc("equilibria", model).out
+    assert "none found by sign changes" in empty
+    filled = lmoc("equilibria", model, "--input", "u=1").out
+    assert "h = 4" in filled and "for u = 1" in filled
+
+
+def test_equilibria_of_many_states_are_summed_up(lmoc):
+    out = lmoc("equilibria", ROOT / "models/hard/h14_plucked_string.lmo").out
+    assert "all 200 states = 0" in out and len(out.splitlines()) < 8
+
+
+def test_a_scene_without_states_cannot_move_by_itself(lmoc):
+    out = lmoc("equilibria", ROOT / "models/hard/h21_prescribed_rotation.lmo").out
+    assert "nothing can move by itself" in out and "stable" not in out
+
+
+def test_numbers_without_minus_zero(lmoc):
+    out = lmoc("linearize", NOTES / "s3_1_cubic_spring.lmo").out
+    assert "-0\n" not in out and " -0 " not in out
+
+
+def test_an_undetermined_force_is_no_output(lmoc):
+    loop = ROOT / "models/hard/h10_gear_loop.lmo"
+    for words in (["linearize", loop, "--output", "mesh1.a.tau"], ["transfer", loop, "tau", "mesh1.a.tau"]):
+        answer = lmoc(*words)
+        assert answer.code == 2 and "redundant loop" in answer.err
+
+
+def test_realization_tells_its_states(lmoc):
+    assert "less B1·u" in lmoc("linearize", NOTES / "ex05_suspension.lmo", "--realization").out
+
+
+def test_modes_as_a_picture(lmoc, scene, tmp_path):
+    assert lmoc("linearize", scene, "--plot", "modes.png").code == 0
+    assert (tmp_path / "modes.png").stat().st_size > 1000
+
+
+def test_files_hold_the_point_and_what_higher_derivatives_do(lmoc, tmp_path):
+    assert lmoc("linearize", ROOT / "models/hard/h21_prescribed_rotation.lmo", "-o", "model.npz").code == 0
+    found = np.load(tmp_path / "model.npz")
+    assert np.allclose(found["D2"], [[0.0], [0.12]]) and found["u0"].shape == (1,)

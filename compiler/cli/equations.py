@@ -18,6 +18,7 @@ def configure(parser: Parser) -> None:
     add = parser.add_argument
     add("--with-forces", action="store_true", help="with the internal forces of rods, strings and gears")
     add("--about-equilibrium", action="store_true", help="in deviations from the equilibrium: constant loads disappear")
+    add = parser.add_mutually_exclusive_group().add_argument
     add("--latex", action="store_true", help="print LaTeX")
     add("--html", action="store_true", help="print a page with MathML")
     add("--json", action="store_true", help="print JSON")

@@ -87,7 +87,7 @@ def _write(model: LinearModel, name: str, arguments: argparse.Namespace) -> None
 
             modes(model, arguments.plot, name)
     except OSError as error:
-        message = f"'{error.filename}' cannot be written: {error.strerror}"
+        message = f"'{error.filename or arguments.write}' cannot be written: {error.strerror or error}"
         raise UsageError([Diagnostic("E0623", message)]) from None
 
 
@@ -168,25 +168,22 @@ def _symbols(model: LinearModel) -> str:
         columns = model.states if title in "AC" else ["der(" * k + u + ")" * k for u in model.inputs]
         body = [[notation.name(r), *(notation.text(m[i, j]) for j in range(m.cols))] for i, r in enumerate(rows)]
         parts.append(table(body, [f"{title}{k or ''}", *(notation.name(c) for c in columns)]))
-    with_names = [f"  {short}  {full}" for short, full in notation.abbreviations.items()]
-    return "\n\n".join(parts + (["\n".join(["with", *with_names])] if with_names else []))
+    return "\n".join(["\n\n".join(parts), *notation.legend()])
 
 
 def as_data(model: LinearModel) -> dict:
     """A linear model as plain data; matrices in symbols as text."""
 
-    def plain(m):
-        if m is None:
-            return None
-        return [[str(e) for e in row] for row in m.tolist()] if model.symbolic else m.tolist()
+    from lmoc.report.summary import plain
+
+    def shown(m):
+        return [[str(e) for e in row] for row in m.tolist()] if model.symbolic and m is not None else m
 
     data = {"states": list(model.states), "inputs": list(model.inputs), "outputs": list(model.outputs)}
-    data |= {k: plain(getattr(model, k)) for k in ("A", "B", "C", "D", "Bd", "Dd")}
-    data |= {"B_by_order": [plain(m) for m in model.Bs], "D_by_order": [plain(m) for m in model.Ds]}
+    data |= {k: shown(getattr(model, k)) for k in ("A", "B", "C", "D", "Bd", "Dd")}
+    data |= {"B_by_order": [shown(m) for m in model.Bs], "D_by_order": [shown(m) for m in model.Ds]}
     data["point"] = {name: str(v) if model.symbolic else float(v) for name, v in model.point.items()}
     if not model.symbolic:
         data["eigenvalues"] = [[v.real, v.imag] for v in model.eigenvalues.tolist()]
-        data["frequencies"] = model.frequencies.tolist()
-        data["dampings"] = [None if np.isnan(d) else d for d in model.dampings.tolist()]
-        data["stability"] = model.stability
-    return data
+        data |= {"frequencies": model.frequencies, "dampings": model.dampings, "stability": model.stability}
+    return plain(data)

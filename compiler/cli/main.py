@@ -54,7 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERNAL
 
 
-_OPTIONS = frozenset({"E0521", "E0540", "E0541", "E0542"})  # signals, solver, times, what to keep: found when running
+# states to prefer, signals, solver, times, what to keep: options whose mistakes are found later
+_OPTIONS = frozenset({"E0414", "E0521", "E0540", "E0541", "E0542"})
 
 
 def exit_code(error: ModelError) -> int:

@@ -27,6 +27,7 @@ def configure(parser: Parser) -> None:
     add("--bode", metavar="FILE", type=Path, help="draw the frequency response: .png, .svg, .pdf")
     add("--step", metavar="FILE", type=Path, help="draw the response to a unit step")
     add_place_arguments(parser)
+    add = parser.add_mutually_exclusive_group().add_argument
     add("--latex", action="store_true", help="print LaTeX")
     add("--json", action="store_true", help="print JSON")
 

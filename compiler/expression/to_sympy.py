@@ -6,6 +6,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from lmoc.expression.arithmetic import ARITHMETIC
 from lmoc.expression.dag import Expr, postorder
 
 if TYPE_CHECKING:
@@ -73,13 +74,7 @@ def _make_operations() -> dict[str, Callable]:
 
     names = "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign floor atan2"
     table: dict[str, Callable] = {name: getattr(sp, name) for name in names.split()}
-    table |= {
-        "add": lambda a, b: a + b,
-        "sub": lambda a, b: a - b,
-        "mul": lambda a, b: a * b,
-        "div": lambda a, b: a / b,
-        "pow": lambda a, b: a**b,
-        "neg": lambda a: -a,
+    table |= ARITHMETIC | {
         "abs": sp.Abs,
         "ceil": sp.ceiling,
         "integer": sp.floor,

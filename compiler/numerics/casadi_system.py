@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from lmoc.expression.arithmetic import ARITHMETIC
 from lmoc.expression.dag import Expr, postorder
 from lmoc.structure.program import Apply, Program, Solve, Total
 
@@ -35,31 +36,29 @@ def _operations() -> dict:
     quotient = lambda a, b: ca.sign(a / b) * ca.floor(ca.fabs(a / b))  # noqa: E731
     names = "sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2 sign"
     table = {name: getattr(ca, name) for name in names.split()}
-    return table | {
-        "add": lambda a, b: a + b,
-        "sub": lambda a, b: a - b,
-        "mul": lambda a, b: a * b,
-        "div": lambda a, b: a / b,
-        "pow": lambda a, b: a**b,
-        "neg": lambda a: -a,
-        "abs": ca.fabs,
-        "integer": ca.floor,
-        "min": ca.fmin,
-        "max": ca.fmax,
-        "mod": lambda a, b: a - b * ca.floor(a / b),
-        "rem": lambda a, b: a - b * quotient(a, b),
-        "div_integer": quotient,
-        "lt": lambda a, b: a < b,
-        "le": lambda a, b: a <= b,
-        "gt": lambda a, b: a > b,
-        "ge": lambda a, b: a >= b,
-        "eq": lambda a, b: a == b,
-        "ne": lambda a, b: a != b,
-        "and": ca.logic_and,
-        "or": ca.logic_or,
-        "not": ca.logic_not,
-        "if": ca.if_else,
-    }
+    return (
+        table
+        | ARITHMETIC
+        | {
+            "abs": ca.fabs,
+            "integer": ca.floor,
+            "min": ca.fmin,
+            "max": ca.fmax,
+            "mod": lambda a, b: a - b * ca.floor(a / b),
+            "rem": lambda a, b: a - b * quotient(a, b),
+            "div_integer": quotient,
+            "lt": lambda a, b: a < b,
+            "le": lambda a, b: a <= b,
+            "gt": lambda a, b: a > b,
+            "ge": lambda a, b: a >= b,
+            "eq": lambda a, b: a == b,
+            "ne": lambda a, b: a != b,
+            "and": ca.logic_and,
+            "or": ca.logic_or,
+            "not": ca.logic_not,
+            "if": ca.if_else,
+        }
+    )
 
 
 def lower_shape(shape: Expr, columns, time):

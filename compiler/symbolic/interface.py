@@ -93,6 +93,8 @@ class SymbolicMethods:
 
         scene, reduced, values, _ = self.prepared(parameters or {})
         shown = list(outputs if outputs is not None else scene.outputs or reduced.state_names)
+        for name in outputs or ():
+            _check_output(reduced, name)
         system = NumericSystem(reduced, values, [variable(reduced, name) for name in shown])
         time = float(at) if isinstance(at, (int, float)) else 0.0
         point = self._numeric_point(system, at, inputs or {}, parameters)
@@ -143,6 +145,9 @@ class SymbolicMethods:
     def _linearize_in_symbols(self, at, inputs: Point, outputs, parameters) -> LinearModel:
         from lmoc.symbolic.linearize import linearize
 
+        _, reduced, _, _ = self.prepared(parameters or {})
+        for name in outputs or ():
+            _check_output(reduced, name)
         system = self.symbolic(tuple(outputs or ()), parameters)
         if outputs is not None:
             system = replace(system, outputs={name: system.variables[name] for name in outputs})
@@ -168,8 +173,8 @@ class SymbolicMethods:
         from lmoc.symbolic.linearize import linearize
         from lmoc.symbolic.transfer import transfer_function
 
-        scene, _, _, _ = self.prepared(parameters or {})
-        _check_varies(scene.flat, y)
+        _, reduced, _, _ = self.prepared(parameters or {})
+        _check_output(reduced, y)
         system = self.symbolic((y,), parameters)
         system = replace(system, outputs={y: system.variables[y]})
         if at is not None:
@@ -204,13 +209,18 @@ def _check_names(given: Point, known: Sequence[str]) -> None:
             raise ModelError([Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=hint)])
 
 
-def _check_varies(flat, name: str) -> None:
-    """An output is something that can move."""
+def _check_output(reduced: Reduced, name: str) -> None:
+    """An output is something that can move, and that the equations determine; E0661 or E0660 otherwise."""
     from lmoc.semantics.flat import Kind
+    from lmoc.symbolic.system import refuse
 
-    found = flat.find(name)
-    if found is not None and len(found) == 1 and flat.kind[found[0]] in (Kind.CONSTANT, Kind.PARAMETER):
+    found = reduced.flat.find(name)
+    if found is None or len(found) != 1:
+        return  # told where it is looked up
+    if reduced.flat.kind[found[0]] in (Kind.CONSTANT, Kind.PARAMETER):
         raise ModelError([Diagnostic("E0661", f"'{name}' is a parameter: no input moves it")])
+    if found[0] in reduced.undetermined:
+        raise refuse(f"'{name}' is not determined, because of a redundant loop")
 
 
 def symbolic_point(system: SymbolicSystem, at: Point | None, inputs: Point) -> dict:

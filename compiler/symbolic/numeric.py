@@ -99,6 +99,7 @@ class NumericSystem:
         dense[self._jacobian.rows, self._jacobian.columns] = self._jacobian.values(self._w, time)
         n, p = len(self.states), len(self.outputs)
         full = np.zeros((n + p, dense.shape[1]))
+        full[n + np.flatnonzero(np.isin(self.outputs, self.reduced.undetermined))] = np.nan
         full[:n], full[n + self._shown] = dense[:n], dense[n:]
         values = np.full(n + p, np.nan)
         values[:n], values[n + self._shown] = self._w[self.targets[:n]], self._w[self.targets[n:]]

@@ -41,19 +41,21 @@ class Spectrum:
 
 def spectrum(A: np.ndarray) -> Spectrum:
     """Eigenvalues of a square matrix, zeros found by rank."""
+    from scipy.linalg import qr
+
     if not len(A):
         return Spectrum(np.zeros(0), (), 0.0)
     rest = balanced(np.where(np.abs(A) < ROUNDED_OFF * np.abs(A).max(), 0.0, A))
     rounding = len(A) * np.finfo(float).eps * float(np.linalg.norm(rest))
     chains: list[int] = []
     while len(rest):
-        _, singular, right = np.linalg.svd(rest)
-        empty = int(np.sum(singular <= 16 * rounding))
-        if not empty:
+        range_first, triangle, _ = qr(rest.T, pivoting=True)
+        rank = int(np.sum(np.abs(np.diag(triangle)) > 16 * rounding))
+        if rank == len(rest):
             break
-        chains.append(empty)
-        kept = right[: len(rest) - empty]
-        rest = kept @ rest @ kept.T
+        chains.append(len(rest) - rank)
+        kept = range_first[:, :rank]  # orthogonal to the null space
+        rest = kept.T @ rest @ kept
     values = np.concatenate([np.zeros(sum(chains)), np.linalg.eigvals(rest) if len(rest) else np.zeros(0)])
     small = 1e-12 * np.abs(values)
     values = np.where(np.abs(values.imag) <= small, values.real + 0j, values)
