@@ -190,8 +190,8 @@ def compound_coefficients(shape: Expr, kinds: Kinds) -> tuple[tuple[Expr, Expr],
     return tuple((leaf, c) for leaf, c in parts[0].items() if any(n.op in ("add", "sub") for n in postorder(c)))
 
 
-def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray):
-    """Value of a constant expression, and the sum of the magnitudes of the terms it is made of.
+def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray, time: float = np.nan):
+    """Value of an expression without derivatives, and the sum of the magnitudes of the terms it is made of.
 
     Parameters
     ----------
@@ -205,6 +205,8 @@ def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray):
                 pair[id(node)] = node.value, abs(node.value)
             elif node.op == "slot":
                 pair[id(node)] = value[:, node.value[0]], size[:, node.value[0]]
+            elif node.op == "time":
+                pair[id(node)] = time, abs(time)
             else:
                 args = [pair[id(a)] for a in node.args]
                 number = OPERATIONS[node.op](*(a[0] for a in args))

@@ -83,11 +83,18 @@ class Elimination:
         return mask
 
     def _scores(self, asked: np.ndarray) -> np.ndarray:
-        """The lower, the better a root: asked for, preferred, differentiated, not of a connector; avoided ones last."""
+        """The lower, the better a root.
+
+        Asked for, preferred, differentiated, a length or an angle, not of a connector; avoided ones last.
+        """
         flat = self.flat
         rank = {StateSelect.always: 1, StateSelect.prefer: 1, StateSelect.default: 2}
-        score = flat.per_variable(lambda b: PREFERRED // 2 * rank.get(b.state_select, 3) + b.connector, np.int64)
-        score += 2 * ~self.differentiated[:-1]
+
+        def score_of(b: Block) -> int:
+            position = b.unit in LENGTHS_AND_ANGLES or not b.unit
+            return PREFERRED // 2 * rank.get(b.state_select, 3) + 2 * (not position) + b.connector
+
+        score = flat.per_variable(score_of, np.int64) + 4 * ~self.differentiated[:-1]
         score[asked] = np.arange(-len(asked), 0)
         return np.append(score, 0)
 
@@ -280,7 +287,8 @@ class Elimination:
         self.groups = self._without_closed([*self.groups, *new])
 
 
-PREFERRED = 8  # scores of variables preferred as states are below
+LENGTHS_AND_ANGLES = frozenset({"m", "rad", "deg", "mm", "cm", "km"})
+PREFERRED = 16  # scores of variables preferred as states are below
 _OWN = Affine.identity(0)  # the row of a variable that is its own root
 
 

@@ -14,12 +14,11 @@ from lmoc.distinct import distinct
 from lmoc.semantics.flat import Kind, StateSelect
 from lmoc.structure.coefficients import linear_form
 from lmoc.structure.coordinates import Tied
+from lmoc.structure.elimination import LENGTHS_AND_ANGLES
 from lmoc.structure.equations import Equations
 from lmoc.structure.explicit import pivot, solved
 from lmoc.structure.sigma import offsets
 from lmoc.structure.system import Batch, System
-
-LENGTHS_AND_ANGLES = frozenset({"m", "rad", "deg", "mm", "cm", "km"})
 
 
 def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:

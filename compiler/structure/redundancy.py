@@ -138,7 +138,7 @@ def free_reactions(
     alone = np.flatnonzero(absent)  # in no equation at all: the force in a rod between two walls
     usable = ~coordinate
     usable[variable[np.isnan(value)]] = False
-    inside = usable[variable]
+    inside = usable[variable] & (value != 0)
     row, variable, value = row[inside], variable[inside], value[inside]
     columns, column = numbered(variable)
     core = peel(column, row, len(columns), rows)  # a reaction that a row has to itself is unique

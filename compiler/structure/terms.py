@@ -14,8 +14,8 @@ import numpy as np
 
 from lmoc.distinct import numbered
 from lmoc.expression.dag import ONE, ZERO, Expr, add, mul, neg, postorder, sub
-from lmoc.expression.evaluate import evaluate
-from lmoc.structure.coefficients import KNOWN, Kinds, constant_nodes
+from lmoc.structure.coefficients import KNOWN, ROUNDOFF, Kinds, constant_nodes, value_and_size
+from lmoc.structure.explicit import as_formula
 from lmoc.structure.substitution import Rows
 
 # one point gives the factor between two terms, the others tell whether it is the same everywhere
@@ -73,21 +73,24 @@ def generic(variable: np.ndarray, order: int, point: int = 0) -> np.ndarray:
 
 
 def value_at(expr: Expr, g: Rows, known: np.ndarray, point: int = 0) -> np.ndarray:
-    """(rows,) values of an expression at a generic point.
+    """(rows,) values of an expression at a generic point; 0 where its terms cancel to within roundoff.
 
     Parameters
     ----------
     known : values of all extended variables, NaN for unknowns
     """
-
-    def column(k: int, order: int) -> np.ndarray:
+    formula, leaves = as_formula(expr)
+    columns = []
+    for k, order in (leaf.value for leaf in leaves):
         variable = g.slots[:, k]
-        if g.kinds[k] != KNOWN:
-            return generic(variable, order, point)
-        return np.nan_to_num(known[variable], nan=WITHOUT_VALUE)
-
-    number = evaluate(expr, column, generic(np.array(len(known)), 0, point))
-    return np.broadcast_to(np.asarray(number, float), len(g.source))
+        if g.kinds[k] == KNOWN:
+            columns.append(np.nan_to_num(known[variable], nan=WITHOUT_VALUE))
+        else:
+            columns.append(generic(variable, order, point))
+    table = np.stack(columns, axis=1) if columns else np.zeros((len(g.source), 0))
+    value, size = value_and_size(formula, table, np.abs(table), float(generic(np.array(len(known)), 0, point)))
+    value = np.broadcast_to(np.asarray(value, float), len(g.source))
+    return np.where(np.abs(value) <= ROUNDOFF * size, 0.0, value)
 
 
 def entries(groups: tuple[Rows, ...], known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
