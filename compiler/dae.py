@@ -126,7 +126,7 @@ class DAE(SymbolicMethods):
     def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None):
         clock = clock or Clock()
         self.flat = flat
-        self.values = flat.parameter_values(_indexed(flat, flat.overrides))
+        self.values = flat.parameter_values(indexed(flat, flat.overrides))
         self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
         self.timings: dict[str, float] = clock.seconds
         self._scene = scene
@@ -292,15 +292,16 @@ class DAE(SymbolicMethods):
         if not parameters:
             return self, self.reduced, self.values, []
         clock = clock or Clock()
-        overrides = _indexed(self.flat, parameters)
+        overrides = indexed(self.flat, parameters)
         structural = {name: value for name, value in parameters.items() if self._reshapes(name, value)}
         if structural:
             scene = self._reshape(structural, clock)
             rest = {n: v for n, v in parameters.items() if n not in structural}
-            note = Diagnostic("N0630", f"{', '.join(structural)} shape the model: it has been flattened again")
+            shape = "shapes" if len(structural) == 1 else "shape"
+            note = Diagnostic("N0630", f"{', '.join(structural)} {shape} the model: it has been flattened again")
             scene, reduced, values, notes = scene.prepared(rest, clock)
             return scene, reduced, values, [note, *notes]
-        values = self.flat.parameter_values({**_indexed(self.flat, self.flat.overrides), **overrides})
+        values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})
         reduced, notes = self._reduction(values, clock)
         return self, reduced, values, notes
 
@@ -357,7 +358,7 @@ def _check_initial(initial: Mapping[str, Value]) -> None:
     report.check()
 
 
-def _indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
+def indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
     """Parameter values by variable index; an array takes one value for all or one for each.
 
     Raises

@@ -4,7 +4,7 @@ import pytest
 import sympy as sp
 from symbolic_truth import ROOT, equal
 
-import lmoc
+import lmoc as package
 from lmoc.diagnostics import ModelError
 from lmoc.symbolic.equivalent import equivalent
 
@@ -88,5 +88,72 @@ def test_unknown_port():
 
 
 def test_method_of_the_compiled_scene():
-    dae = lmoc.compile(ROOT / "models/notes/s7_1_springs_in_series.lmo")
+    dae = package.compile(ROOT / "models/notes/s7_1_springs_in_series.lmo")
     assert equal(dae.equivalent("mass.flange").stiffness, k1 * k2 / (k1 + k2))
+
+
+PARTS = """
+model Parts
+  parameter Real l1 = 0.5, l2 = 1, k = 3, m = 2, c = 4, r = 0.1, Js = 1, Jc = 2, rho = 2;
+  Fixed wall;
+  FixedShaft frame;
+  Lever lever(l1 = l1, l2 = l2, smallAngle = true);
+  Spring levered(k = k), hung(k = k), wound(k = k);
+  Damper damper(c = c);
+  Mass weight(m = m), load(m = m);
+  Inertia beam(J = Js), drumBody(J = Js), sun(J = Js), carrier(J = Jc);
+  Pulley pulley;
+  Drum drum(r = r);
+  PlanetaryGear planets(ratio = rho);
+equation
+  connect(wall.flange, levered.a);
+  connect(levered.b, lever.a);
+  connect(lever.b, weight.flange);
+  connect(wall.flange, damper.a);
+  connect(damper.b, lever.b);
+  connect(lever.pivot, beam.shaft);
+  connect(wall.flange, pulley.a);
+  connect(wall.flange, hung.a);
+  connect(hung.b, pulley.b);
+  connect(pulley.axle, load.flange);
+  connect(wall.flange, wound.a);
+  connect(wound.b, drum.flange);
+  connect(drum.shaft, drumBody.shaft);
+  connect(planets.sun, sun.shaft);
+  connect(planets.carrier, carrier.shaft);
+  connect(planets.ring, frame.shaft);
+end Parts;
+"""
+l1, l2, k, Js, Jc, rho = sp.symbols("l1 l2 k Js Jc rho")
+
+
+@pytest.mark.parametrize(
+    ("port", "stiffness", "damping", "inertia"),
+    [
+        ("lever.pivot", k * l1**2, c * l2**2, Js + m * l2**2),
+        ("load.flange", 4 * k, 0, m),
+        ("drumBody.shaft", k * r**2, 0, Js),
+        ("sun.shaft", 0, 0, Js + Jc / (1 + rho) ** 2),
+    ],
+)
+def test_constants_through_transmissions(port, stiffness, damping, inertia):
+    result = found(flat_model(PARTS), port)
+    assert equal(result.stiffness, stiffness) and equal(result.damping, damping) and equal(result.inertia, inertia)
+
+
+def test_a_shaft_and_a_flange_are_tied_by_no_one_law():
+    with pytest.raises(ModelError, match="moves in rad and 'load.flange' in m"):
+        found(flat_model(PARTS), "lever.pivot", "load.flange")
+
+
+def test_command_for_a_network_that_nothing_holds(lmoc, tmp_path):
+    file = tmp_path / "series.lmo"
+    file.write_text(
+        "model Series parameter Real k1 = 1, k2 = 2; Spring s1(k = k1), s2(k = k2); "
+        "equation connect(s1.b, s2.a); end Series;"
+    )
+    answer = lmoc("equivalent", file, "s1.a", "s2.b")
+    assert answer.code == 0 and answer.out == "k_eq = k1·k2/(k1 + k2)\n" and answer.err == ""
+    assert '"stiffness": "k1*k2/(k1 + k2)"' in lmoc("equivalent", file, "s1.a", "s2.b", "--json").out
+    assert lmoc("equivalent", file, "s1.c").code == 2
+    assert "no linear law" in lmoc("equivalent", file, "s1.a").err

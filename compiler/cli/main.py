@@ -25,6 +25,7 @@ VERBS = {
     "equilibria": "find the states of rest and their stability",
     "linearize": "linear state-space model with its modes",
     "transfer": "transfer function from an input to an output",
+    "equivalent": "equivalent stiffness, damping and inertia between two ports",
     "fmt": "put a file into the standard layout",
     "explain": "what a diagnostic code means",
 }

@@ -18,6 +18,7 @@ from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.symbolic.elimination import Row, eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.slope import slope
+from lmoc.symbolic.sorting import lowest
 from lmoc.symbolic.system import MOST_EQUATIONS, refuse
 
 if TYPE_CHECKING:
@@ -54,9 +55,10 @@ class Equivalent:
         named = {"k_eq": self.stiffness, "c_eq": self.damping, "J_eq" if self.rotational else "m_eq": self.inertia}
         found = [f"{name} = {notation.text(value)}" for name, value in named.items() if value]
         if found:
-            return "\n".join(found)
+            return "\n".join([*found, *notation.legend()])
         quotient = notation.quotient(*sp.fraction(sp.cancel(self.dynamic_stiffness)), "s")
-        return f"{'torque/angle' if self.rotational else 'force/displacement'} = {quotient}"
+        law = f"{'torque/angle' if self.rotational else 'force/displacement'} = {quotient}"
+        return "\n".join([law, *notation.legend()])
 
 
 def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None = None) -> Equivalent:
@@ -82,6 +84,7 @@ def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None =
     network = _Network(flat, ParameterSymbols(flat, values))
     seen = _port(flat, port)
     load = [(seen, 1)] + ([(_port(flat, other), -1)] if other else [])
+    _check_alike(flat, [potential for (potential, _), _ in load], (port, other))
     rows, forced = network.rows(load)
     displacement = flat.count
     rows.append({displacement: sp.S.One} | {potential: sp.Integer(-sign) for (potential, _), sign in load})
@@ -97,6 +100,14 @@ def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None =
     return Equivalent((port, other), stiffness, *_constants(stiffness, s), rotational)
 
 
+def _check_alike(flat: FlatDAE, potentials: list[int], names: tuple[str, str | None]) -> None:
+    units = [flat.block_at(p).unit for p in potentials]
+    if len(set(units)) > 1:
+        raise refuse(
+            f"'{names[0]}' moves in {units[0] or '1'} and '{names[1]}' in {units[1] or '1'}: no one law ties them"
+        )
+
+
 def _total(combination: Row, forced: dict[int, int]) -> sympy.Expr:
     import sympy as sp
 
@@ -109,7 +120,7 @@ def _constants(stiffness: sympy.Expr, s: sympy.Symbol) -> tuple:
     if sp.denom(sp.cancel(stiffness)).has(s) or sp.degree(sp.numer(sp.cancel(stiffness)), s) > 2:
         return None, None, None
     parts = [sp.cancel(stiffness).diff(s, n).subs(s, 0) / sp.factorial(n) for n in range(3)]
-    return tuple(sp.factor(sp.cancel(c)) for c in parts)
+    return tuple(lowest(c) for c in parts)
 
 
 def _port(flat: FlatDAE, name: str) -> tuple[int, int]:
