@@ -19,6 +19,8 @@ def test_equations(lmoc, scene):
 def test_equations_in_ascii(lmoc, scene):
     out = lmoc("equations", scene, "--ascii").out
     assert "m*x'' + k*x = f" in out and out.isascii()
+    out = lmoc("equations", scene, "--ascii", "--about-equilibrium").out
+    assert "m*delta_x'' + k*delta_x = f" in out and out.isascii()
 
 
 def test_equations_in_latex(lmoc, scene):

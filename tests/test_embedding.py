@@ -92,3 +92,24 @@ def test_a_run_is_a_mapping_of_names():
 def test_one_name_can_be_kept():
     run = lmoc.compile_text(SPRING).simulate(points=3, keep="x")
     assert run.kept == ["x"]
+
+
+@pytest.mark.parametrize("solver", ["dop853", "cvode", "ida", "cvodes", "radau"])
+@pytest.mark.parametrize("wrong", ["a", None, [1.0, 2.0]], ids=["text", "nothing", "two"])
+def test_a_function_that_gives_no_number_is_told(solver, wrong):
+    dae = lmoc.compile_text(SPRING)
+    with pytest.raises(lmoc.ModelError, match="function for input 'f' does not return a number at t = 1.") as found:
+        dae.simulate(inputs={"f": lambda t: wrong if t > 1 else 1}, solver=solver)
+    assert found.value.diagnostics[0].code == "E0521"
+
+
+def test_arrays_of_one_number_are_numbers():
+    dae = lmoc.compile_text(SPRING)
+    plain = dae.simulate(inputs={"f": 2})["x"]
+    assert np.array_equal(dae.simulate(inputs={"f": np.array(2)})["x"], plain)
+    assert np.allclose(dae.simulate(inputs={"f": lambda t: np.array([2.0])})["x"], plain, atol=1e-8)
+
+
+def test_a_mistake_in_a_function_is_the_callers():
+    with pytest.raises(ZeroDivisionError):
+        lmoc.compile_text(SPRING).simulate(inputs={"f": lambda t: 1 / (t - t)})

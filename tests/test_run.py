@@ -6,6 +6,7 @@ from conftest import SPRING
 from test_dae import CHAIN
 
 import lmoc
+from lmoc.report import summary
 from lmoc.report.names import UnknownNameError, patterns, summarised
 from lmoc.report.units import _per_second
 
@@ -231,6 +232,8 @@ def test_a_scene_in_which_nothing_states_its_energy_has_an_empty_ledger():
     assert run["l.i"] == pytest.approx(2.5 * (1 - np.exp(-20 * run.time)), abs=1e-5)
     assert run["r.power"] == pytest.approx(-2 * run["l.i"] ** 2, abs=1e-9)
     assert run.energy.balance == 0
+    assert summary.energy_text(run) == "none stored, supplied or lost"
+    assert [axis.get_ylabel() for axis in run.plot().axes if "energy" in axis.get_ylabel()] == []
 
 
 def test_a_callable_moves_the_base_of_a_spring_and_leaves_no_ledger():

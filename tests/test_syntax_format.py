@@ -131,3 +131,12 @@ def test_a_sum_of_thousands_of_terms() -> None:
     total = " + ".join(f"x{i}" for i in range(5000))
     (equation,) = read(f"model M equation {total} = 0; end M;").classes[0].equations
     assert text.simple(equation.left) == total
+
+
+def test_declarations_and_products_are_cut_without_a_staircase() -> None:
+    names = ", ".join(f"position{i}(start = {i}.5, fixed = true)" for i in range(12))
+    first, *rest = broken(f"  Real {names};")
+    assert {len(piece) - len(piece.lstrip()) for piece in rest} == {6}
+    assert all(piece.endswith((",", ";")) for piece in (first, *rest))
+    product = " + ".join(f"inertia{i}*der(omega{i})" for i in range(8))
+    assert all(len(piece) <= WIDTH for piece in broken(f"  {product} = {product};"))

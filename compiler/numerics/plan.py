@@ -249,7 +249,7 @@ def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, r
             "E0522",
             f"the signal of input '{name}' does not give its derivative {jet}",
             flat.block_at(variable).span,
-            expected=f"a signal with {order} derivatives: it prescribes a motion, and the forces follow from them",
+            expected=f"a signal with {order} derivative{'s' * (order > 1)}: it prescribes a motion",
             hint="a formula in time has all derivatives, a table two, a callable those of its method derivative(n)",
         )
     else:

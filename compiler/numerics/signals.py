@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lmoc.diagnostics import Report, nearest
+from lmoc.diagnostics import Diagnostic, ModelError, Report, nearest
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import Expr, postorder
 from lmoc.numerics import spline
@@ -61,6 +61,7 @@ class Function:
     """A Python callable of time, with derivatives where it has a method ``derivative(n)`` that returns a callable."""
 
     call: Callable[[float], float]
+    name: str = ""  # of the input
 
     @lru_cache(maxsize=8)  # noqa: B019 - a handful of orders of one signal
     def at_order(self, order: int) -> Callable[[float], float] | None:
@@ -70,7 +71,13 @@ class Function:
         return None if make is None else make(order)
 
     def value(self, t: float, order: int) -> float:
-        return self.at_order(order)(t)
+        given = self.at_order(order)(t)
+        try:
+            return float(given if np.ndim(given) == 0 else np.asarray(given).item())
+        except (TypeError, ValueError):
+            message = f"the function for input '{self.name}' does not return a number at t = {t:g} s"
+            found = f"{type(given).__name__} {given!r:.60}"
+            raise ModelError([Diagnostic("E0521", message, expected="one number", found=found)]) from None
 
 
 Signal = Constant | Formula | Table | Function
@@ -139,7 +146,7 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
         return given
     if isinstance(given, Expr):
         return Formula(given)
-    if isinstance(given, bool | int | float | np.number):
+    if isinstance(given, bool | int | float | np.number) or (isinstance(given, np.ndarray) and given.shape == ()):
         return Constant(float(given))
     if isinstance(given, str) and not given.lower().endswith(".csv"):
         made = formula_from_text(given, flat, name, report)
@@ -148,7 +155,7 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
         points = _read_csv(Path(given), name, report)
         return None if points is None else _table(*points, name, report)
     if callable(given):
-        return Function(given)
+        return Function(given, name)
     try:
         array = np.asarray(given, float)
     except (TypeError, ValueError):

@@ -25,6 +25,7 @@ GREY = "#555555"
 MOST_LABELLED = 10  # curves of a panel with names of their own; more are a family with a colour scale
 MOST_CURVES = 200
 MOST_PANELS = 5
+FLAT = 1e-3  # of the energy that moves between the stores: what changes by less is drawn as a flat line
 
 STYLE = {
     "font.size": 9,
@@ -120,7 +121,10 @@ def _title(run: Run) -> str:
 
 
 def _has_ledger(run: Run) -> bool:
-    return run.energy is not None and bool(np.isfinite(run.energy.balance)) and len(run.time) > 1
+    e = run.energy
+    if e is None or len(run.time) < 2 or not np.isfinite(e.balance):
+        return False
+    return bool(e.stored.any() or e.supplied.any() or e.lost.any())
 
 
 def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:
@@ -162,6 +166,8 @@ def _energy(axis: Axes, run: Run) -> None:
     axis.plot(run.time, change, color=COLOURS[2], label="stored since start")
     axis.set_ylabel("energy in J")
     _legend(axis, f"balance error {energy.balance:.0e}")
+    if np.ptp(axis.get_ylim()) < FLAT * energy.scale:  # rounding, and not to be looked at through a magnifier
+        axis.set_ylim(-energy.scale / 10, energy.scale / 10)
     _rest_line(axis)
 
 

@@ -132,6 +132,8 @@ def energy_text(run: Run) -> str:
         return "not asked for"
     if not math.isfinite(e.balance):
         return "unknown: a part of the ledger has no value"
+    if not (e.stored.any() or e.supplied.any() or e.lost.any()):
+        return "none stored, supplied or lost"
     change = e.stored[-1] - e.stored[0]
     return (
         f"supplied {e.supplied[-1]:.4g} J = lost {e.lost[-1]:.4g} J + stored {change:.4g} J; "

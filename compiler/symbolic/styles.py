@@ -53,7 +53,7 @@ class Ascii:
     applied = " "  # between an operator and what it acts on
 
     def symbol(self, name: str, order: int) -> str:
-        return name + "'" * order
+        return name.replace("δ", "delta_", 1) + "'" * order
 
     def number(self, text: str) -> str:
         return text

@@ -54,7 +54,7 @@ def _after_sign(line: str, indent: str, marks: list) -> list[str]:
     for at, char, depth in marks:
         if char == "=" and depth == 0 and line[at + 1 : at + 2] == " ":
             head, tail = line[: at + 1], f"{indent}  {line[at + 2 :]}"
-            return [head, tail] if len(tail) <= WIDTH and at > len(indent) + _SMALLEST_PIECE else []
+            return [head, tail] if len(tail) <= WIDTH and len(indent) + _SMALLEST_PIECE < at < WIDTH else []
     return []
 
 
@@ -76,11 +76,18 @@ def _at_commas(line: str, indent: str, marks: list) -> list[str]:
 
 
 def _at_space(line: str, indent: str, marks: list) -> list[str]:
-    """Two pieces, the first as long as possible among those that end in the fewest brackets."""
-    earliest = len(indent) + _SMALLEST_PIECE
-    spaces = [(depth, -at) for at, char, depth in marks if char == " " and earliest <= at <= WIDTH]
-    if not spaces:
-        return []
-    at = -min(spaces)[1]
-    deeper = "" if indent.endswith("    ") and line[at + 1] in "+-" else "    "
-    return [line[:at], f"{indent}{deeper}{line[at + 1 :]}"]
+    """Pieces as long as possible among those that end in the fewest brackets, and behind a comma if there is one."""
+    spaces = [(depth, line[at - 1] != ",", -at) for at, char, depth in marks if char == " "]
+    pieces: list[str] = []
+    start, deeper = len(indent), ""
+    while len(indent) + len(deeper) + len(line) - start > WIDTH:
+        end = start + WIDTH - len(indent) - len(deeper)
+        fitting = [space for space in spaces if start + _SMALLEST_PIECE <= -space[2] <= end]
+        if not fitting:
+            break
+        at = -min(fitting)[2]
+        pieces.append(indent + deeper + line[start:at])
+        if len(pieces) == 1 and not (indent.endswith("    ") and line[at + 1] in "+-"):
+            deeper = "    "
+        start = at + 1
+    return [*pieces, indent + deeper + line[start:]] if pieces else []
