@@ -198,7 +198,9 @@ def _size_mismatch(found: tuple[int, ...], expected: tuple[int, ...], binding: B
             "E0213", f"'{variable.label}' is in an array of parts and needs one value for each", binding.span,
             expected=dims_text(expected), found="a scalar", hint="write 'each' before the name to give all the same",
         )  # fmt: skip
+    row = len(expected) == 1 and found in ((1, *expected), (*expected, 1))
     return Wrong(
         "E0302", f"the value of '{variable.label}' has the wrong size", binding.span,
         expected=dims_text(expected), found=dims_text(found),
+        hint="a vector is written {a, b, c}; [a, b, c] is a matrix" if row else "",
     )  # fmt: skip

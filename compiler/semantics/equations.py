@@ -82,6 +82,9 @@ class EquationSection:
         if not all(isinstance(n, Instance) for n in nodes):
             return False
         left, right = (locate(context, ref, n).node for ref, n in zip((e.left, e.right), nodes))
+        if all(isinstance(n, Instance) and n.connector for n in (left, right)):
+            raise Wrong("E0301", "connectors are connected, not equated", e.span,
+                        hint=f"write connect({e.left}, {e.right})")  # fmt: skip
         if not all(isinstance(n, Instance) and n.kind == "record" for n in (left, right)):
             return False
         if set(left.children) != set(right.children):

@@ -22,6 +22,18 @@ from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 from lmoc.syntax import tree
 
+# what other languages have, and how it is written here
+FOREIGN_FUNCTIONS = {
+    "range": "a range is written '1:n'",
+    "pow": "a power is written 'x^y'",
+    "ln": "the natural logarithm is 'log(x)'",
+    "len": "the length of an array is 'size(x, 1)'",
+    "round": "the nearest integer is 'floor(x + 0.5)'",
+    "arcsin": "it is called 'asin'",
+    "arccos": "it is called 'acos'",
+    "arctan": "it is called 'atan'",
+    "pi": "it is a number: 'constant Real pi = 3.141592653589793;'",
+}
 MAX_ITERATIONS = 10_000
 MAX_DEPTH = 50
 
@@ -50,14 +62,16 @@ def _find(context: Context, e: tree.Call) -> Scope:
     try:
         found = resolve(context.scope.find_class(e.function)).base
     except Wrong as wrong:
-        if wrong.diagnostic is None or wrong.diagnostic.code != "E0202":
+        if wrong.code == "E0223":
+            raise Wrong("E0203", f"'{e.function}' is no function", e.function.span,
+                        hint=f"subscripts stand in brackets: '{e.function}[…]'") from None  # fmt: skip
+        if wrong.code != "E0202":
             raise
         name = str(e.function)
         functions = [n for n in context.scope.visible() if _is_function(context.scope.find(n))]
         last = e.function.parts[-1].name
-        hint = (
-            f"it is called '{last}'" if last in BUILTIN_FUNCTIONS else nearest(last, [*functions, *BUILTIN_FUNCTIONS])
-        )
+        known = f"it is called '{last}'" if last in BUILTIN_FUNCTIONS else FOREIGN_FUNCTIONS.get(last)
+        hint = known or nearest(last, [*functions, *BUILTIN_FUNCTIONS])
         raise Wrong("E0203", f"there is no function '{name}'", e.function.span, hint=hint) from None
     if not _is_function(found):
         kind = found.kind if isinstance(found, Scope) else "type"

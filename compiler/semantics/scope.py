@@ -29,6 +29,10 @@ class Builtin:
     literals: tuple[str, ...] = ()
 
 
+# what other languages call the predefined types
+FOREIGN_TYPES = {"int": "Integer", "bool": "Boolean", "str": "String", "string": "String"}
+FOREIGN_TYPES |= dict.fromkeys(("float", "double", "real", "number", "var", "let"), "Real")
+
 # the kinds of classes that a kind can extend, where it is not only its own (7.1.3)
 BASES = {
     "model": ("model", "block", "class", "record"),
@@ -352,6 +356,8 @@ class Scope:
 
     def suggest(self, name: str) -> str:
         """A hint with the visible name most like this one."""
+        if name in FOREIGN_TYPES:
+            return f"write '{FOREIGN_TYPES[name]}'"
         visible = set(self.visible())
         return f"did you mean '{name}'?" if name in visible else nearest(name, sorted(visible))
 

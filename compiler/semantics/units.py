@@ -175,7 +175,7 @@ def _suggestion(symbol: str) -> str:
     return nearest(symbol, SYMBOLS)
 
 
-_NAMED = {_of(_PREFIXED[s][0]): s for s in ("N", "J", "W", "Pa", "V", "C", "Hz")}
+_NAMED = {_of(_PREFIXED[s][0]): s for s in ("N", "J", "W", "Pa", "V", "C")}
 
 
 def unit_text(unit: Unit) -> str:

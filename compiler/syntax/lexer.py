@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left, bisect_right
 from collections import namedtuple
+from collections.abc import Sequence
 from functools import cache
 
 from lmoc.diagnostics import Diagnostic
@@ -36,12 +37,16 @@ _FOREIGN = {
     **{"−": "-", "–": "-", "·": "*", "×": "*", "⋅": "*", "÷": "/"},
 }
 _MEANT = {
+    **{"²": "write '^2'", "³": "write '^3'", "°": "angles are in rad: pi/180 times as much"},
     "?": "a choice is written 'if c then a else b'",
     "%": "the remainder is 'mod(a, b)'; a comment begins with '//'",
     "#": "a comment begins with '//'",
     "&": "write 'and'",
     "|": "write 'or'",
 }
+_QUOTES = str.maketrans("“”„‟«»", '""""""')
+# A sign that begins a comment elsewhere, at the beginning of a line or after a statement.
+_OTHER_COMMENT = re.compile(r"(?:^|;)[ \t]*([%#].*)", re.MULTILINE)
 _WORD = r"\w+"
 _OPEN_NAME = r"'[^\s;,()=]*"
 
@@ -71,6 +76,11 @@ def scan(source: Source, tables: Tables, doubtful: bool = False) -> tuple[Tokens
     text = source.text
     while True:
         tokens, irregular = _tokens(text, tables)
+        foreign = _in_our_signs(source, text, [at for symbol, at in irregular if symbol == "wrong"])
+        if foreign is not None:
+            text, found = foreign
+            said.append(found)
+            continue
         open_end = _first_open(text, tokens, irregular, doubtful)
         if open_end is None:
             break
@@ -80,6 +90,32 @@ def scan(source: Source, tables: Tables, doubtful: bool = False) -> tuple[Tokens
         # A wrong name is used many times, a foreign sign out of habit: once is enough.
         said += [d for d in _mend(source, tokens, symbol, offset) if all(d.message != e.message for e in said)]
     return tokens, said + _stray_index_ends(source, tokens)
+
+
+def _in_our_signs(source: Source, text: str, wrong: list[int]) -> tuple[str, Diagnostic] | None:
+    """The text, as long as before, with quotes or a comment of another language as ours, and what to say of it."""
+    quote = next((at for at in wrong if ord(text[at]) in _QUOTES), None)
+    if quote is not None:
+        place = Span(source, quote, quote + 1)
+        hint = "a text stands in straight quotes: \"…\""
+        return text.translate(_QUOTES), Diagnostic("E0106", f"'{text[quote]}' means nothing here", place, hint=hint)
+    odd = {at for at in wrong if text[at] in "%#"}
+    comments = [m.span(1) for m in _OTHER_COMMENT.finditer(text) if m.start(1) in odd] if odd else []
+    if comments:  # one message for all: it is a habit
+        start, end = comments[0]
+        sign, place = text[start], Span(source, start, end)
+        said = Diagnostic("E0106", f"'{sign}' begins no comment", place, hint="a comment begins with '//'")
+        return _blank(text, comments), said
+    return None
+
+
+def _blank(text: str, places: Sequence[tuple[int, int]]) -> str:
+    """The text with spaces at some places."""
+    pieces, done = [], 0
+    for start, end in places:
+        pieces += [text[done:start], " " * (end - start)]
+        done = end
+    return "".join([*pieces, text[done:]])
 
 
 def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
@@ -182,7 +218,10 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
     if text[offset] == "'":
         end = offset + len(re.match(_OPEN_NAME, text[offset:])[0])
         _put_name(source, tokens, offset, end)
-        return [Diagnostic("E0104", "this quoted name is not closed", Span(source, offset, end), expected='a "\'"')]
+        prime = offset > 0 and (text[offset - 1].isalnum() or text[offset - 1] == "_")
+        hint = "the derivative of x by time is written 'der(x)'" if prime else ""
+        place = Span(source, offset, end)
+        return [Diagnostic("E0104", "this quoted name is not closed", place, expected='a "\'"', hint=hint)]
     if not text[offset].isalpha():
         sign = text[offset]
         shown = f"'{sign}'" if sign.isprintable() else f"the character U+{ord(sign):04X}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
+from functools import partial
 
 from lmoc.diagnostics import Diagnostic
 from lmoc.syntax.tables import END_OF_TEXT
@@ -38,6 +39,7 @@ _LOOK_BACK = 40
 def slips(trouble: Trouble) -> Iterator[Slip]:
     """The changes that might repair a place, the most likely first."""
     for kind in (
+        _capitalized_keyword,
         _missing_semicolon_at_line_end,
         _missing_semicolon_before,
         _declaration_among_equations,
@@ -80,7 +82,12 @@ def _hint(trouble: Trouble) -> str:
     if trouble.found == "if":
         return "an if-expression inside a larger expression needs parentheses"
     if trouble.found == "NUMBER" and "IDENT" in trouble.can_follow():
-        return "a name begins with a letter"
+        decimal = trouble.before == "," and trouble.tokens.symbols[trouble.at - 2] == "NUMBER"
+        return "a decimal number has a point: 1.5" if decimal else "a name begins with a letter"
+    if trouble.before in ("der", "connect"):
+        return "'connect(a, b)' joins two connectors" if trouble.before == "connect" else "a derivative is 'der(x)'"
+    if trouble.found in ("{", "}", ":", ";") and "end" in trouble.can_follow():
+        return "a class is written 'model Name … end Name;', with nothing behind its name and no braces"
     if trouble.at == 0:
         return "everything stands inside a class: 'model Name', its parts and equations, 'end Name;'"
     return ""
@@ -220,21 +227,29 @@ def _keyword_as_name(trouble: Trouble) -> Iterator[Slip]:
     )
 
 
+def _capitalized_keyword(trouble: Trouble) -> Iterator[Slip]:
+    """``End M;`` reads as a declaration: it is noticed when the text is over."""
+    tokens = trouble.tokens
+    for at in range(trouble.at, max(-1, trouble.at - _LOOK_BACK), -1):
+        word = tokens.texts[at].lower()
+        if tokens.symbols[at] == "IDENT" and word != tokens.texts[at] and word in trouble.tables.literals:
+            yield Slip(Edit(at, 1, (word,)), partial(_misspelled, trouble, at, word))
+
+
 def _misspelled_keyword(trouble: Trouble) -> Iterator[Slip]:
     tokens, words = trouble.tokens, [s for s in trouble.tables.literals if is_word(s)]
     for at in range(trouble.at, max(-1, trouble.at - _LOOK_BACK), -1):
         if tokens.symbols[at] != "IDENT":
             continue
         for word in difflib.get_close_matches(tokens.texts[at], words, n=2, cutoff=0.75):
-            yield Slip(
-                Edit(at, 1, (word,)),
-                lambda at=at, word=word: Diagnostic(
-                    "E0112",
-                    f"'{tokens.texts[at]}' should probably be '{word}'",
-                    trouble.span(at),
-                    hint=f"did you mean '{word}'?",
-                ),
-            )
+            yield Slip(Edit(at, 1, (word,)), partial(_misspelled, trouble, at, word))
+
+
+def _misspelled(trouble: Trouble, at: int, word: str) -> Diagnostic:
+    text = trouble.tokens.texts[at]
+    return Diagnostic(
+        "E0112", f"'{text}' should probably be '{word}'", trouble.span(at), hint=f"did you mean '{word}'?"
+    )
 
 
 def _missing_word(trouble: Trouble) -> Iterator[Slip]:
@@ -318,8 +333,15 @@ def _missing_name(trouble: Trouble) -> Iterator[Slip]:
             trouble.gap(),
             expected=expectation(trouble),
             found=found(trouble),
+            hint=_hint_for_type(trouble),
         ),
     )
+
+
+def _hint_for_type(trouble: Trouble) -> str:
+    """``parameter k = 3``: the only name there is would be the type."""
+    prefix, name = trouble.tokens.texts[trouble.at - 2 : trouble.at] if trouble.at > 1 else ("", "")
+    return f"a type stands before the name: '{prefix} Real {name}'" if prefix in _DECLARES else ""
 
 
 def _stray_token(trouble: Trouble) -> Iterator[Slip]:

@@ -121,7 +121,8 @@ def missing_block_word(trouble: Trouble) -> Iterator[Slip]:
 
 
 def _not_closed(trouble: Trouble, what: str, expected: str, begin: int, at: int) -> Diagnostic:
-    is_else_if = begin > 0 and trouble.tokens.symbols[begin - 1] == "else"
+    words = trouble.tokens.symbols[max(0, begin - 1) : at]
+    is_else_if = ("else", "if") in zip(words, words[1:], strict=False)
     hint = "'else if' opens another 'if'; the word for a further case is 'elseif'" if is_else_if else ""
     return Diagnostic(
         "E0109",
