@@ -18,9 +18,6 @@ from lmoc.source import Span
 from lmoc.syntax import tree
 
 
-QUOTE = "'"  # around names with other characters, which belongs to the name
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Slice:
     """A subscript that keeps an axis: positions from 0, their own axis last."""
@@ -84,11 +81,12 @@ def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     candidates = [*context.names, *context.scope.visible(), "time"]
     owner = next((e for e, literals in ENUMERATIONS.items() if name in literals), "")
     hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
-    if name.startswith("'"):
-        hint = f'a text stands in double quotes: "{name[1:-1]}"'
+    plain = name.strip("'")  # the quotes around a name with other characters belong to it
+    if plain != name:
+        hint = f'a text stands in double quotes: "{plain}"'
     if owner and not hint:
         hint = f"the literal is written '{owner}.{name}'"
-    return Wrong("E0201", f"there is no variable '{name.strip(QUOTE)}' here", ref.parts[0].span, hint=hint)
+    return Wrong("E0201", f"there is no variable '{plain}' here", ref.parts[0].span, hint=hint)
 
 
 def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Builtin | None:
