@@ -51,7 +51,7 @@ def test_orders_of_the_step_and_of_its_dense_output(stepper):
     errors = []
     for h in (0.8, 0.4):
         one = stepper(system)
-        one.start(0.0, np.array([1.0, 0.0]), 1e-6, np.full(2, 1e-6), np.ones(2, bool))
+        one.start(0.0, np.array([1.0, 0.0]), 1e-6, np.full(2, 1e-6))
         one.attempt(0.0, h)
         half = evaluate_dense(np.array([0.5]), one.x[None], terms(one, h))[0]
         exact_end, exact_half = np.array([np.cos(h), -np.sin(h)]), np.array([np.cos(h / 2), -np.sin(h / 2)])
@@ -64,7 +64,7 @@ def test_orders_of_the_step_and_of_its_dense_output(stepper):
 def test_both_steppers_agree():
     one, two = NumpyStepper(made(VectorSystem, pendulum())), CasadiStepper(made(CasadiSystem, pendulum()))
     for stepper in (one, two):
-        stepper.start(0.0, np.array([2.0, 0.5]), 1e-6, np.full(2, 1e-9), np.ones(2, bool))
+        stepper.start(0.0, np.array([2.0, 0.5]), 1e-6, np.full(2, 1e-9))
     assert one.attempt(0.0, 0.5) == pytest.approx(two.attempt(0.0, 0.5), rel=1e-6)
     assert one.x_new == pytest.approx(two.x_new, rel=1e-14)
     assert terms(one, 0.5) == pytest.approx(terms(two, 0.5), rel=1e-10, abs=1e-13)

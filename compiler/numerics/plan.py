@@ -34,7 +34,6 @@ class Plan:
     input_program : fills the other input registers
     states : (n,) registers integrated: the states, then the quadratures
     derivatives : (n,)
-    tested : (n,) whether a component takes part in the error test
     program : input_program and what fills `derivatives`
     """
 
@@ -48,7 +47,6 @@ class Plan:
     input_program: Program
     states: np.ndarray
     derivatives: np.ndarray
-    tested: np.ndarray
     program: Program
     notes: tuple[Diagnostic, ...] = ()
 
@@ -172,8 +170,6 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
         input_program,
         np.concatenate([reduced.states, quadratures]).astype(int),
         np.concatenate([reduced.derivatives, rates]).astype(int),
-        # the ledger too: a force may work where no state moves, and steps chosen without it would miss that
-        np.ones(len(reduced.states) + len(quadratures), bool),
         input_program + reduced.rhs + extra,
         tuple(report.diagnostics[before:]),
     )

@@ -184,7 +184,6 @@ class _Run:
             self.times,
             rtol,
             self._absolute_tolerances(x, rtol),
-            self.plan.tested,
             self.recorder,
             options.max_steps,
             deadline,

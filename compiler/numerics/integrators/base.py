@@ -21,7 +21,6 @@ class Problem:
     x : (n,) state at ``times[0]``
     times : (k,) increasing output times
     rtol, atol : tolerances; atol is (n,)
-    tested : (n,) components of the error test
     sink : callable (first, states)
         Takes the states at the output times ``first …`` as an array (count, n). The start itself is not among them.
     max_steps : int
@@ -36,18 +35,12 @@ class Problem:
     times: np.ndarray
     rtol: float
     atol: np.ndarray
-    tested: np.ndarray
     sink: Callable[[int, np.ndarray], None]
     max_steps: int = 5_000_000
     deadline: float | None = None
     progress: Callable[[float], None] | None = None
     patience: float = np.inf
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def error_atol(self) -> np.ndarray:
-        """Absolute tolerances with which an untested component has no weight."""
-        return np.where(self.tested, self.atol, 1e30)
 
 
 @dataclass
@@ -63,6 +56,8 @@ class Outcome:
     step : the last step size, where the method tells
     counts : steps, rejected, … for the statistics
     matrix : how an implicit method has stored its Jacobian, empty for an explicit one
+    evaluation : how the equations have been evaluated, empty where as `System.kind` says
+    solver : the method that has done it, empty where it is the one that was called
     """
 
     time: float
@@ -73,6 +68,8 @@ class Outcome:
     counts: dict[str, int] = field(default_factory=dict)
     step: float = np.inf
     matrix: str = ""
+    evaluation: str = ""
+    solver: str = ""
 
 
 @dataclass(frozen=True)
@@ -86,6 +83,10 @@ class Properties:
     jacobian: bool
     library: str
     note: str = ""
+
+
+class NotFound(Exception):
+    """A library that an integrator is made of is not installed in a layout that is known here."""
 
 
 class Watch:
@@ -107,7 +108,9 @@ class Watch:
         return self.deadline is not None and now > self.deadline
 
 
+# why a run has ended early
 COLLAPSED = "the step size collapsed"
 TOO_MANY = "too many steps"
 TOO_LONG = "the time allowed for the run is over"
+INTERRUPTED = "it was interrupted"
 NOT_FINITE = "the derivatives have no finite value"

@@ -7,12 +7,13 @@ undamped motion). So it begins; it notices stiffness by itself, and a stiff meth
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 
 import numpy as np
 
-from lmoc.numerics.integrators.base import COLLAPSED, NOT_FINITE, Outcome, Problem, Properties
+from lmoc.diagnostics import Diagnostic, ModelError
+from lmoc.numerics.integrators.base import COLLAPSED, NOT_FINITE, NotFound, Outcome, Problem, Properties
 from lmoc.numerics.system import CasadiSystem, System
 
 NAMES = ("dop853", "cvode", "adams", "ida", "cvodes", "radau")
@@ -44,22 +45,47 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     Returns
     -------
     The outcome, and for the statistics: which solver, and why.
+
+    Raises
+    ------
+    ModelError
+        E0540: the solver asked for needs SUNDIALS, which is not at hand.
     """
-    outcome, stats, method = Outcome(float(problem.times[0]), problem.x, 1), {}, solver
+    try:
+        outcome, used = _in_pieces(problem, solver)
+    except NotFound as error:
+        message = f"solver '{solver}' cannot be used: the SUNDIALS libraries of scikit-sundae were not found"
+        raise ModelError([Diagnostic("E0540", message, hint="dop853 and radau do without them")]) from error
+    return outcome, {"solver": ", ".join(used.solvers), "reason": used.reason}
+
+
+@dataclass(frozen=True)
+class _Used:
+    """Which methods have taken over from each other, and why."""
+
+    solvers: tuple[str, ...]
+    reason: str
+
+
+def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
+    outcome, used, method = Outcome(float(problem.times[0]), problem.x, 1), None, solver
     begin = outcome.time
     for edge in (*problem.breaks.tolist(), np.inf):
-        later, said = _smooth(_until(problem, outcome, begin, edge), method)
+        later, own = _smooth(_until(problem, outcome, begin, edge), method)
         later.counts = _added(outcome.counts, later.counts)
-        later.matrix = later.matrix or outcome.matrix
+        later.matrix, later.evaluation = later.matrix or outcome.matrix, later.evaluation or outcome.evaluation
         later.reached = int(np.searchsorted(problem.times, later.time + _near(later.time), "right"))
         outcome, begin = later, edge + _near(edge) / 4
-        if not stats or "," in said["solver"]:  # where a stiff method has taken over, it goes on
-            stats, method = said, said["solver"].split(", ")[-1] if "," in said["solver"] else method
+        taken_over = len(own.solvers) > 1
+        if used is None or taken_over:
+            used = own
+        if taken_over:  # the stiff method goes on behind the next break
+            method = own.solvers[-1]
         if outcome.failure:
             break
     if len(problem.breaks):
         outcome.counts["breaks"] = len(problem.breaks)
-    return outcome, stats
+    return outcome, used
 
 
 def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
@@ -90,14 +116,15 @@ def _added(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
     return {k: one.get(k, 0) + two.get(k, 0) for k in one | two}
 
 
-def _smooth(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
+def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
     """Integrate where nothing jumps."""
     if solver != "auto":
-        return integrator(solver)(problem), {"solver": solver, "reason": "asked for"}
+        outcome = integrator(solver)(problem)
+        reason = f"in place of {solver}, which does not take this run" if outcome.solver else "asked for"
+        return outcome, _Used((outcome.solver or solver,), reason)
     outcome = integrator("dop853")(replace(problem, patience=patience(problem.system)))
-    stats: dict[str, object] = {"solver": "dop853", "reason": "not stiff"}
     if not outcome.stiff and outcome.failure not in (COLLAPSED, NOT_FINITE):
-        return outcome, stats
+        return outcome, _Used(("dop853",), "not stiff")
     spent = problem.system.evaluations
     name, why = stiff_method(problem, outcome)
     later = integrator(name)(_rest(problem, outcome, name))
@@ -105,9 +132,11 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     later.counts = _added(outcome.counts, later.counts)
     if "evaluations" in later.counts:  # SUNDIALS counts its own, and the system those of Python
         later.counts["evaluations"] += spent
+    if later.evaluation:
+        later.evaluation = f"{problem.system.kind}, then {later.evaluation}"
     met = "stiffness" if outcome.stiff else outcome.failure
-    solvers = "dop853" if name == "dop853" else f"dop853, {name}"
-    return later, {"solver": solvers, "reason": f"{met} at t = {outcome.time:.4g} s, then {why}"}
+    solvers = ("dop853",) if name == "dop853" else ("dop853", name)
+    return later, _Used(solvers, f"{met} at t = {outcome.time:.4g} s, then {why}")
 
 
 def patience(system: System) -> float:
@@ -123,9 +152,13 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
     below the tolerance; if not it must be followed, which DOP853 does best.
     """
+    from lmoc.numerics.native import sundials
+
     system = problem.system
     jacobian = system.jacobian(outcome.time, outcome.x) if system.n <= _EIGENVALUES else np.array([[np.nan]])
     if not np.isfinite(jacobian).all():
+        if not sundials.available():
+            return "radau", "Radau, because SUNDIALS is not at hand"
         if system.plan.has_large_blocks:
             return "ida", "BDF on the index-1 form, whose matrix is sparse"
         return "cvode", "BDF"
@@ -133,8 +166,8 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     k = int(np.argmax(np.abs(values)))
     fastest = values[k]
     if abs(fastest.imag) <= 3 * abs(fastest.real):
-        constant = 1 / max(abs(fastest), 1e-300)
-        return "cvode", f"BDF, because the fastest mode decays (time constant {constant:.3g} s)"
+        why = f"because the fastest mode decays (time constant {1 / max(abs(fastest), 1e-300):.3g} s)"
+        return ("cvode", f"BDF, {why}") if sundials.available() else ("radau", f"Radau, {why}")
     remaining = (problem.times[-1] - outcome.time) / outcome.step
     if outcome.stiff and remaining < _FOLLOWED * patience(system) and _at_work(problem, outcome, values, vectors, k):
         return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
@@ -150,7 +183,7 @@ def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np
     except np.linalg.LinAlgError:
         return True
     allowed = problem.atol + problem.rtol * np.abs(outcome.x)
-    return bool((np.abs(amplitude) > allowed)[problem.tested].any())
+    return bool((np.abs(amplitude) > allowed).any())
 
 
 def _rest(problem: Problem, outcome: Outcome, name: str) -> Problem:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.integrators.base import NOT_FINITE, TOO_LONG, Outcome, Problem, Properties, Watch
+from lmoc.numerics.integrators.base import INTERRUPTED, TOO_LONG, Outcome, Problem, Properties, Watch
 from lmoc.numerics.integrators.matrices import Layout, layout_of
 from lmoc.numerics.system import System
 
@@ -24,18 +24,23 @@ class Expired(Exception):
 
 
 class Frame:
-    """A system as SUNDIALS sees it: states in the layout's order, the deadline watched."""
+    """A system as SUNDIALS sees it: states in the layout's order, the deadline watched, output gathered."""
 
-    def __init__(self, problem: Problem, system: System | None = None) -> None:
-        self.problem, self.system = problem, problem.system if system is None else system
-        self.layout: Layout = layout_of(self.system)
-        order = self.layout.order
-        self.order = order
-        self.x, self.f = np.empty(self.system.n), np.empty(self.system.n)
-        self.values = np.empty(len(self.system.pattern()[1]))
+    def __init__(self, problem: Problem, system: System) -> None:
+        self.problem, self.system = problem, system
+        self.layout: Layout = layout_of(system)
+        self.order = self.layout.order
+        self.x, self.f = np.empty(system.n), np.empty(system.n)
+        self.values = np.empty(len(system.pattern()[1]))
         self.watch = Watch(problem)
         self.calls = 0
-        self.batch: list[np.ndarray] = []
+        self.last = problem.x  # at the last output time reached
+        self.first, self.batch = 1, []  # states at the output times `first …`, not yet handed on
+
+    @property
+    def reached(self) -> int:
+        """Number of output times reached, the start counted."""
+        return self.first + len(self.batch)
 
     def arrange(self, x: np.ndarray) -> np.ndarray:
         """From the system's order to the solver's."""
@@ -66,72 +71,66 @@ class Frame:
         self.system.jacobian_values(t, self.restore(x), self.values)
         self.layout.write(self.values, scale, shift, target)
 
-    def sink(self, k: int, x: np.ndarray) -> None:
+    def sink(self, _: int, x: np.ndarray) -> None:
         """Gather the states at the output times: what is computed from them is computed for many times at once."""
         self.last = self.state(x)
         self.batch.append(self.last)
-        self.reached, self.time = k + 1, float(self.problem.times[k])
         if len(self.batch) * len(self.last) > _BATCH:
             self.flush()
 
     def flush(self) -> None:
         """Hand on what has been gathered."""
-        if self.batch:
-            self.problem.sink(self.reached - len(self.batch), np.array(self.batch))
-            self.batch = []
+        first, batch = self.first, self.batch
+        self.first, self.batch = self.reached, []
+        if batch:
+            self.problem.sink(first, np.array(batch))
 
-    reached: int = 1
-    time: float = np.nan
-    last: np.ndarray | None = None
+    def given(self, x: np.ndarray, atol: np.ndarray, fill):
+        """What the native session is given; x and atol in the solver's order."""
+        from lmoc.numerics.native.matrix import Matrix
+        from lmoc.numerics.native.session import Given
 
-    def matrix(self, fill):
-        from lmoc.numerics.native.cvode import Matrix
+        problem, y = self.problem, self.layout
+        matrix = Matrix(y.kind, fill, y.lower, y.upper, y.indptr, y.indices)
+        return Given(x, problem.times, problem.rtol, atol, matrix, self.sink, problem.max_steps, problem.progress)
 
-        y = self.layout
-        return Matrix(y.kind, fill, y.lower, y.upper, y.indptr, y.indices)
+    def outcome(self, integrate) -> Outcome:
+        """Run a native session and say how far it came.
 
-    def expired(self) -> Outcome:
-        self.flush()
-        x = self.problem.x if self.last is None else self.last
-        t = float(self.problem.times[0]) if self.last is None else self.time
-        return Outcome(t, x, self.reached, TOO_LONG)
-
-    def outcome(self, result) -> Outcome:
-        """From what the native loop returns."""
-        self.flush()
-        calls = result.rhs_evaluations
-        counts = {"steps": result.steps, "evaluations": calls, "jacobians": result.jacobian_evaluations}
-        failure = NOT_FINITE if "no finite value" in result.failure else result.failure
+        Parameters
+        ----------
+        integrate : () -> native.session.Ended
+        """
+        try:
+            result = integrate()
+        except Expired:
+            return self.stopped(TOO_LONG)
+        except KeyboardInterrupt:
+            return self.stopped(INTERRUPTED)
         x = self.state(result.x)
-        return Outcome(result.time, x, self.reached, failure, False, counts, matrix=self.layout.text)
+        if not np.isfinite(x).all():  # a failed step may leave such values behind
+            return self.stopped(result.failure)
+        self.flush()
+        counts = {"steps": result.steps, "evaluations": result.evaluations, "jacobians": result.jacobians}
+        return Outcome(result.time, x, self.reached, result.failure, counts=counts, matrix=self.layout.text)
+
+    def stopped(self, failure: str) -> Outcome:
+        """Where it came to an end at the last output time."""
+        self.flush()
+        return Outcome(float(self.problem.times[self.reached - 1]), self.last, self.reached, failure)
 
 
 def integrate(problem: Problem, method: str = "bdf") -> Outcome:
-    """Integrate over the output times with "bdf" or "adams"."""
+    """Integrate over the output times with "bdf" or "adams".
+
+    Raises
+    ------
+    NotFound
+        The libraries are not at hand.
+    """
     from lmoc.numerics.native import cvode
 
-    frame = Frame(problem)
-    errors: list[BaseException] = []
-    native = problem.system.callback(frame.order)
-    rhs, data = native or (cvode.wrap_python(frame.rhs, problem.system.n, errors), None)
-    try:
-        result = cvode.integrate(
-            rhs,
-            data,
-            frame.arrange(problem.x),
-            problem.times,
-            problem.rtol,
-            frame.arrange(problem.error_atol),
-            frame.matrix(frame.fill),
-            method,
-            problem.max_steps,
-            problem.progress,
-            frame.sink,
-        )
-    except Expired:
-        return frame.expired()
-    if errors:
-        if isinstance(errors[0], Expired):
-            return frame.expired()
-        raise errors[0]
-    return frame.outcome(result)
+    frame = Frame(problem, problem.system)
+    given = frame.given(frame.arrange(problem.x), frame.arrange(problem.atol), frame.fill)
+    compiled = problem.system.callback(frame.order)
+    return frame.outcome(lambda: cvode.integrate(given, compiled or frame.rhs, method))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lmoc.numerics.integrators import cvode
@@ -12,24 +14,31 @@ from lmoc.numerics.system import CasadiSystem
 MAX_STEPS = 20_000
 PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", jacobian=True, library="casadi")
 
+_NOT_GONE = 1e-9  # s: over a shorter interval casadi does not integrate but gives the same state again
+_KEPT = 8  # integrators kept with a system, each for its own times and tolerances
+
 
 def suits(problem: Problem) -> bool:
-    """Whether the system is one casadi function of time, states and parameters."""
-    return isinstance(problem.system, CasadiSystem) and not problem.system.samplers
+    """Whether the system is one casadi function of time, states and parameters, and its times are far enough apart."""
+    plain = isinstance(problem.system, CasadiSystem) and not problem.system.samplers
+    return plain and problem.deadline is None and np.diff(problem.times).min() > 2 * _NOT_GONE
 
 
 def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times; by `cvode`, the same method, where casadi's cannot."""
-    times = problem.times
-    if len(times) == 1:
-        return Outcome(float(times[0]), problem.x, 1)
+    """Integrate over the output times; by `cvode`, the same method, where casadi's cannot.
+
+    Raises
+    ------
+    NotFound
+        `cvode` is needed and not at hand.
+    """
     if not suits(problem):
-        return cvode.integrate(problem)
+        return replace(cvode.integrate(problem), solver="cvode")
     try:
         solver = _solver(problem)
         result = solver(x0=problem.x, p=problem.system.p)
     except RuntimeError:  # it keeps nothing of a run that fails: the same method again, for the partial result
-        return cvode.integrate(problem)
+        return replace(cvode.integrate(problem), solver="cvode")
     states = np.array(result["xf"]).T
     finite = np.isfinite(states).all(axis=1)
     reached = len(states) if finite.all() else int(np.argmin(finite))
@@ -38,7 +47,8 @@ def integrate(problem: Problem) -> Outcome:
     last = states[reached - 1] if reached else problem.x
     cost = solver.stats()
     counts = {"steps": cost["nsteps"], "evaluations": cost["nfevals"], "jacobians": cost["nlinsetups"]}
-    return Outcome(float(times[reached]), last, reached + 1, "" if finite.all() else NOT_FINITE, False, counts)
+    failure = "" if finite.all() else NOT_FINITE
+    return Outcome(float(problem.times[reached]), last, reached + 1, failure, counts=counts)
 
 
 def _solver(problem: Problem):
@@ -47,7 +57,8 @@ def _solver(problem: Problem):
 
     system = problem.system
     key = problem.times.tobytes(), problem.rtol, float(problem.atol.min()), problem.max_steps
-    if key not in system.native_integrators:
+    kept = system.native_integrators
+    if key not in kept:
         lowered = system.lowered
         dae = {"t": lowered.time, "x": lowered.x, "p": lowered.p, "ode": lowered.out}
         options = {
@@ -57,6 +68,7 @@ def _solver(problem: Problem):
             "disable_internal_warnings": True,
             "show_eval_warnings": False,
         }
-        grid = problem.times[1:]
-        system.native_integrators[key] = ca.integrator("run", "cvodes", dae, float(problem.times[0]), grid, options)
-    return system.native_integrators[key]
+        if len(kept) == _KEPT:
+            del kept[next(iter(kept))]
+        kept[key] = ca.integrator("run", "cvodes", dae, float(problem.times[0]), problem.times[1:], options)
+    return kept[key]

@@ -39,7 +39,7 @@ class DenseOutput:
     def add(self, t: float, t_new: float, h: float, stepper: Stepper, stages: np.ndarray) -> None:
         """Take the step just tried, from t to t_new, with output times in it."""
         last = bisect_right(self.times, t_new, self.reached)
-        self._steps.append((last - self.reached, t, h, stepper.x.copy(), stepper.x_new.copy(), stages))
+        self._steps.append((self.reached, last, t, h, stepper.x.copy(), stepper.x_new.copy(), stages))
         self.reached = last
         self.next = self.times[last] if last < len(self.times) else math.inf
         if len(self._steps) >= self._most:
@@ -49,12 +49,11 @@ class DenseOutput:
         """Evaluate what has been gathered and hand it on."""
         if not self._steps:
             return
-        counts, begin, step, x, x_new, stages = (np.array(column) for column in zip(*self._steps, strict=True))
+        from_, to, begin, step, x, x_new, stages = (np.array(column) for column in zip(*self._steps, strict=True))
         self._steps = []
         terms = dense_terms(step, x, x_new, stages)
-        owner = np.repeat(np.arange(len(counts)), counts)
-        first = self.reached - len(owner)
-        theta = (self.problem.times[first : self.reached] - begin[owner]) / step[owner]
+        owner, first = np.repeat(np.arange(len(to)), to - from_), int(from_[0])
+        theta = (self.problem.times[first : to[-1]] - begin[owner]) / step[owner]
         largest = max(1, _CHUNK // max(1, x.shape[1]))
         for a in range(0, len(owner), largest):
             own = owner[a : a + largest]
@@ -64,7 +63,7 @@ class DenseOutput:
 def roughness(problem: Problem, x: np.ndarray, h: float, stages: np.ndarray) -> float:
     """Size of the last term of the polynomial in tolerances: it stands for those that the polynomial leaves out."""
     error = (table.D[3] @ stages) * (h * _LAST_TERM) / (problem.atol + problem.rtol * np.abs(x))
-    return math.sqrt(float((error[problem.tested] ** 2).mean()))
+    return math.sqrt(float((error**2).mean()))
 
 
 def dense_terms(h: np.ndarray, x: np.ndarray, x_new: np.ndarray, stages: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from lmoc.numerics.integrators.base import (
     COLLAPSED,
+    INTERRUPTED,
     NOT_FINITE,
     TOO_LONG,
     TOO_MANY,
@@ -36,7 +37,11 @@ _LOOK = 128  # steps between two looks at the clock
 
 def integrate(problem: Problem) -> Outcome:
     """Integrate over the output times."""
-    return _Run(problem).go()
+    run = _Run(problem)
+    try:
+        return run.go()
+    except KeyboardInterrupt:
+        return run.outcome(INTERRUPTED)
 
 
 class _Run:
@@ -54,7 +59,7 @@ class _Run:
 
     def go(self) -> Outcome:
         problem, stepper, end = self.problem, self.stepper, self.end
-        stepper.start(self.t, problem.x, problem.rtol, problem.atol, problem.tested)
+        stepper.start(self.t, problem.x, problem.rtol, problem.atol)
         if not np.isfinite(stepper.f).all():
             return self.outcome(NOT_FINITE)
         h = initial_step(problem, stepper.f, end - self.t)
@@ -132,12 +137,10 @@ class _Run:
 def initial_step(problem: Problem, f: np.ndarray, span: float) -> float:
     """A first step size (Hairer, Nørsett, Wanner I, II.4)."""
     system, x, t = problem.system, problem.x, float(problem.times[0])
-    scale = (problem.atol + problem.rtol * np.abs(x))[problem.tested]
-    if not len(scale):
-        return span
+    scale = problem.atol + problem.rtol * np.abs(x)
 
     def norm(v: np.ndarray) -> float:
-        return math.sqrt(float(np.mean((v[problem.tested] / scale) ** 2)))
+        return math.sqrt(float(np.mean((v / scale) ** 2)))
 
     d0, d1 = norm(x), norm(f)
     h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1

@@ -5,23 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.numerics.integrators.base import Outcome, Problem, Properties
-from lmoc.numerics.integrators.cvode import Expired, Frame
+from lmoc.numerics.integrators.cvode import Frame
+from lmoc.numerics.opened import OpenedSystem
 
 PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", jacobian=True, library="SUNDIALS")
 
 
 def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times."""
+    """Integrate over the output times.
+
+    Raises
+    ------
+    NotFound
+        The libraries are not at hand.
+    """
     from lmoc.numerics.native import ida
 
-    t0, opened = float(problem.times[0]), problem.system.opened()
-    frame = Frame(problem, opened)
-    y, atol, mass = problem.x, problem.error_atol, np.ones(problem.system.n)
-    if opened is not None:
-        y = opened.start(t0, problem.x)
+    t0, system = float(problem.times[0]), problem.system.opened() or problem.system
+    frame = Frame(problem, system)
+    y, atol, mass = problem.x, problem.atol, np.ones(problem.system.n)
+    if isinstance(system, OpenedSystem):
+        y = system.start(t0, problem.x)
         z = y[len(mass) :]
         atol = np.concatenate([atol, problem.rtol * np.maximum(1.0, np.abs(z))])
-        mass = opened.differential.astype(float)
+        mass = system.differential.astype(float)
     y, mass = frame.arrange(y), frame.arrange(mass)
 
     def residual(t: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
@@ -33,22 +40,9 @@ def integrate(problem: Problem) -> Outcome:
 
     yp = np.empty_like(y)
     frame.rhs(t0, y, yp)
-    equations = ida.Equations(residual, frame.matrix(fill), mass > 0)
-    try:
-        result = ida.integrate(
-            equations,
-            y,
-            mass * yp,
-            problem.times,
-            problem.rtol,
-            frame.arrange(atol),
-            frame.sink,
-            problem.max_steps,
-            problem.progress,
-        )
-    except Expired:
-        return frame.expired()
-    outcome = frame.outcome(result)
-    if opened is not None:
-        outcome.counts["algebraic"] = opened.n - problem.system.n
+    given = frame.given(y, frame.arrange(atol), fill)
+    outcome = frame.outcome(lambda: ida.integrate(given, residual, mass * yp, mass > 0))
+    if system is not problem.system:
+        outcome.counts["algebraic"] = system.n - problem.system.n
+        outcome.evaluation = system.kind
     return outcome

@@ -31,7 +31,7 @@ class Stepper(ABC):
     x_new: np.ndarray
 
     @abstractmethod
-    def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray, tested: np.ndarray) -> None:
+    def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray) -> None:
         """Stand at a point."""
 
     @abstractmethod
@@ -56,11 +56,9 @@ class NumpyStepper(Stepper):
         self.k = np.zeros((16, n))
         self.x, self.f, self.x_new = np.zeros(n), np.zeros(n), np.zeros(n)
 
-    def start(self, t, x, rtol, atol, tested) -> None:
+    def start(self, t, x, rtol, atol) -> None:
         self.x = x.copy()
         self.rtol, self.atol = rtol, atol
-        self.tested = slice(None) if tested.all() else tested
-        self.count = max(1, int(tested.sum()))
         self.system.rhs(t, self.x, self.f)
 
     def attempt(self, t: float, h: float) -> tuple[float, float]:
@@ -72,13 +70,12 @@ class NumpyStepper(Stepper):
                 rhs(t + table.C[i] * h, last, k[i])
             self.x_new = x + h * (table.B @ k[:12])
             rhs(t + h, self.x_new, k[12])
-            own = self.tested
-            scale = (self.atol + self.rtol * np.maximum(np.abs(x), np.abs(self.x_new)))[own]
-            e5 = float((((table.E5 @ k[:13])[own] / scale) ** 2).sum())
-            e3 = float((((table.E3 @ k[:13])[own] / scale) ** 2).sum())
-            error = h * e5 / np.sqrt((e5 + 0.01 * e3 + 1e-300) * self.count)
-            change = float(((self.x_new - last)[own] ** 2).sum())
-            rise = float(((k[12] - k[11])[own] ** 2).sum())
+            scale = self.atol + self.rtol * np.maximum(np.abs(x), np.abs(self.x_new))
+            e5 = float(((table.E5 @ k[:13] / scale) ** 2).sum())
+            e3 = float(((table.E3 @ k[:13] / scale) ** 2).sum())
+            error = h * e5 / np.sqrt((e5 + 0.01 * e3 + 1e-300) * len(x))
+            change = float(((self.x_new - last) ** 2).sum())
+            rise = float(((k[12] - k[11]) ** 2).sum())
             stiffness = h * np.sqrt(rise / change) if change > 0 else 0.0
         # the error components alone may hide a NaN at the end of the step
         return (float(error) if np.isfinite(k[12]).all() else float("nan")), float(stiffness)
@@ -103,12 +100,12 @@ class CasadiStepper(Stepper):
         self.t, self.h = np.zeros(1), np.zeros(1)
         self.x, self.f = np.zeros(n), np.zeros(n)
         self.u, self.rtol, self.atol = np.zeros((16, inputs)), np.zeros(1), np.zeros(n)
-        function = step_function(system.function, n, inputs, len(system.p), system.plan.tested)
+        function = step_function(system.function, n, inputs, len(system.p))
         self.call = Buffered(function, (self.t, self.h, self.x, self.f, system.p, self.u, self.rtol, self.atol))
         self.numbers, self.x_new, self.k = self.call.results
         self.k.shape = 16, n
 
-    def start(self, t, x, rtol, atol, tested) -> None:
+    def start(self, t, x, rtol, atol) -> None:
         self.x[:], self.rtol[0], self.atol[:] = x, rtol, atol
         self.system.rhs(t, self.x, self.f)
 
@@ -129,7 +126,7 @@ class CasadiStepper(Stepper):
         self.f[:] = self.k[12]
 
 
-def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray):
+def step_function(rhs, n: int, inputs: int, parameters: int):
     """``(t, h, x, f, p, u, rtol, atol) -> ([error, |h·λ|], x_new, (n, 16) stages)`` as a casadi function."""
     import casadi as ca
 
@@ -142,10 +139,6 @@ def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray)
     def combine(weights: np.ndarray):
         return sum(float(weights[j]) * k[j] for j in np.flatnonzero(weights).tolist())
 
-    def square(v):
-        """Sum of the squares of the tested components."""
-        return ca.sumsqr(v if tested.all() else v[np.flatnonzero(tested).tolist()])
-
     for i in range(1, 12):
         last = x + h * combine(table.A[i])
         k.append(rhs(t + float(table.C[i]) * h, last, p, u[:, i]))
@@ -154,11 +147,11 @@ def step_function(rhs, n: int, inputs: int, parameters: int, tested: np.ndarray)
     for i in range(13, 16):
         k.append(rhs(t + float(table.C[i]) * h, x + h * combine(table.A[i]), p, u[:, i]))
     scale = atol + rtol * ca.fmax(ca.fabs(x), ca.fabs(x_new))
-    e5, e3 = square(combine(table.E5) / scale), square(combine(table.E3) / scale)
+    e5, e3 = ca.sumsqr(combine(table.E5) / scale), ca.sumsqr(combine(table.E3) / scale)
     # 0·Σf carries a NaN at the end of the step into the error
     poison = 0 * ca.sum1(k[12])
-    error = h * e5 / ca.sqrt((e5 + 0.01 * e3 + 1e-300) * max(1, int(tested.sum()))) + poison
-    stiffness = h * ca.sqrt(square(k[12] - k[11]) / (square(x_new - last) + 1e-300))
+    error = h * e5 / ca.sqrt((e5 + 0.01 * e3 + 1e-300) * n) + poison
+    stiffness = h * ca.sqrt(ca.sumsqr(k[12] - k[11]) / (ca.sumsqr(x_new - last) + 1e-300))
     outputs = [ca.vertcat(error, stiffness), x_new, ca.horzcat(*k)]
     return ca.Function("step", [t, h, x, f, p, u, rtol, atol], [ca.densify(o) for o in outputs])
 

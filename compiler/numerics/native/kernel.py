@@ -92,7 +92,6 @@ class Kernel:
         """What C functions need to evaluate derivatives; valid as long as the kernel lives."""
         tables = [np.ascontiguousarray(r, np.int32) for r in (states, derivatives)]
         contiguous = len(states) > 0 and (np.diff(states) == 1).all()
-        data = sundials.load()
         call = _Call(
             self.w.ctypes.data,
             self._numbers.ctypes.data,
@@ -100,7 +99,7 @@ class Kernel:
             len(states),
             int(states[0]) if contiguous else -1,
             *(t.ctypes.data for t in tables),
-            ctypes.cast(data.N_VGetArrayPointer, ctypes.c_void_p).value if data else None,
+            None,
         )
         call.tables = tables  # kept alive with it
         return call
@@ -108,5 +107,6 @@ class Kernel:
     def callback(self, states: np.ndarray, derivatives: np.ndarray):
         """The right-hand side as SUNDIALS calls it, and what to hand it as user data."""
         self._call = self.call(states, derivatives)
+        self._call.data = ctypes.cast(sundials.load().N_VGetArrayPointer, ctypes.c_void_p).value
         rhs = sundials.RHS(ctypes.cast(self.library.lmoc_rhs, ctypes.c_void_p).value)
         return rhs, ctypes.byref(self._call)

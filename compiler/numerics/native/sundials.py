@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lmoc.numerics.integrators.base import COLLAPSED, NOT_FINITE, TOO_MANY, NotFound
+
 # the dependencies first, so that the loader finds them already in the process
 _LIBRARIES = (
     "core", "nvecserial", "sunmatrixdense", "sunmatrixband", "sunmatrixsparse",
@@ -33,6 +35,7 @@ _SIGNATURES: dict[str, tuple] = {
     "SUNContext_ClearErrHandlers": (c_int, c_void_p),
     "N_VMake_Serial": (c_void_p, c_int, c_void_p, c_void_p),
     "N_VDestroy": (None, c_void_p),
+    "N_VGetLength": (c_int, c_void_p),
     "N_VGetArrayPointer": (c_void_p, c_void_p),
     "SUNDenseMatrix": (c_void_p, c_int, c_int, c_void_p),
     "SUNDenseMatrix_Data": (c_void_p, c_void_p),
@@ -59,11 +62,9 @@ _SIGNATURES: dict[str, tuple] = {
     "CVodeSetLinearSolver": (c_int, c_void_p, c_void_p, c_void_p),
     "CVodeSetJacFn": (c_int, c_void_p, JACOBIAN),
     "CVode": (c_int, c_void_p, c_double, c_void_p, POINTER(c_double), c_int),
-    "CVodeGetDky": (c_int, c_void_p, c_double, c_int, c_void_p),
     "CVodeGetNumSteps": (c_int, c_void_p, POINTER(c_long)),
     "CVodeGetNumRhsEvals": (c_int, c_void_p, POINTER(c_long)),
     "CVodeGetNumJacEvals": (c_int, c_void_p, POINTER(c_long)),
-    "CVodeGetLastStep": (c_int, c_void_p, POINTER(c_double)),
     "CVodeFree": (None, POINTER(c_void_p)),
     "IDACreate": (c_void_p, c_void_p),
     "IDAInit": (c_int, c_void_p, RESIDUAL, c_double, c_void_p, c_void_p),
@@ -84,10 +85,23 @@ _SIGNATURES: dict[str, tuple] = {
 
 CSC = 0
 ADAMS, BDF = 1, 2
-NORMAL, ONE_STEP = 1, 2
+NORMAL = 1
 SUCCESS, TSTOP_RETURN = 0, 1
-TOO_MUCH_WORK, ERR_FAILURE, CONV_FAILURE, LSETUP_FAIL = -1, -3, -4, -6
-RHS_FAILURES = (-8, -9, -10, -11)
+# flags that CVODE and IDA share
+_FAILURES = {
+    -1: TOO_MANY,
+    -2: "the tolerances are finer than rounding allows",
+    -3: COLLAPSED,  # the error test failed, or Newton's method, even with the shortest step
+    -4: COLLAPSED,
+    -5: "the linear solver could not be set up",
+    -6: "the Jacobian is singular",
+    -7: "the Jacobian is singular",
+}
+
+
+def failure_text(library: str, flag: int, no_value: tuple[int, ...]) -> str:
+    """A returned flag in words; `no_value` are those for a function without a finite value."""
+    return NOT_FINITE if flag in no_value else _FAILURES.get(flag, f"{library} refused the problem (flag {flag})")
 
 
 class Library:
@@ -100,9 +114,27 @@ class Library:
             setattr(self, name, function)
 
 
+def load() -> Library:
+    """The libraries.
+
+    Raises
+    ------
+    NotFound
+        On a platform where they are not found in this layout.
+    """
+    library = _load()
+    if library is None:
+        raise NotFound
+    return library
+
+
+def available() -> bool:
+    """Whether the libraries are found."""
+    return _load() is not None
+
+
 @lru_cache(maxsize=1)
-def load() -> Library | None:
-    """The libraries, or None on a platform where they are not found in this layout."""
+def _load() -> Library | None:
     spec = find_spec("sksundae")
     if spec is None or spec.origin is None:
         return None
@@ -116,6 +148,11 @@ def load() -> Library | None:
         return Library([ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL) for path in paths])
     except (OSError, StopIteration):
         return None
+
+
+def view(address: int, size: int) -> np.ndarray:
+    """Numbers that SUNDIALS owns, as an array without a copy."""
+    return np.frombuffer((c_double * size).from_address(address), float)
 
 
 def least_step(times: np.ndarray) -> float:

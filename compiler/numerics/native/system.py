@@ -62,7 +62,7 @@ class NativeStepper(Stepper):
         n = system.n
         self.system = system
         self.x, self.f, self.x_new, self.last = (np.zeros(n) for _ in range(4))
-        self.k, self.atol, self.weight = np.zeros((16, n)), np.zeros(n), np.zeros(n)
+        self.k, self.atol = np.zeros((16, n)), np.zeros(n)
         self.result = np.zeros(2)
         # A has a row for each of the 16 stages; rows B, E5 and E3 follow it
         rows = [*table.A, *(np.pad(r, (0, 16 - len(r))) for r in (table.B, table.E5, table.E3))]
@@ -72,23 +72,22 @@ class NativeStepper(Stepper):
         library = system.kernel.library
         self._attempt, self._more = library.lmoc_dop853_attempt, library.lmoc_dop853_more
         real, pointer = ctypes.c_double, ctypes.c_void_p
-        self._attempt.argtypes = [pointer, real, real, real, *[pointer] * 9]
+        self._attempt.argtypes = [pointer, real, real, real, *[pointer] * 8]
         self._more.argtypes = [pointer, real, real, *[pointer] * 5]
         self._attempt.restype = self._more.restype = None
 
-    def start(self, t, x, rtol, atol, tested) -> None:
-        self.x[:], self.atol[:], self.weight[:] = x, atol, tested
-        self.rtol, self.count = float(rtol), max(1, int(np.sum(tested)))
+    def start(self, t, x, rtol, atol) -> None:
+        self.x[:], self.atol[:], self.rtol = x, atol, float(rtol)
         self.system.rhs(t, self.x, self.f)
 
     def attempt(self, t: float, h: float) -> tuple[float, float]:
         k = self.k
         k[0] = self.f
-        arrays = (self.table, self.times, self.x, self.atol, self.weight, k, self.x_new, self.last, self.result)
+        arrays = (self.table, self.times, self.x, self.atol, k, self.x_new, self.last, self.result)
         self._attempt(ctypes.byref(self._call), t, h, self.rtol, *(a.ctypes.data for a in arrays))
         self.system.evaluations += 12
         error, stiffness = self.result.tolist()
-        return error / np.sqrt(self.count), stiffness
+        return error, stiffness
 
     def stages(self, t: float, h: float) -> np.ndarray:
         arrays = (self.table, self.times, self.x, self.k, self.last)

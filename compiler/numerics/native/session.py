@@ -1,0 +1,159 @@
+"""What CVODE and IDA have in common: the objects of one integration, the loop over output times, what comes back."""
+
+from __future__ import annotations
+
+import time as clock
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from ctypes import byref, c_double, c_long, c_void_p
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.numerics.native import sundials as sun
+from lmoc.numerics.native.matrix import Matrix, Solver
+
+_TOLD = 0.2  # s between two reports of progress
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is integrated, from where and how accurately.
+
+    Attributes
+    ----------
+    x : (n,) at ``times[0]``
+    times : (k,) increasing
+    rtol, atol : tolerances; atol is (n,)
+    matrix : Matrix
+    sink : called with (k, state at ``times[k]``) for k ≥ 1; it has to copy what it keeps
+    max_steps : between two output times
+    progress : called with the time reached, a few times a second at the most
+    """
+
+    x: np.ndarray
+    times: np.ndarray
+    rtol: float
+    atol: np.ndarray
+    matrix: Matrix
+    sink: Callable[[int, np.ndarray], None]
+    max_steps: int
+    progress: Callable[[float], None] | None = None
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Where an integration has ended and what it cost; `failure` is empty where all times were reached."""
+
+    time: float
+    x: np.ndarray
+    failure: str
+    steps: int
+    evaluations: int
+    jacobians: int
+
+
+class Session(ABC):
+    """Owns the SUNDIALS objects of one integration; a context manager that frees them.
+
+    What a callback raises must not unwind through C: it is kept in `error`, ends the run, and is raised afterwards.
+    """
+
+    name: str  # with which SUNDIALS' functions begin
+    counters: tuple[str, str, str]
+
+    def __init__(self, given: Given) -> None:
+        """
+        Raises
+        ------
+        NotFound
+            The libraries are not at hand.
+        """
+        self.lib = lib = sun.load()
+        self.given, self.n = given, len(given.x)
+        self.error: BaseException | None = None
+        self.context = c_void_p()
+        lib.SUNContext_Create(0, byref(self.context))
+        lib.SUNContext_ClearErrHandlers(self.context)  # failures are told by the return value, not on stderr
+        self.vectors: list[c_void_p] = []
+        self.x, self.atol = np.array(given.x, float), np.array(given.atol, float)
+        self.state, self.tolerance = self.vector(self.x), self.vector(self.atol)
+        self.memory = self.create()
+        self.solver = Solver(lib, given.matrix, self.state, self.context)
+        self.call("SetLinearSolver", self.solver.solver, self.solver.matrix)
+        self.attach()
+        self.call("SetStopTime", float(given.times[-1]))
+        self.call("SetMaxNumSteps", given.max_steps)
+        self.call("SetMinStep", sun.least_step(given.times))
+
+    @abstractmethod
+    def create(self) -> c_void_p:
+        """Make the integrator and give it the equations."""
+
+    @abstractmethod
+    def attach(self) -> None:
+        """Give it the function that fills the matrix."""
+
+    @abstractmethod
+    def advance(self, t: float, reached: c_double) -> int:
+        """Integrate up to t."""
+
+    def vector(self, array: np.ndarray) -> c_void_p:
+        """A SUNDIALS vector on the numbers of an array, which must live as long."""
+        self.vectors.append(c_void_p(self.lib.N_VMake_Serial(self.n, array.ctypes.data, self.context)))
+        return self.vectors[-1]
+
+    def view(self, vector: int) -> np.ndarray:
+        """The numbers of a SUNDIALS vector."""
+        return sun.view(self.lib.N_VGetArrayPointer(vector), self.n)
+
+    def call(self, function: str, *arguments) -> int:
+        return getattr(self.lib, self.name + function)(self.memory, *arguments)
+
+    def guarded(self, action: Callable[[], int]) -> int:
+        """What a callback returns: what `action` does, or the sign of an error that ends the run."""
+        try:
+            return action()
+        except BaseException as error:
+            self.error = error
+            return -1
+
+    def run(self) -> Ended:
+        """Integrate over the output times; raises what a callback has raised."""
+        given, reached, told = self.given, c_double(self.given.times[0]), clock.monotonic()
+        for k, t in enumerate(given.times[1:].tolist(), 1):
+            flag = self.advance(t, reached)
+            if self.error is not None:
+                raise self.error
+            if flag not in (sun.SUCCESS, sun.TSTOP_RETURN):
+                return self.ended(reached.value, self.failure(flag))
+            given.sink(k, self.x)
+            if given.progress is not None and clock.monotonic() - told > _TOLD:
+                told = clock.monotonic()
+                given.progress(t)
+        return self.ended(float(given.times[-1]), "")
+
+    @abstractmethod
+    def failure(self, flag: int) -> str:
+        """A returned flag in words."""
+
+    def ended(self, time: float, failure: str) -> Ended:
+        counts = []
+        for counter in self.counters:
+            value = c_long()
+            self.call(f"GetNum{counter}", byref(value))
+            counts.append(value.value)
+        return Ended(time, self.x.copy(), failure, *counts)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.call_free()
+        self.solver.free()
+        for vector in self.vectors:
+            self.lib.N_VDestroy(vector)
+        self.lib.SUNContext_Free(byref(self.context))
+
+    def call_free(self) -> None:
+        getattr(self.lib, f"{self.name}Free")(byref(self.memory))
