@@ -29,6 +29,21 @@ def numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ordered[start], number
 
 
+def distinct_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each distinct row of a table stands first, in this order, and for each row the number of its like."""
+    order = np.lexsort(table.T)
+    ordered = table[order]
+    start = np.ones(len(order), bool)
+    start[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    first = order[start]
+    appearance = np.argsort(first)
+    rank = np.empty(len(first), np.int64)
+    rank[appearance] = np.arange(len(first))
+    number = np.empty(len(table), np.int64)
+    number[order] = rank[np.cumsum(start) - 1]
+    return first[appearance], number
+
+
 def _starts(ordered: np.ndarray) -> np.ndarray:
     start = np.ones(len(ordered), bool)
     start[1:] = ordered[1:] != ordered[:-1]

@@ -334,7 +334,7 @@ def transform(root: Expr, leaf: Callable[[Expr], Expr]) -> Expr:
     for node in postorder(root):
         if node.args:
             args = tuple(new[id(a)] for a in node.args)
-            same = all(x is y for x, y in zip(args, node.args, strict=False))
+            same = all(x is y for x, y in zip(args, node.args, strict=True))
             new[id(node)] = node if same else rebuild(node.op, args)
         else:
             new[id(node)] = leaf(node)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.numerics.lexicographic import Components
+from lmoc.structure.generic import spread
 
 if TYPE_CHECKING:
     from lmoc.numerics.start_system import StartSystem
@@ -27,7 +28,6 @@ _UNCHANGED = 1e-9  # of the largest entry of a row: its gradient is the same eve
 # how far from the first guess to begin again, from near to far and on both sides; then in scattered directions
 _AWAY = (1e-3, -1e-3, 0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
 _SCATTERED = (0.1, 0.1, 1.0, 1.0, 1.0, 10.0)
-_GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def elsewhere(
 
 def _direction(size: int, k: int) -> np.ndarray:
     """Components between 1/2 and 1, no two of them alike; between -1 and 1 for the scattered tries."""
-    scattered = np.arange(1, size + 1) * (k + 1) * _GOLDEN % 1.0
+    scattered = spread(size, k + 1)
     return 0.5 + 0.5 * scattered if k < len(_AWAY) else 2.0 * scattered - 1.0
 
 

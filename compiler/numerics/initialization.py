@@ -18,9 +18,8 @@ from lmoc.numerics.lexicographic import split
 from lmoc.numerics.plan import Plan, walk
 from lmoc.numerics.start_system import StartSystem
 from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.structure.equations import SHOWN, listed
 from lmoc.structure.program import Solve
-
-_SHORT_LIST, _LONG_LIST = 4, 6  # of many names, that many are shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,23 +164,19 @@ def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: 
     if not len(rows):
         return
     value = system.value + start.residual
-    names = ", ".join(f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows[:_SHORT_LIST].tolist())
-    more = f" and {len(rows) - _SHORT_LIST} more" if len(rows) > _SHORT_LIST else ""
+    names = listed([f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows.tolist()])
     report.warning(
         "W0533",
-        f"not all start values can hold together: {names}{more}",
+        f"not all start values can hold together: {names}",
         system.span(int(rows[0])),
         hint="fixed = true on the ones that matter makes the others follow",
     )
 
 
 def _listed(system: StartSystem, group: np.ndarray) -> str:
-    parts = [system.text(k) for k in group[:_LONG_LIST].tolist()]
-    if len(group) > _LONG_LIST:
-        return ", ".join(parts) + f" and {len(group) - _LONG_LIST} more"
-    return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
+    return listed([system.text(k) for k in group.tolist()])
 
 
 def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:
     """Where the iteration has ended: values, and of equations what is left between their sides."""
-    return ", ".join(system.reached(k, float(start.residual[k])) for k in group[:_LONG_LIST].tolist())
+    return ", ".join(system.reached(k, float(start.residual[k])) for k in group[:SHOWN].tolist())

@@ -69,7 +69,7 @@ def _scipy(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
 
 def _tarjan(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
     neighbours: list[list[int]] = [[] for _ in range(count)]
-    for a, b in zip(user.tolist(), source.tolist(), strict=False):
+    for a, b in zip(user.tolist(), source.tolist(), strict=True):
         if a != b:
             neighbours[a].append(b)
     index, low, label = [-1] * count, [0] * count, [-1] * count

@@ -164,7 +164,7 @@ def _eliminate(tied: Tied, rank: np.ndarray, asked: np.ndarray) -> dict[int, int
     rows: dict[int, dict[int, float]] = {}
     column_rows: dict[int, set[int]] = {}
     steady: dict[int, bool] = {}
-    entries = zip(tied.row.tolist(), tied.column.tolist(), tied.value.tolist(), tied.constant.tolist(), strict=False)
+    entries = zip(tied.row.tolist(), tied.column.tolist(), tied.value.tolist(), tied.constant.tolist(), strict=True)
     for r, c, value, constant in entries:
         if value != 0.0:
             rows.setdefault(r, {})[c] = value

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lmoc.distinct import distinct_rows
 from lmoc.expression.dag import ONE, Expr, add, div, mul, neg, slot, sub
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
@@ -69,8 +70,8 @@ class DerivedParameters:
             return used[:, 0]
         if len(used) <= 16 or not columns:
             return self._define_few(shape, used)
-        unique, inverse = _unique_rows(used)
-        return self._append(shape, unique)[inverse]
+        first, number = distinct_rows(used)
+        return self._append(shape, used[first])[number]
 
     def _define_few(self, shape: Expr, used: np.ndarray) -> np.ndarray:
         keys = [(shape, *row) for row in used.tolist()]
@@ -165,13 +166,3 @@ def _shift(case: int) -> tuple[Expr, int]:
 
 
 _SHIFTS = {case: _shift(case) for case in range(1, 16)}
-
-
-def _unique_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct rows in order of first appearance kept sorted, and for each row the number of its like."""
-    order = np.lexsort(table.T[::-1])
-    ordered = table[order]
-    new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
-    inverse = np.empty(len(table), np.int64)
-    inverse[order] = np.cumsum(new) - 1
-    return ordered[new], inverse

@@ -12,14 +12,12 @@ from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.block_equations import SquareSystem
 from lmoc.structure.coordinates import Choice, Tied
 from lmoc.structure.dulmage_mendelsohn import components, decompose
-from lmoc.structure.equations import Equations
+from lmoc.structure.equations import SHOWN, Equations, listed
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.layout import Layout
 from lmoc.structure.matching import maximum_matching
 from lmoc.structure.system import System
 
-# of many names, equations or mistakes of one sort, this many are shown
-SHOWN = 5
 # a singular matrix larger than this is not taken apart
 LARGEST_DENSE = 400
 
@@ -233,14 +231,6 @@ def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
 
 
 # ---------------------------------------------------------------------------- wording
-
-
-def listed(names: Sequence[str]) -> str:
-    """``a, b and c``; of many the first few."""
-    names = list(names)
-    if len(names) > SHOWN + 1:
-        return ", ".join(names[:SHOWN]) + f" and {len(names) - SHOWN} more"
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
 
 
 def _count(number: int, noun: str) -> str:

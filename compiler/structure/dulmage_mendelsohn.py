@@ -22,15 +22,12 @@ class Decomposition:
     ----------
     over_rows, over_columns : more equations than unknowns
     under_rows, under_columns : fewer equations than unknowns
-    unmatched_rows, unmatched_columns : those that one maximum matching has left out
     """
 
     over_rows: np.ndarray
     over_columns: np.ndarray
     under_rows: np.ndarray
     under_columns: np.ndarray
-    unmatched_rows: np.ndarray
-    unmatched_columns: np.ndarray
 
 
 def decompose(incidence: Incidence, match: np.ndarray) -> Decomposition:
@@ -47,7 +44,7 @@ def decompose(incidence: Incidence, match: np.ndarray) -> Decomposition:
     over_rows, over_columns = _reach(incidence.start, incidence.column, row_of, free_rows)
     by_column = incidence.row[incidence.by_column]
     under_columns, under_rows = _reach(incidence.column_start, by_column, match, free_columns)
-    return Decomposition(over_rows, over_columns, under_rows, under_columns, free_rows, free_columns)
+    return Decomposition(over_rows, over_columns, under_rows, under_columns)
 
 
 def _reach(start: np.ndarray, neighbours: np.ndarray, partner: np.ndarray, seeds: np.ndarray):

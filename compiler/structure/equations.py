@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
 import numpy as np
 
 from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.source import Span
+
+# of many names, equations or mistakes of one sort, this many are shown
+SHOWN = 5
+
+
+def listed(names: Sequence[str]) -> str:
+    """``a, b and c``; of many the first few."""
+    names = list(names)
+    if len(names) > SHOWN + 1:
+        return ", ".join(names[:SHOWN]) + f" and {len(names) - SHOWN} more"
+    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else "".join(names)
 
 
 class Equations:

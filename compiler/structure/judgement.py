@@ -10,7 +10,7 @@ from lmoc.diagnostics import Diagnostic, Label, Report
 from lmoc.expression.dag import ZERO
 from lmoc.structure.coefficients import UNKNOWN, is_constant
 from lmoc.structure.elimination import Elimination
-from lmoc.structure.equations import Loops
+from lmoc.structure.equations import Loops, listed
 from lmoc.structure.reduced import Guard
 from lmoc.structure.redundancy import Constraints
 from lmoc.structure.substitution import Rows
@@ -44,7 +44,7 @@ def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None
         _unresisted(loops, around, report)
         return
     parts = loops.equations.parts(around)
-    who = f"{_listed(parts)} contradict each other" if len(parts) > 1 else "this equation contradicts others"
+    who = f"{listed(parts)} contradict each other" if len(parts) > 1 else "this equation contradicts others"
     if len(around) == 1:
         who = "this equation cannot hold"
     found = f"{work.splitter.text(g, g.shape, row)} = 0 would have to hold"
@@ -52,7 +52,7 @@ def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None
 
 
 def _unresisted(loops: Loops, around: list[int], report: Report) -> None:
-    who = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(around[0])}'"
+    who = listed(loops.equations.parts(around)) or f"'{loops.equations.text(around[0])}'"
     message = f"nothing takes the force of {who}: no mass, spring or support is there to resist it"
     hint = "connect it to a part with mass, or to one that holds it"
     _at_loop(loops, around, report, "E0416", message, hint=hint)
@@ -63,7 +63,7 @@ def _prescribed_twice(loops: Loops, number: int, report: Report) -> None:
     if any(map(loops.equations.is_balance, around)):
         _unresisted(loops, around, report)
         return
-    who = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
+    who = listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
     message = f"a motion is prescribed twice, through {who}"
     _at_loop(loops, around, report, "E0413", message, hint="prescribe one of them, or put a spring between")
 
@@ -83,7 +83,7 @@ def overdetermined(work: Elimination, report: Report) -> None:
             around = loops.around(int(g.source[row]))
             if any(map(loops.equations.is_balance, around)):
                 continue  # the position of a massless point between springs to the ground
-            parts = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(int(g.source[row]))}'"
+            parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(int(g.source[row]))}'"
             message = f"{parts} form a loop whose ratios do not agree: only rest is possible"
             _at_loop(loops, around, report, "E0412", message, found=work.splitter.text(g, g.shape, row) + " = 0")
 
@@ -118,14 +118,14 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
             return core.judged(derived.extended(values), derived) == judged
 
         parts = loops.equations.parts(core.source.tolist())
-        guards.append(Guard(holds, f"which constraints of {_listed(parts) or 'the model'} repeat others"))
+        guards.append(Guard(holds, f"which constraints of {listed(parts) or 'the model'} repeat others"))
     dropped: dict[int, list[int]] = {}
     for number, others, consistent in judged:
         if consistent:
             dropped[number] = others
             continue
         around = [number, *others]
-        parts = _listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
+        parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
         message = f"{parts} contradict each other: no position satisfies all of them"
         _at_loop(loops, around, report, "E0411", message)
     if dropped:
@@ -141,11 +141,6 @@ def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message
     report.error(code, message, spans[0] if spans else None, labels=labels, **more)
 
 
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
-
-
 def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[Diagnostic]:
     """What is said about constraints that were dropped.
 
@@ -156,7 +151,7 @@ def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[D
     more = len(repeated) - SHOWN
     for i, (number, others) in enumerate(list(repeated.items())[:SHOWN]):
         around = [number, *others] if others else loops.around(number)
-        parts = _listed(loops.equations.parts(around))
+        parts = listed(loops.equations.parts(around))
         where = f"; the forces in the loop {parts} are not unique" if parts else ""
         message = f"the constraint '{loops.equations.text(number)}' repeats others{where}"
         hint = f"{more} more constraints repeat others" if i == SHOWN - 1 and more > 0 else ""

@@ -34,7 +34,7 @@ class Piece:
     @property
     def unknown(self) -> tuple[Expr, ...]:
         """Leaves that are unknown in any row."""
-        return tuple(leaf for leaf, found in zip(self.rows.leaves, self.inside.any(axis=0), strict=False) if found)
+        return tuple(leaf for leaf, found in zip(self.rows.leaves, self.inside.any(axis=0), strict=True) if found)
 
     @property
     def residual(self) -> Expr:
@@ -149,7 +149,7 @@ def _singular(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray,
     from scipy.sparse.linalg import splu
 
     row, column, entry = [], [], []
-    for p, coefficients in zip(pieces, linear, strict=False):
+    for p, coefficients in zip(pieces, linear, strict=True):
         for leaf, c in coefficients:
             i = p.rows.leaves.index(leaf)
             number = p.constant(c, values)

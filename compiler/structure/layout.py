@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.distinct import distinct_rows
 from lmoc.expression.dag import Expr, add, mul, neg, slot
 from lmoc.structure.coefficients import INPUT, UNKNOWN
 from lmoc.structure.normalized import Normalized
@@ -96,7 +97,7 @@ def way_back(system: System, layout: Layout) -> tuple[np.ndarray, list[Apply], n
     if not len(moved):
         return register_of, [], moved
     table = np.stack([register_of[moved], n.factor[moved], n.offset[moved]], axis=1)
-    first, number = _distinct(table)
+    first, number = distinct_rows(table)
     new = layout.count + np.arange(len(first))
     register_of[moved] = new[number]
     steps = []
@@ -124,22 +125,6 @@ def inverse_affine(factor: int, offset: int, value: Expr, columns: int) -> Expr:
     if offset == 0:
         value = value - slot(columns + (factor == 0))
     return value if factor == -1 else neg(value) if factor == -2 else value / slot(columns)
-
-
-def _distinct(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First position of each distinct row in order of appearance, and the number of each row's like."""
-    order = np.lexsort(table.T)
-    ordered = table[order]
-    new = np.ones(len(order), bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    group = np.cumsum(new) - 1
-    first = order[new]
-    appearance = np.argsort(first)
-    rank = np.empty(len(first), np.int64)
-    rank[appearance] = np.arange(len(first))
-    number = np.empty(len(table), np.int64)
-    number[order] = rank[group]
-    return first[appearance], number
 
 
 def pattern_of(n: Normalized, variables: np.ndarray) -> np.ndarray:

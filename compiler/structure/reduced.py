@@ -53,11 +53,9 @@ class Reduced:
         Fills everything else, given states, quadratures, inputs and what `rhs` has filled.
     register_of : (flat.count,)
         Where the value of each flat variable stands after `rhs` and `observe` (-1: nowhere, see `unavailable`).
-    start_register : {register: register}
-        Newton's first guesses for jets of nonlinear blocks where a start value was given.
     guards : what depends on the parameter values
-    notes : dropped redundant equations, chosen coordinates that deserve a word, quadratures
-    counts : {"parts", "equations", "after aliases", "states", …} in the order of the stages, for people
+    notes : dropped redundant equations, chosen coordinates that deserve a word
+    counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 

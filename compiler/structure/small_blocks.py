@@ -153,7 +153,7 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     unknowns = [frozenset(v for v in blocks.internal if slot(v) in set(as_formula(r)[1])) for r in blocks.residuals]
     safe = [
         frozenset(v for v in found if pivot(r, blocks.kinds, slot(v)) is not None)
-        for found, r in zip(unknowns, blocks.residuals, strict=False)
+        for found, r in zip(unknowns, blocks.residuals, strict=True)
     ]
     favourites = frozenset(v for v in blocks.internal if around.favourite[blocks.registers[0, v]])
     order = tear(unknowns, safe, favourites)
@@ -165,7 +165,7 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
         around.test(partial(_singular, blocks, linear), blocks.equations)
     explicit = _formulas(blocks, order, inner, constant, favourites) if is_linear else None
     if explicit is not None:
-        torn = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=False)]
+        torn = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=True)]
         return torn + [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
     residuals = around.new_registers(len(blocks.equations) * len(order.residuals)).reshape(len(blocks.equations), -1)
     steps = [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]

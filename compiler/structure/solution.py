@@ -56,7 +56,7 @@ class Solution:
         if not alone.all():
             self._blocks(np.flatnonzero(~alone))
         for (needed, level, formula), parts in self._explicit.items():
-            slots, out = (np.concatenate(tables) for tables in zip(*parts, strict=False))
+            slots, out = (np.concatenate(tables) for tables in zip(*parts, strict=True))
             self._steps.append((needed, level, Apply(formula, slots, out)))
         ordered = sorted(self._steps, key=lambda item: item[1])
         return (

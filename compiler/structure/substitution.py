@@ -213,7 +213,7 @@ def _with_merged_columns(shape: Expr, kinds: Kinds, columns: tuple[int, ...], pa
     parts = linear_form(new, kinds)
     if parts is not None:
         coefficients, rest = parts
-        return linear_sum(coefficients, _collected(rest, kinds))
+        return linear_sum(coefficients, _collected(rest))
     for jet in leaves_of(new, kinds, UNKNOWN):
         alone = linear_parts(new, [jet])
         if alone is not None and not alone[0]:
@@ -221,7 +221,7 @@ def _with_merged_columns(shape: Expr, kinds: Kinds, columns: tuple[int, ...], pa
     return new
 
 
-def _collected(rest: Expr, kinds: Kinds) -> Expr:
+def _collected(rest: Expr) -> Expr:
     """A rest with equal terms put together, where it is linear in what stands in it."""
     parts = linear_parts(rest, slots(rest))
     return rest if parts is None else linear_sum(*parts)

@@ -12,6 +12,7 @@ from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import Expr, slots
 from lmoc.semantics.flat import Kind
 from lmoc.structure.coefficients import INPUT, KNOWN, UNKNOWN, Kinds, leaves_of
+from lmoc.structure.generic import spread
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.normalized import LongSums, Normalized
 
@@ -172,10 +173,10 @@ class Sample:
 
     def __init__(self, system: System, highest: int):
         count = len(system.kind)
-        self.value = (0.2 + _spread((highest + 1) * count).reshape(highest + 1, count)) * 1e-2
+        self.value = (0.2 + spread((highest + 1) * count).reshape(highest + 1, count)) * 1e-2
         known = system.kind == KNOWN
         numbers = system.normalized.all_values[known]
-        generic = 0.5 + _spread(len(numbers))
+        generic = 0.5 + spread(len(numbers))
         self.value[0, known] = np.where(np.isfinite(numbers), numbers, generic)
         self._put_starts(system)
 
@@ -195,8 +196,3 @@ class Sample:
     def column(self, batch: Batch) -> Callable[[int, int], np.ndarray]:
         """What `expression.evaluate` asks for."""
         return lambda k, order: self.value[order, batch.slots[:, k]]
-
-
-def _spread(count: int) -> np.ndarray:
-    """Generic numbers in [0, 1): multiples of the golden ratio (importing numpy.random takes 20 ms)."""
-    return np.arange(1, count + 1) * 0.6180339887498949 % 1.0

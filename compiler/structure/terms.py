@@ -16,12 +16,12 @@ from lmoc.distinct import numbered
 from lmoc.expression.dag import ONE, ZERO, Expr, add, mul, neg, postorder, sub
 from lmoc.structure.coefficients import KNOWN, ROUNDOFF, Kinds, constant_nodes, value_and_size
 from lmoc.structure.explicit import as_formula
+from lmoc.structure.generic import GOLDEN
 from lmoc.structure.substitution import Rows
 
 # one point gives the factor between two terms, the others tell whether it is the same everywhere
 POINTS = 4
 SAME = 1e-9
-GOLDEN = 0.6180339887498949
 # without a value a parameter is taken for a number that nothing cancels
 WITHOUT_VALUE = 2.0**0.5
 

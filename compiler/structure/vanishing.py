@@ -27,11 +27,9 @@ from lmoc.structure.coefficients import (
     without_factors,
 )
 from lmoc.structure.derived import DerivedParameters
+from lmoc.structure.generic import spread
 from lmoc.structure.reduced import Guard
 from lmoc.structure.substitution import Rows, partition
-
-# multiples of the golden ratio, less their integers, differ from each other and from what occurs
-GOLDEN = 0.6180339887498949
 
 
 class Missing(IntEnum):
@@ -86,7 +84,7 @@ def vanishes(
             return zero | unclear
         values = known[: derived.base]
         lacking = np.isnan(values)
-        stand_in = 1.0 + (missing == Missing.ANYTHING) * (np.arange(len(values)) * GOLDEN % 1.0)
+        stand_in = 1.0 + (missing == Missing.ANYTHING) * spread(len(values))
         filled = derived.extended(np.where(lacking, stand_in, values))
         zero = np.where(unclear, _judged(expr, table, filled, derived)[0], zero)
     return zero
