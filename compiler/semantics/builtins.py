@@ -18,6 +18,7 @@ from lmoc.semantics.translate import (
     choose,
     column_of_numbers,
     comprehension,
+    join,
     matrix_product,
     need_number,
     sizes_differ,
@@ -59,21 +60,27 @@ def arguments(context: Context, call: tree.Call, low: int, high: int | None = No
     return [context.value(a) for a in call.arguments]
 
 
+def numbers(context: Context, call: tree.Call, low: int, high: int | None = None) -> list[Value]:
+    """As `arguments`, where all of them must be numbers."""
+    values = arguments(context, call, low, high)
+    for value, place in zip(values, call.arguments):
+        need_number(value, place.span)
+    return values
+
+
 # ------------------------------------------------------------------- element by element
 
 
 @builtin(*SMOOTH)
 def _smooth(context: Context, call: tree.Call) -> Value:
-    (x,) = arguments(context, call, 1)
-    need_number(x, call.arguments[0].span)
+    (x,) = numbers(context, call, 1)
     name = call.function.parts[0].name
     return context.arrays.map(lambda e: dag.function(name, e), x)
 
 
 @builtin(*KINKED)
 def _kinked(context: Context, call: tree.Call) -> Value:
-    (x,) = arguments(context, call, 1)
-    need_number(x, call.arguments[0].span)
+    (x,) = numbers(context, call, 1)
     name = call.function.parts[0].name
     warn_kink(context, f"{name}(…)", call.span, x)
     type_ = "Integer" if name in ("integer", "sign") or x.type == "Integer" and name == "abs" else "Real"
@@ -82,9 +89,7 @@ def _kinked(context: Context, call: tree.Call) -> Value:
 
 @builtin("atan2", "mod", "rem", "div")
 def _two_arguments(context: Context, call: tree.Call) -> Value:
-    x, y = arguments(context, call, 2)
-    for value, place in zip((x, y), call.arguments):
-        need_number(value, place.span)
+    x, y = numbers(context, call, 2)
     if x.dims and y.dims and x.dims != y.dims:
         raise sizes_differ("the arguments", x.dims, y.dims, call.span)
     name = call.function.parts[0].name
@@ -98,9 +103,7 @@ def _two_arguments(context: Context, call: tree.Call) -> Value:
 @builtin("min", "max")
 def _extreme(context: Context, call: tree.Call) -> Value:
     name = call.function.parts[0].name
-    values = arguments(context, call, 1, 2)
-    for value, place in zip(values, call.arguments):
-        need_number(value, place.span)
+    values = numbers(context, call, 1, 2)
     warn_kink(context, f"{name}(…)", call.span, *values)
     if len(values) == 2:
         x, y = values
@@ -118,7 +121,9 @@ def _extreme(context: Context, call: tree.Call) -> Value:
 
 @builtin("semiLinear")
 def _semi_linear(context: Context, call: tree.Call) -> Value:
-    x, positive, negative = arguments(context, call, 3)
+    x, positive, negative = numbers(context, call, 3)
+    if x.dims or positive.dims or negative.dims:
+        raise Wrong("E0302", "'semiLinear' takes single values", call.span)
     warn_kink(context, "semiLinear(…)", call.span, x)
     condition = Value(dag.function("ge", x.expr, dag.ZERO), (), "Boolean")
     slope = choose(context, condition, positive, negative, call.span)
@@ -288,7 +293,7 @@ def _fill(context: Context, call: tree.Call) -> Value:
 
 @builtin("linspace")
 def _linspace(context: Context, call: tree.Call) -> Value:
-    a, b, count = arguments(context, call, 3)
+    a, b, count = numbers(context, call, 3)
     n = _whole_number(context, count, call.arguments[2])
     if n < 2:
         raise Wrong("E0301", "'linspace' needs at least 2 points", call.arguments[2].span, found=str(n))
@@ -309,7 +314,7 @@ def _identity(context: Context, call: tree.Call) -> Value:
 
 @builtin("diagonal")
 def _diagonal(context: Context, call: tree.Call) -> Value:
-    (x,) = arguments(context, call, 1)
+    (x,) = numbers(context, call, 1)
     items = context.arrays.scalars(x)
     zero = number(0)
     return stack([stack([v if i == j else zero for j in range(len(items))]) for i, v in enumerate(items)])
@@ -317,7 +322,7 @@ def _diagonal(context: Context, call: tree.Call) -> Value:
 
 @builtin("cross")
 def _cross(context: Context, call: tree.Call) -> Value:
-    x, y = arguments(context, call, 2)
+    x, y = numbers(context, call, 2)
     if x.dims != (3,) or y.dims != (3,):
         raise sizes_differ("the arguments of 'cross'", x.dims, y.dims, call.span)
     a, b = ([s.expr for s in context.arrays.scalars(v)] for v in (x, y))
@@ -326,7 +331,9 @@ def _cross(context: Context, call: tree.Call) -> Value:
 
 @builtin("outerProduct")
 def _outer_product(context: Context, call: tree.Call) -> Value:
-    x, y = arguments(context, call, 2)
+    x, y = numbers(context, call, 2)
+    if len(x.dims) != 1 or len(y.dims) != 1:
+        raise Wrong("E0302", "'outerProduct' takes two vectors", call.span)
     column = stack([stack([v]) for v in context.arrays.scalars(x)])
     return matrix_product(context, column, stack([y]), call.span)
 
@@ -336,7 +343,14 @@ def _cat(context: Context, call: tree.Call) -> Value:
     axis, *parts = arguments(context, call, 2, 99)
     if context.scalar(axis, call.arguments[0].span, "an axis") != 1:
         raise Wrong("E0230", "'cat' joins along the first axis so far", call.span)
-    return stack([item for part in parts for item in context.arrays.elements(part)])
+    for part, place in zip(parts, call.arguments[1:]):
+        if not part.dims:
+            raise Wrong("E0302", "'cat' joins arrays", place.span, expected="an array", found="a scalar")
+    items, spans = [], []
+    for part, place in zip(parts, call.arguments[1:]):
+        items += context.arrays.elements(part)
+        spans += [place.span] * part.dims[0]
+    return join(context, items, spans) if items else parts[0]
 
 
 # --------------------------------------------------------------------------- conversions
@@ -345,11 +359,16 @@ def _cat(context: Context, call: tree.Call) -> Value:
 @builtin("Integer")
 def _to_integer(context: Context, call: tree.Call) -> Value:
     (x,) = arguments(context, call, 1)
+    if x.type in ("Real", "Boolean", "String"):
+        raise Wrong("E0301", "'Integer' takes a literal of an enumeration", call.arguments[0].span, found=x.type,
+                    hint="integer(x) rounds down" if x.type == "Real" else "")  # fmt: skip
     return Value(x.expr, x.dims, "Integer", x.items)
 
 
 @builtin("String")
 def _to_string(context: Context, call: tree.Call) -> Value:
+    if not call.arguments:
+        raise Wrong("E0217", "'String' needs a value", call.span)
     x = context.value(call.arguments[0])
     if x.type == "String":
         return x
