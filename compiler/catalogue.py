@@ -87,7 +87,8 @@ CATALOGUE: dict[str, Entry] = {
     "E0663": Entry(
         "no single equilibrium",
         "A nonlinear scene is linear about a point. By default that is its only equilibrium; where there are several "
-        "or none, say which point: `--at TIME` or `--at name=value`.",
+        "or none, say which: `--equilibrium N` of those that `lmoc equilibria` lists, `--at name=value`, or "
+        "`--at TIME`.",
     ),
     "E0662": Entry(
         "a parameter without a value",
