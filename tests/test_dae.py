@@ -211,11 +211,11 @@ def test_values_that_are_not_finite_at_the_start_are_warned_of():
 
 
 def test_values_that_are_lost_on_the_way_are_warned_of():
-    text = "model M Real x(start = 1, fixed = true); Real y = sqrt(x); equation der(x) = -1; end M;"
+    text = "model M Real x(start = 1.001, fixed = true); Real y = sqrt(x); equation der(x) = -1; end M;"
     dae = lmoc.compile_text(text)
     assert not dae.simulate(stop=0.9).notes
     run = dae.simulate(stop=2)
-    assert [(n.code, n.message) for n in run.notes] == [("W0537", "y has no finite value (nan) at the end, t = 2 s")]
+    assert [(n.code, n.message) for n in run.notes] == [("W0537", "y has no finite value (nan) at t = 1.004 s")]
     assert np.isfinite(run["y"][run.time < 0.99]).all() and np.isnan(run["y"][run.time > 1.01]).all()
 
 
@@ -295,3 +295,14 @@ def test_parameters_out_of_their_limits_are_refused_before_the_run(given: dict, 
             attempt()
         (only,) = caught.value.diagnostics
         assert (only.code, only.message, only.found) == ("E0551", message, found)
+
+
+def test_output_times_stand_at_the_interval_of_the_experiment():
+    body = "Mass m(m = 1); annotation(experiment(StartTime = 1, StopTime = 2, Interval = 0.3));"
+    assert np.allclose(lmoc.compile_text(f"model M {body} end M;").simulate().time, [1, 1.3, 1.6, 1.9, 2])
+    assert len(lmoc.compile_text(f"model M {body} end M;").simulate(stop=4).time) == 11
+
+
+def test_more_output_times_than_memory_are_refused():
+    with pytest.raises(lmoc.ModelError, match="at most 50000000 output points"):
+        lmoc.compile_text("model M Mass m(m = 1); end M;").simulate(points=10**13)

@@ -11,6 +11,7 @@ from lmoc.semantics.flat import Experiment
 
 SOLVERS = ("auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau")
 FORMULATIONS = ("reduced",)
+MOST_POINTS = 50_000_000  # output times
 
 
 @dataclass(frozen=True)
@@ -62,15 +63,25 @@ class RunOptions:
         stop = _finite("stop", _first(self.stop, experiment.stop, start + 10.0 if self.start is not None else 10.0))
         if not stop > start:
             raise ValueError(f"the stop time {stop:g} s must lie after the start time {start:g} s")
-        points = self.points
-        if points is None:
-            points = 501 if not experiment.interval else max(2, round((stop - start) / experiment.interval) + 1)
+        if self.points is None and experiment.interval:
+            return _spaced(start, stop, experiment.interval)
+        points = 501 if self.points is None else self.points
         if _finite("points", points) != int(points) or points < 2:
             raise ValueError(f"a run has at least 2 output points, found {points}")
+        if points > MOST_POINTS:
+            raise ValueError(f"a run has at most {MOST_POINTS} output points, found {points}")
         return np.linspace(start, stop, int(points))
 
     def tolerance(self, experiment: Experiment) -> float:
         return float(_first(self.rtol, experiment.tolerance, 1e-6))
+
+
+def _spaced(start: float, stop: float, interval: float) -> np.ndarray:
+    """Times at an interval, and the stop time, which may follow sooner."""
+    count = (stop - start) / interval
+    if abs(count - round(count)) < 1e-6 and round(count):
+        return np.linspace(start, stop, round(count) + 1)
+    return np.append(start + interval * np.arange(int(count) + 1), stop)
 
 
 def _finite(name: str, value) -> float:
