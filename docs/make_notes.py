@@ -16,6 +16,7 @@ import sympy as sp
 import lmoc
 from lmoc.cli.equilibria import lines as equilibrium_lines
 from lmoc.cli.symbols import complex_numbers
+from lmoc.diagnostics import ModelError
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.styles import LATEX
 from lmoc.symbolic.system import jet_symbol
@@ -136,8 +137,7 @@ def transfer_functions(name: str, dae: lmoc.DAE) -> list[str]:
         y, _, u = pair.partition("/")
         tf = dae.transfer_function(u, y)
         notation = Notation.of(tf.numerator, tf.denominator, names=(u, y))
-        top, bottom = (notation.polynomial(e, "s", LATEX, bare=True) for e in (tf.numerator, tf.denominator))
-        fraction = top if bottom == "1" else rf"\frac{{{top}}}{{{bottom}}}"
+        fraction = notation.quotient(tf.numerator, tf.denominator, "s", LATEX)
         rows.append(rf"\frac{{{notation.name(y, LATEX)}}}{{{notation.name(u, LATEX)}}} = {fraction}")
     return rows
 
@@ -180,9 +180,7 @@ def rest(name: str, *states: str) -> Callable[[dict[str, lmoc.DAE]], str]:
 def input_output(name: str, u: str, y: str) -> Callable[[dict[str, lmoc.DAE]], str]:
     def derived(scenes: dict[str, lmoc.DAE]) -> str:
         pair = scenes[name].input_output_equation(u, y)
-        notation = Notation.of(*pair, names=(u, y))
-        left, right = (notation.polynomial(e, "p", LATEX) for e in pair)
-        return rf"{left} \, {notation.name(y, LATEX)} = {right} \, {notation.name(u, LATEX)}"
+        return pair.write(Notation.of(*pair, names=(u, y)), LATEX)
 
     return derived
 
@@ -225,6 +223,28 @@ end BarAboutItsEnd;
 def bar_about_its_end(scenes: dict[str, lmoc.DAE]) -> str:
     dae = lmoc.compile_text(BAR)
     return "J = " + Notation.of(sp.Symbol("m")).text(dae.equivalent("bar.shaft").inertia, LATEX)
+
+
+GEARS_WITHOUT_LOAD = """
+model GearsWithoutLoad
+  parameter Real N = 5;
+  input Real tau1 = 1, tau2 = 0;
+  Gear gear(N = N);
+  Torque drive(tau = tau1), load(tau = tau2);
+equation
+  connect(drive.shaft, gear.a);
+  connect(load.shaft, gear.b);
+end GearsWithoutLoad;
+"""
+
+
+def ideal_gears_without_load(scenes: dict[str, lmoc.DAE]) -> str:
+    """What the compiler refuses the scene with."""
+    try:
+        lmoc.compile_text(GEARS_WITHOUT_LOAD)
+    except ModelError as error:
+        return r"\text{" + "; ".join(d.message for d in error.diagnostics if d.severity == "error") + "}"
+    raise AssertionError("gears without inertia between prescribed torques have no equation for their angle")
 
 
 MISTAKES = (
@@ -288,23 +308,36 @@ MISTAKES = (
         "8.1, below (95)",
         r"\tau_2 = -N\tau_1 \text{ is the torque that we want to apply on some other system}",
         force("S8-ideal", "tau_load"),
-        "τ2 is what the load exerts on gear 2; the torque delivered to the load is −τ2 = N·τ1. With J1 = J2 = 0 and "
-        "both torques prescribed there would be no equation left for the angle: one side must carry a load.",
+        "τ2 is what the load exerts on gear 2; the torque delivered to the load is −τ2 = N·τ1.",
+    ),
+    Mistake(
+        "8.1, ideal gears",
+        r"J_1 = J_2 = 0:\quad \tau_2 = -N\tau_1",
+        ideal_gears_without_load,
+        "With both torques prescribed no equation is left for the angle: any motion will do if the torques fit, none "
+        "if they do not, and lmoc says so. One side must carry an inertia, a damper or a prescribed motion, as in "
+        "`s8_ideal_gears.lmo`.",
     ),
 )
 
 SMALL = (
     ("Example 9", "N = θ̇1/θ2", "N = θ̇1/θ̇2"),
-    ("Example 10", "the figure is missing", "the printed equations hold where q and A count in the same sense"),
+    (
+        "Example 10",
+        "θ > 0 lengthens k2, and so does q < 0; the figure is missing",
+        "the printed equations hold where q and the displacement of A count in the same sense",
+    ),
     ("Figure 5, caption", "moved on mass-less springs", "moved on massless rods"),
     ("5, rods", "the velocities of both ends are equal", "only those along the rod; in the plane it may turn"),
     ("(13), second line", "f_{k2}", "f_{s2}"),
     ("7.3, after (83)", "numbered (82)", "(84)"),
     ("1.2", "perpendicular lines from q; lengths", "from p; coordinates, which have a sign"),
+    ("(1)", "p, which is the point just before", "another letter for the origin of frame B"),
     ("2.2", "a rotating body has a point at rest", "its orientation changes; that point may lie outside the body"),
     ("3.3", "springs that produce such a spring; restoring force", "elements … such a torque; restoring torque"),
     ("(42), (43)", "“this substitution leads to”", "(44) to (46); (42) and (43) repeat (26) and (27)"),
     ("Example 5", "extension proportional to q1 − u", "equal to q1 − u"),
+    ("Examples 9 and 10", "point b; Fee-body; linear inertial; Since Since", "B; Free-body; linear inertia; Since"),
 )
 
 

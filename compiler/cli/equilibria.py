@@ -47,7 +47,8 @@ def lines(e: Equilibrium) -> list[str]:
     if not e.values:
         return ["no states: nothing can move by itself"]
     shown, rest = _shown(e)
-    names = [s.name for s in (*shown, *e.inputs)]
+    known = {*shown, *e.free[:MOST_SHOWN]}
+    names = [s.name for s in (*(s for s in e.values if s in known), *e.inputs)]
     notation = Notation.of(*shown.values(), *e.conditions, names=names, given=e.own_names)
     told = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in shown.items()]
     told += [f"{notation.name(symbol.name)}: any value" for symbol in e.free[:MOST_SHOWN]]

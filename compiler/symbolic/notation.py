@@ -67,7 +67,11 @@ class Notation:
         return style.brackets(text) if a_sum and not bare else text
 
     def quotient(self, top: sympy.Expr, bottom: sympy.Expr, variable: str, style: Style = UNICODE) -> str:
-        """A rational function, as one fraction."""
+        """A rational function as one fraction, a sign that all of the numerator has before it."""
+        import sympy as sp
+
+        if all(_is_negative(c) for c in sp.Poly(top, sp.Symbol(variable)).coeffs()) and top != 0:
+            return style.sign + self.quotient(sp.expand(-top), bottom, variable, style)
         above = self.polynomial(top, variable, style, bare=style.fills or bottom == 1)
         if bottom == 1:
             return above
@@ -131,11 +135,10 @@ class Formula:
         parts.sort(key=lambda p: (p[0], self._place(p[2]), self._spoken(p[2])))
         return join_terms(((negative, text) for negative, text, _ in parts), self.style)
 
-    def _spoken(self, term: sympy.Expr) -> str:
+    def _spoken(self, term: sympy.Expr) -> tuple[str, str]:
         """What a sum is sorted by: the term without its number, in any style the same."""
         number, rest = term.as_coeff_Mul()
-        text = Formula(self.notation, ASCII).product(rest if rest != 1 else abs(number))
-        return text.replace("'", "").casefold() + text
+        return Formula(self.notation, ASCII).product(rest if rest != 1 else abs(number)), str(number)
 
     def _place(self, term: sympy.Expr) -> int:
         """Plain coordinates first (``q2 + L - d0``), then constants, then the rest (``J + m·cos²(θ)``)."""
