@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 
 from lmoc.expression.dag import (
@@ -39,7 +40,7 @@ _UNARY_RULES: dict[str, Callable[[Expr, Expr], Expr]] = {
     "tanh": lambda f, x: sub(ONE, power(f, const(2))),
     "exp": lambda f, x: f,
     "log": lambda f, x: div(ONE, x),
-    "log10": lambda f, x: div(const(0.4342944819032518), x),
+    "log10": lambda f, x: div(const(1 / math.log(10)), x),
 }
 # piecewise constant: the derivative is zero wherever it exists
 _FLAT = frozenset("sign floor ceil integer lt le gt ge eq ne and or not div_integer".split())

@@ -21,8 +21,8 @@ _ATOM = 10.0
 
 
 def number_text(value: float) -> str:
-    """Shortest text that reads back as the same number."""
-    if value == int(value) and abs(value) < 1e15:
+    """Shortest text that reads back as the same number; ``inf`` and ``nan`` for what no text is."""
+    if abs(value) < 1e15 and value == int(value):
         return str(int(value))
     return repr(value)
 

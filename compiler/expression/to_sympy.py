@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from fractions import Fraction
+from functools import cache
 from typing import TYPE_CHECKING
 
 from lmoc.expression.arithmetic import ARITHMETIC
@@ -19,6 +21,8 @@ def exact(value: float) -> sympy.Expr:
     """The number a person meant: 0.5 → 1/2, 0.08333333333333333 → 1/12, 9.81 → 981/100."""
     import sympy
 
+    if not math.isfinite(value):
+        return sympy.sympify(value)
     simple = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
     if float(simple) == value:
         return sympy.Rational(simple.numerator, simple.denominator)
@@ -59,17 +63,9 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
     return values[id(root)]
 
 
-_TABLE: dict[str, Callable] = {}
-
-
+@cache
 def _operations() -> dict[str, Callable]:
-    """The operators of the DAG in SymPy; made once, because SymPy is imported late."""
-    if not _TABLE:
-        _TABLE.update(_make_operations())
-    return _TABLE
-
-
-def _make_operations() -> dict[str, Callable]:
+    """The operators of the DAG in SymPy; made when first asked for, because SymPy takes long to import."""
     import sympy as sp
 
     names = "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign floor atan2"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from math import prod
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from lmoc.distinct import first_of_each
 from lmoc.expression.dag import slots
+from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.coefficients import INPUT, UNKNOWN
 from lmoc.structure.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
 from lmoc.structure.program import Apply, Program, Registers, Role, Solve, Step, read
@@ -35,31 +37,21 @@ def assemble(
     """
     n, flat = system.normalized, system.flat
     rhs, observe = programs
-    register_of, back, named = way_back(system, layout)
-    # the registers of the way back come after the helpers
-    shifted = register_of >= layout.count
-    register_of[shifted] += helpers
-    back = [Apply(step.shape, step.slots, step.out + helpers) for step in back]
-    parameters = [Apply(a.shape, layout.base[a.slots], layout.base[a.target]) for a in n.derived]
+    register_of, back, named = way_back(system, layout, helpers)
     count = layout.count + helpers + len(named)
     rhs, observe, guesses = _with_guesses(system, layout, rhs, observe, count)
     count += sum(len(g.out) for g in guesses)
-    registers = _registers(system, layout, states, quadratures, helpers, named, count)
-    if len(n.undetermined):
-        register_of[n.undetermined] = -1
+    register_of[n.undetermined] = -1
     inputs = layout.inputs()
-    reading = np.zeros(count, bool)
-    for step in rhs:
-        reading[read(step)] = True
     known = np.flatnonzero(flat.kind < INPUT)
     return Reduced(
         flat=flat,
         values=n.values,
-        registers=registers,
+        registers=_registers(system, layout, states, quadratures, helpers, named, count),
         known=np.stack([layout.base[known], known]),
         inputs=inputs,
-        required_inputs=reading[inputs[0]],
-        parameter_program=(*parameters, *guesses),
+        required_inputs=_mask(count, map(read, rhs))[inputs[0]],
+        parameter_program=(*(Apply(a.shape, layout.base[a.slots], layout.base[a.target]) for a in n.derived), *guesses),
         states=states,
         derivatives=states + 1,
         quadratures=quadratures,
@@ -70,13 +62,25 @@ def assemble(
         guards=n.guards,
         notes=(*n.notes, *notes),
         counts={
-            "parts": sum(prod(k for _, dims in p.path for k in dims) for p in flat.parts if p.leaf),
+            "parts": _part_count(flat),
             "equations": flat.equation_count,
             "after elimination": system.rows,
             "states": len(states),
         },
         undetermined=n.undetermined,
     )
+
+
+def _part_count(flat: FlatDAE) -> int:
+    """Elements of the scene, those of arrays counted one by one."""
+    return sum(prod(k for _, dims in p.path for k in dims) for p in flat.parts if p.leaf)
+
+
+def _mask(count: int, some: Iterable[np.ndarray]) -> np.ndarray:
+    mask = np.zeros(count, bool)
+    for registers in some:
+        mask[registers] = True
+    return mask
 
 
 def _registers(
@@ -103,11 +107,10 @@ def _registers(
 
 def _with_guesses(system: System, layout: Layout, rhs: Program, observe: Program, first: int):
     """Give Newton's iterations the start values that the model has; steps that compute those from parameters."""
-    unknown = [s.unknowns.ravel() for s in (*rhs, *observe) if isinstance(s, Solve) and not s.linear]
+    unknown = [s.unknowns for s in (*rhs, *observe) if isinstance(s, Solve) and not s.linear]
     if not unknown:
         return rhs, observe, []
-    wanted = np.zeros(layout.count, bool)
-    wanted[np.concatenate(unknown)] = True
+    wanted = _mask(layout.count, unknown)
     start, steps = _starts(system, layout, wanted, first)
 
     def with_guess(step: Step) -> Step:

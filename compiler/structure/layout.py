@@ -81,14 +81,18 @@ def names_of_jets(system: System, layout: Layout) -> tuple[np.ndarray, np.ndarra
     return variable, order
 
 
-def way_back(system: System, layout: Layout) -> tuple[np.ndarray, list[Apply], np.ndarray]:
+def way_back(system: System, layout: Layout, helpers: int) -> tuple[np.ndarray, list[Apply], np.ndarray]:
     """Where each flat variable stands, and the steps that compute those which are no jet themselves.
+
+    Parameters
+    ----------
+    helpers : how many registers have been used behind those of the layout
 
     Returns
     -------
     register_of : (flat.count,)
     steps : ``x = factor·root^(order) + offset``, equal ones once
-    variable : the flat variable that names each of the new registers, which follow those of the layout
+    variable : the flat variable that names each of the new registers, which follow the helpers
     """
     n = system.normalized
     every = np.arange(system.flat.count)
@@ -98,7 +102,7 @@ def way_back(system: System, layout: Layout) -> tuple[np.ndarray, list[Apply], n
         return register_of, [], moved
     table = np.stack([register_of[moved], n.factor[moved], n.offset[moved]], axis=1)
     first, number = distinct_rows(table)
-    new = layout.count + np.arange(len(first))
+    new = layout.count + helpers + np.arange(len(first))
     register_of[moved] = new[number]
     steps = []
     table = table[first]

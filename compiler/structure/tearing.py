@@ -45,12 +45,9 @@ def tear(
     favourites : unknowns to tear first
     deepest : how many steps may build upon each other
     """
-    users: dict[int, list[int]] = {}
-    for e, found in enumerate(unknowns):
-        for v in found:
-            users.setdefault(v, []).append(e)
+    users = _users(unknowns)
     missing = [set(found) for found in unknowns]
-    solvable = set().union(*safe)
+    solvable = frozenset().union(*safe)
     depth: dict[int, int] = {}
     torn: list[int] = []
     steps: list[tuple[int, int]] = []
@@ -75,10 +72,17 @@ def tear(
                 open_equations.discard(e)
                 steps.append((e, v))
                 settle(v, level)
-        rest = [v for v in users if v not in depth]
-        if rest:
-            count = {v: sum(e in open_equations for e in users[v]) for v in rest}
-            best = max(rest, key=lambda v: (v not in solvable, v in favourites, count[v], -v))
-            torn.append(best)
-            settle(best, 0)
+        if len(depth) < len(users):
+            rest = {v: sum(e in open_equations for e in users[v]) for v in users if v not in depth}
+            torn.append(max(rest, key=lambda v: (v not in solvable, v in favourites, rest[v], -v)))
+            settle(torn[-1], 0)
     return Tearing(tuple(torn), tuple(steps), tuple(sorted(open_equations)))
+
+
+def _users(unknowns: Sequence[frozenset[int]]) -> dict[int, list[int]]:
+    """The equations in which each unknown stands."""
+    users: dict[int, list[int]] = {}
+    for e, found in enumerate(unknowns):
+        for v in found:
+            users.setdefault(v, []).append(e)
+    return users
