@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc import pipeline
-from lmoc.diagnostics import Diagnostic, Report, SimulationError
+from lmoc.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError
 from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names, hint_for
 from lmoc.semantics.flat import FlatDAE, Kind
@@ -220,6 +220,8 @@ class DAE(SymbolicMethods):
             Unknown names, missing values, contradictory or impossible starts.
         SimulationError
             The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
+        RunInterrupted
+            A KeyboardInterrupt with the same attributes.
         """
         from lmoc.numerics.options import RunOptions
 
@@ -250,7 +252,7 @@ class DAE(SymbolicMethods):
         try:
             with self._busy, clock.stage("simulate"):
                 trajectory = simulator.run(values, options, inputs, initial, progress)
-        except SimulationError as failure:
+        except (SimulationError, RunInterrupted) as failure:
             if failure.partial is not None:
                 failure.partial = result(failure.partial, False)
             raise

@@ -117,6 +117,15 @@ class SimulationError(Exception):
         self.partial = partial
 
 
+class RunInterrupted(KeyboardInterrupt):
+    """A run was interrupted from the keyboard at `time`; `partial` is the `Run` computed until then."""
+
+    def __init__(self, message: str, time: float, partial: object):
+        super().__init__(message)
+        self.time = time
+        self.partial = partial
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """A hint sentence with the candidate most like `name`; empty where none is near."""
     import difflib

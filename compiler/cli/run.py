@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from lmoc.cli import terminal
 from lmoc.cli.arguments import Parser, add_model_arguments, assignment, choice, count, number, positive
-from lmoc.diagnostics import Diagnostic, ModelError, SimulationError
+from lmoc.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 
 if TYPE_CHECKING:
     from lmoc.report.run import Run
 
-FAILED_RUN = 3
+FAILED_RUN, INTERRUPTED = 3, 130
 
 
 def configure(parser: Parser) -> None:
@@ -46,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
     _check_choices(arguments)
     try:
         run = _simulate(arguments)
-    except SimulationError as failure:
+    except (SimulationError, RunInterrupted) as failure:
         return _failed(failure, arguments)
     _tell(run, arguments)
     return 0
@@ -106,7 +106,7 @@ def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:
     return written
 
 
-def _failed(failure: SimulationError, arguments: argparse.Namespace) -> int:
+def _failed(failure: SimulationError | RunInterrupted, arguments: argparse.Namespace) -> int:
     """The run broke off: keep what there is."""
     run: Run | None = failure.partial
     if run is not None and len(run.time):
@@ -114,4 +114,4 @@ def _failed(failure: SimulationError, arguments: argparse.Namespace) -> int:
     terminal.failure(str(failure))
     if run is not None and arguments.output is not None:
         print(f"        the result until then is in {arguments.output}", file=sys.stderr)
-    return FAILED_RUN
+    return INTERRUPTED if isinstance(failure, RunInterrupted) else FAILED_RUN

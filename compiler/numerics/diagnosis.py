@@ -6,7 +6,9 @@ import numpy as np
 
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.observe import Observer
+from lmoc.numerics.plan import walk
 from lmoc.numerics.signals import sample
+from lmoc.numerics.slices import Slice
 from lmoc.numerics.system import System
 from lmoc.semantics.flat import FlatDAE
 from lmoc.source import Span
@@ -14,6 +16,8 @@ from lmoc.structure.program import Program, Solve, written
 from lmoc.structure.reduced import Reduced
 
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
+_LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger scene not every time is looked at
+_SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
 
 
 def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, stop: float) -> str:
@@ -31,13 +35,38 @@ def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, s
     return ""
 
 
+def suspects(observer: Observer, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Numbers of those times at which a value may have been lost, a few of them if there are many; in order.
+
+    What is seen is what can be computed for many times at once; and a quotient that has no value need not be missed
+    (``if x > 0 then 1/x else 0``).
+    """
+    plan, moving = observer.plan, observer.plan.moving
+    if not len(moving.registers):
+        return np.zeros(0, int)
+    if "moving" not in plan.slices:
+        plan.slices["moving"] = Slice(plan, moving.registers, moving.program, moving.count)
+    part = plan.slices["moving"]
+    base = np.concatenate([observer.base, np.zeros(moving.count - plan.count)])
+    base[plan.absent] = 0.0  # what depends on them has been said to be unknown
+    rows = np.arange(0, len(times), -(-len(times) * len(part.registers) // _LOOKED_AT))
+    values = part.bind(base, observer.signals)(times[rows], states[rows])
+    lost = rows[~np.isfinite(values).all(axis=1)]
+    return lost[np.unique(np.linspace(0, len(lost) - 1, _SUSPECTS).astype(int))] if len(lost) else lost
+
+
 def first_not_finite(
-    observer: Observer, time: float, x: np.ndarray, program: Program | None = None
+    observer: Observer, time: float, x: np.ndarray, program: Program | None = None, near: np.ndarray | None = None
 ) -> tuple[str, Span | None, bool]:
     """A sentence about the first variable that has no finite value at (time, x), where it is declared, and whether it
     is an unknown of nonlinear equations without a solution.
 
-    Empty where all have one. `program` is what is looked at, without it what the derivatives need.
+    Empty where all have one.
+
+    Parameters
+    ----------
+    program : what is looked at, without it what the derivatives need
+    near : (plan.count,) registers at about this time: where to look for the solutions of nonlinear equations
     """
     plan, reduced = observer.plan, observer.plan.reduced
     w = observer.base.copy()
@@ -45,6 +74,10 @@ def first_not_finite(
         program = plan.program
     else:
         w[plan.absent] = 0.0  # what depends on them has been said to be unknown
+    if near is not None:
+        blocks = [s.unknowns.ravel() for s in walk(plan.program) if isinstance(s, Solve) and not s.linear]
+        for unknowns in blocks:
+            w[unknowns] = near[unknowns]
     w[plan.states] = x
     for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]

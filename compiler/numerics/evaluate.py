@@ -13,7 +13,7 @@ from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.newton import Newton, dense_solve
 from lmoc.structure.program import Apply, Program, Solve, Total
 
-_DENSE = 60  # linear blocks with more unknowns are factorized as sparse matrices
+DENSE = 60  # linear blocks with more unknowns are factorized as sparse matrices
 
 
 class Interpreter:
@@ -96,7 +96,7 @@ class _Block:
         size = step.unknowns.shape[1]
         self.instance, row = np.divmod(self.jacobian.rows, size)
         self.place = (self.instance, row, self.jacobian.columns % size)
-        self.sparse = step.linear and size > _DENSE
+        self.sparse = step.linear and size > DENSE
         self.newton = None if step.linear else Newton(step.unknowns.shape)
         self.reset()
 

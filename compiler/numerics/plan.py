@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from lmoc.numerics.signals import Constant, Formula, Signal, gives
 from lmoc.semantics.flat import Kind
 from lmoc.structure.program import Apply, Program, Solve, needed_steps, read, written
 from lmoc.structure.reduced import Reduced
+
+if TYPE_CHECKING:
+    from lmoc.numerics.losable import Moving
 
 LARGE_BLOCK = 40  # unknowns
 LEDGER = ("ledger.work", "ledger.heat")
@@ -106,8 +110,16 @@ class Plan:
         return losable(self.full_program, self.count)
 
     @cached_property
-    def slices(self) -> dict[bytes, object]:
-        """The parts of `full_program` that have been asked for, by what they are to fill (`slices.Slice`)."""
+    def moving(self) -> Moving:
+        """The part of `losable` that has to be looked at along a run (`losable.moving`)."""
+        from lmoc.numerics.evaluate import DENSE
+        from lmoc.numerics.losable import moving
+
+        return moving(self.losable, np.concatenate([self.states, self.sampled]), DENSE)
+
+    @cached_property
+    def slices(self) -> dict[object, object]:
+        """Parts of `full_program` that have been asked for, by what they are to fill (`slices.Slice`)."""
         return {}
 
     @cached_property

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lmoc.diagnostics import Diagnostic, Report, SimulationError, nearest
+from lmoc.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError, nearest
 from lmoc.numerics import integrators
 from lmoc.numerics.checks import run_checks
-from lmoc.numerics.diagnosis import first_not_finite, lost_ahead
+from lmoc.numerics.diagnosis import first_not_finite, lost_ahead, suspects
 from lmoc.numerics.initialization import initial_state, seed_blocks, targets
-from lmoc.numerics.integrators.base import COLLAPSED, NOT_FINITE, Outcome, Problem
+from lmoc.numerics.integrators.base import COLLAPSED, INTERRUPTED, NOT_FINITE, Outcome, Problem
 from lmoc.numerics.kinks import break_times
 from lmoc.numerics.observe import Observer, Recorder, Trajectory, find
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
@@ -70,6 +70,8 @@ class Simulator:
             Inputs, parameters or start are wrong.
         SimulationError
             The run failed on its way; `time` and `partial` (a Trajectory) say how far it came.
+        RunInterrupted
+            The same where it was interrupted from the keyboard.
         """
         began = clock.perf_counter()
         options = options or RunOptions()
@@ -136,10 +138,11 @@ class _Run:
             "rtol": self.options.tolerance(plan.reduced.flat.experiment),
         }
         if not outcome.failure:
-            self._check_end(outcome)
+            self._check_way(outcome)
         run = self._trajectory(outcome, stats)
         if outcome.failure:
-            raise SimulationError(self._explain(outcome), outcome.time, run)
+            failure = RunInterrupted if outcome.failure == INTERRUPTED else SimulationError
+            raise failure(self._explain(outcome), outcome.time, run)
         return run_checks(run)
 
     def _check_start(self, x: np.ndarray) -> None:
@@ -160,13 +163,23 @@ class _Run:
         elif found:
             self.report.warning("W0537", f"{found} at the start", span, hint=hint)
 
-    def _check_end(self, outcome: Outcome) -> None:
+    def _check_way(self, outcome: Outcome) -> None:
         """Values that the motion does not depend on may be lost on the way, as a square root: the run tells it."""
         if any(d.code == "W0537" for d in self.report.diagnostics):
             return
-        found, span, nonlinear = first_not_finite(self.observer, outcome.time, outcome.x, self.plan.full_program)
-        if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
-            self.report.warning("W0537", f"{found} at the end, t = {outcome.time:g} s", span)
+        times, rows = self.times, np.zeros(0, int)
+        if self.recorder.variables is None:
+            rows = suspects(self.observer, times, self.recorder.table)
+        if self.plan.moving.others or self.recorder.variables is not None:
+            rows = np.append(rows, len(times) - 1)
+        for k in rows.tolist():
+            x, near = self.recorder.table[k], None
+            if k == len(times) - 1:
+                x, near = outcome.x, self.system.registers
+            found, span, nonlinear = first_not_finite(self.observer, float(times[k]), x, self.plan.full_program, near)
+            if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
+                self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
+                return
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):
@@ -212,7 +225,7 @@ class _Run:
             stats
             | {"evaluations": self.system.evaluations}
             | outcome.counts
-            | {"evaluation": self.system.kind, "matrix": outcome.matrix},
+            | {"evaluation": outcome.evaluation or self.system.kind, "matrix": outcome.matrix},
             notes=tuple(dict.fromkeys(notes)),
         )
 

@@ -25,17 +25,21 @@ class Slice:
     Parameters
     ----------
     registers : which ones; of those that nothing fills the value is NaN
+    program, count : what fills them among how many registers; without them those of the plan
     """
 
-    def __init__(self, plan: Plan, registers: np.ndarray) -> None:
-        program = needed_steps(plan.full_program, registers, plan.count)
-        touched = np.zeros(plan.count, bool)
+    def __init__(
+        self, plan: Plan, registers: np.ndarray, program: Program | None = None, count: int | None = None
+    ) -> None:
+        count = plan.count if count is None else count
+        program = needed_steps(plan.full_program, registers, count) if program is None else program
+        touched = np.zeros(count, bool)
         touched[registers] = True
         for step in program:
             touched[read(step)] = touched[written(step)] = True
             _touch_guesses(step, touched)
         old = np.flatnonzero(touched)
-        new = np.full(plan.count, -1)
+        new = np.full(count, -1)
         new[old] = np.arange(len(old))
         self.registers = old
         self._program = tuple(renumber(step, new) for step in program)

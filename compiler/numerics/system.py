@@ -77,6 +77,11 @@ class System(ABC):
     def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         """Write the entries of ∂f/∂x in the order of `pattern` into `out`."""
 
+    @property
+    def registers(self) -> np.ndarray | None:
+        """(plan.count,) all registers as the last evaluation has left them, where it keeps them."""
+        return None
+
     def callback(self, order: np.ndarray | None):
         """The right-hand side as a compiled SUNDIALS callback with its data, states in a new order, or None."""
         return None
@@ -175,6 +180,10 @@ class VectorSystem(System):
         self.interpreter.reset()
         self.follower.forget()
         self._given = base, signals
+
+    @property
+    def registers(self) -> np.ndarray:
+        return self.w
 
     def _follow(self, interpreter: Interpreter | SegmentedProgram) -> None:
         self.interpreter = interpreter

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,6 +86,20 @@ class Properties:
     jacobian: bool
     library: str
     note: str = ""
+
+
+@contextmanager
+def on_interrupt(action: Callable[..., None]) -> Iterator[None]:
+    """Have Ctrl-C call a function instead of raising KeyboardInterrupt; does nothing where others handle it."""
+    own = threading.current_thread() is threading.main_thread()
+    if not own or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, action)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class NotFound(Exception):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.numerics.integrators import cvode
-from lmoc.numerics.integrators.base import NOT_FINITE, Outcome, Problem, Properties
+from lmoc.numerics.integrators.base import INTERRUPTED, NOT_FINITE, Outcome, Problem, Properties, on_interrupt
 from lmoc.numerics.system import CasadiSystem
 
 # between two output times. It does not see that its steps no longer move the time; `cvode`, which takes over, does
@@ -34,10 +34,20 @@ def integrate(problem: Problem) -> Outcome:
     """
     if not suits(problem):
         return replace(cvode.integrate(problem), solver="cvode")
+    interrupted = []
+
+    def interrupt(*_) -> None:
+        interrupted.append(True)
+        raise KeyboardInterrupt
+
     try:
-        solver = _solver(problem)
-        result = solver(x0=problem.x, p=problem.system.p)
-    except RuntimeError:  # it keeps nothing of a run that fails: the same method again, for the partial result
+        with on_interrupt(interrupt):
+            solver = _solver(problem)
+            result = solver(x0=problem.x, p=problem.system.p)
+    except (RuntimeError, KeyboardInterrupt):  # of an interrupt casadi makes a failure of the right-hand side
+        if interrupted:
+            return Outcome(float(problem.times[0]), problem.x, 1, INTERRUPTED)
+        # it keeps nothing of a run that fails: the same method again, for the partial result
         return replace(cvode.integrate(problem), solver="cvode")
     states = np.array(result["xf"]).T
     finite = np.isfinite(states).all(axis=1)

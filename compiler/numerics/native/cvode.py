@@ -61,6 +61,8 @@ class _Session(Session):
             try:
                 out = self.view(dx)
                 rhs(t, self.view(x), out)
+                if self.error is not None:
+                    return -1
                 return 0 if np.isfinite(out).all() else 1  # 1: CVODE tries a shorter step
             except BaseException as error:
                 self.error = error

@@ -63,6 +63,8 @@ class _Session(Session):
             try:
                 numbers = self.view(out)
                 residual(t, self.view(y), self.view(yp), numbers)
+                if self.error is not None:
+                    return -1
                 return 0 if np.isfinite(numbers).all() else 1  # 1: IDA tries a shorter step
             except BaseException as error:
                 self.error = error

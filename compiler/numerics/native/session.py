@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.numerics.integrators.base import on_interrupt
 from lmoc.numerics.native import sundials as sun
 from lmoc.numerics.native.matrix import Matrix, Solver
 
@@ -113,13 +114,23 @@ class Session(ABC):
     def guarded(self, action: Callable[[], int]) -> int:
         """What a callback returns: what `action` does, or the sign of an error that ends the run."""
         try:
-            return action()
+            return -1 if self.error is not None else action()
         except BaseException as error:
             self.error = error
             return -1
 
     def run(self) -> Ended:
         """Integrate over the output times; raises what a callback has raised."""
+
+        def keep(*_) -> None:
+            self.error = KeyboardInterrupt()
+
+        # raised where it falls, an interrupt could fall on the first or last line of a callback: ctypes would drop it
+        # and tell C that all is well
+        with on_interrupt(keep):
+            return self._loop()
+
+    def _loop(self) -> Ended:
         given, reached, told = self.given, c_double(self.given.times[0]), clock.monotonic()
         for k, t in enumerate(given.times[1:].tolist(), 1):
             flag = self.advance(t, reached)
