@@ -164,3 +164,58 @@ def test_a_missing_value_is_asked_for_by_the_parameter_to_give():
     )
     with pytest.raises(lmoc.ModelError, match="no value for J1"):
         scene.linearize(at={"rotor.theta": 0.0})
+
+
+PENDULUM = """
+model Pendulum
+  parameter Real m = 1, l = 0.5, g = 9.81;
+  input Real tau = 0;
+  Real theta(start = 0.3, fixed = true), w(start = 0, fixed = true);
+equation
+  der(theta) = w;
+  m*l^2*der(w) = tau - m*g*l*sin(theta);
+  annotation(experiment(StartTime = 2, StopTime = 5));
+end Pendulum;
+"""
+
+
+def test_an_equilibrium_under_load_is_a_point_with_its_inputs():
+    dae = lmoc.compile_text(PENDULUM)
+    found = dae.equilibria(inputs={"tau": 2.0})
+    expected = np.arcsin(2.0 / (9.81 * 0.5))
+    assert [float(e["theta"]) for e in found] == pytest.approx([expected, np.pi - expected])
+    for e, sign in zip(found, (1, -1), strict=True):
+        model = dae.linearize(at=e)
+        assert model.at_rest and model.point["tau"] == 2.0
+        assert model.A[1, 0] == pytest.approx(-sign * 9.81 / 0.5 * np.cos(expected))
+        poles = dae.transfer_function("tau", "theta", at=e).poles
+        assert poles**2 == pytest.approx(model.A[1, 0] * np.ones(2))
+
+
+def test_a_time_counts_from_the_start_of_the_experiment():
+    dae = lmoc.compile_text(PENDULUM)
+    assert dae.linearize(at=2).point["theta"] == pytest.approx(0.3)
+    run = dae.simulate(times=[2.0, 3.0])
+    assert dae.linearize(at=3.0).point["theta"] == pytest.approx(run["theta"][1], rel=1e-5)
+    with pytest.raises(ModelError, match="starts at 2 s"):
+        dae.linearize(at=1.0)
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-2, 1.0])
+def test_equilibria_of_any_size_are_seen(width):
+    dae = lmoc.compile_text(
+        f"model Snap parameter Real a = {width}; Real x, v; equation der(x) = v;"
+        " der(v) = tanh(x/a) - x/(2*a) - v; end Snap;"
+    )
+    found = [float(e["x"]) / width for e in dae.equilibria()]
+    assert found == pytest.approx([-1.9150080481545, 0.0, 1.9150080481545], abs=1e-9)
+
+
+def test_even_roots_are_exact_where_their_sign_is_known():
+    import sympy as sp
+
+    text = "model D parameter Real a = {}, b = 1; Real x, v; equation der(x) = v; der(v) = a*x - b*x^3 - v; end D;"
+    found = lmoc.compile_text(text.format(4)).equilibria()
+    a, b = sp.symbols("a b")
+    assert [e["x"] for e in found] == [-sp.sqrt(a / b), 0, sp.sqrt(a / b)] and found.how == "exact"
+    assert [e["x"] for e in lmoc.compile_text(text.format(-4)).equilibria()] == [0]

@@ -187,10 +187,14 @@ def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearM
     inputs = {u: given.get(u, sp.S.Zero) for u in system.inputs}
     free = {x: sp.S.Zero for x, v in values.items() if v == x}
     numbers = {**system.numbers, **inputs, **free}
-    point = {x: v.xreplace(numbers) for x, v in values.items()} | inputs
+    point = {x: sp.sympify(v).xreplace(numbers) for x, v in (values | inputs).items()}
+    if not all(v.is_comparable for v in point.values()):  # a value is missing, or the point lies at infinity
+        return None
     try:
         return about({x.name: float(v) for x, v in point.items()})
-    except (ModelError, TypeError, ZeroDivisionError):  # a value is missing, or the point lies at infinity
+    except ModelError as error:
+        if {d.code for d in error.diagnostics} != {"E0662"}:  # no value for a parameter
+            raise
         return None
 
 

@@ -223,7 +223,6 @@ def linearize(
     point: Mapping[sympy.Symbol, sympy.Expr] | None = None,
     symbolic: bool = False,
     outputs: Mapping[str, sympy.Expr] | None = None,
-    values: Mapping[sympy.Symbol, Any] | None = None,
 ) -> LinearModel:
     """Linear model of a symbolic system about a point.
 
@@ -236,8 +235,6 @@ def linearize(
         Matrices in symbols instead of numbers.
     outputs : {name: Expr}, optional
         Instead of the system's outputs; without any, the states are the outputs.
-    values : {Symbol: number}, optional
-        Parameter values instead of the system's.
 
     Raises
     ------
@@ -247,16 +244,15 @@ def linearize(
     import sympy as sp
 
     outputs = dict(system.outputs if outputs is None else outputs) or {s.name: s for s in system.states}
-    point = dict(point or {})
     f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
-    here = {x: sp.sympify(v) for x, v in point.items()}
+    here = {x: sp.sympify(v) for x, v in (point or {}).items()}
     here = {d: sp.S.Zero for u in system.inputs for d in system.jets(u)[1:]} | here
     if not symbolic:
-        _check_values(f.free_symbols | h.free_symbols, system, values)
+        _check_values(f.free_symbols | h.free_symbols, system)
 
     def finish(matrix: sp.Matrix) -> Matrix:
         matrix = matrix.xreplace(here)
-        return matrix.applyfunc(_lowest) if symbolic else numeric_matrix(matrix, system, values)
+        return matrix.applyfunc(_lowest) if symbolic else _numbers(matrix, system)
 
     by_order = _jets_by_order(system)
     return LinearModel(
@@ -306,32 +302,22 @@ def _lowest(value: sympy.Expr) -> sympy.Expr:
     return sp.factor_terms(cancelled(value)) if value.free_symbols else value
 
 
-def numeric_matrix(matrix: sympy.Matrix, system: SymbolicSystem, values: Mapping | None = None) -> np.ndarray:
+def _numbers(matrix: sympy.Matrix, system: SymbolicSystem) -> np.ndarray:
     """A matrix of expressions as numbers; states and inputs left over are zero."""
     import sympy as sp
 
-    table = _numbers(system, values)
-    zero = {x: sp.S.Zero for x in (*system.states, *system.inputs, sp.Symbol("time")) if x not in table}
-    done = matrix.xreplace(table).xreplace(zero)
+    zero = {x: sp.S.Zero for x in (*system.states, *system.inputs, sp.Symbol("time"))}
+    done = matrix.xreplace(system.numbers).xreplace(zero)
     missing = sorted({s.name for s in done.free_symbols})
     if missing:
         raise no_value(missing)
     return np.array(done.evalf(17).tolist(), float).reshape(matrix.shape)
 
 
-def _check_values(symbols: set, system: SymbolicSystem, values: Mapping | None) -> None:
-    missing = symbols & {s for s, v in system.values.items() if np.isnan(v)} - set(values or {})
+def _check_values(symbols: set, system: SymbolicSystem) -> None:
+    missing = symbols & {s for s, v in system.values.items() if np.isnan(v)}
     if missing:
         raise no_value(sorted(s.name for s in missing))
-
-
-def _numbers(system: SymbolicSystem, values: Mapping | None) -> dict:
-    import sympy as sp
-
-    from lmoc.expression.to_sympy import exact
-
-    more = {s: v if isinstance(v, sp.Expr) else exact(float(v)) for s, v in (values or {}).items()}
-    return {**system.numbers, **more}
 
 
 def no_value(missing: list[str]):

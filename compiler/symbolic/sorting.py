@@ -40,13 +40,6 @@ class Equation:
 
         return sp.Add(*(c * f for c, f in self.left)) - sp.Add(*(c * f for c, f in self.right))
 
-    @property
-    def term_count(self) -> int:
-        """Terms after opening the brackets around coefficients."""
-        import sympy as sp
-
-        return sum(len(sp.Add.make_args(sp.numer(sp.together(c)))) for c, _ in (*self.left, *self.right))
-
     def write(self, notation: Notation, style: Style) -> str:
         formula = Formula(notation, style)
         sides = (join_terms((formula.term(c, f) for c, f in side), style) for side in (self.left, self.right))
