@@ -71,7 +71,19 @@ class Function:
         return None if make is None else make(order)
 
     def value(self, t: float, order: int) -> float:
-        given = self.at_order(order)(t)
+        """
+        Raises
+        ------
+        ModelError
+            E0521: what the callable returns is not a number.
+        """
+        try:
+            given = self.at_order(order)(t)
+        except Exception as error:
+            error.add_note(f"raised by the function for input '{self.name}' at t = {t:g} s")
+            raise
+        if isinstance(given, float):  # an integrator asks often
+            return given
         try:
             return float(given if np.ndim(given) == 0 else np.asarray(given).item())
         except (TypeError, ValueError):
@@ -105,7 +117,7 @@ def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:
     """A sampled signal at many times."""
     if isinstance(signal, Table):
         return signal.curve(times, order)
-    return np.array([float(signal.value(t, order)) for t in times.tolist()])
+    return np.array([signal.value(t, order) for t in times.tolist()])
 
 
 def default_signals(flat: FlatDAE) -> dict[int, Signal]:

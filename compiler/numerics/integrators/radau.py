@@ -45,7 +45,8 @@ class _Run:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.rhs, self.jacobian = _rhs(problem), _jacobian(problem)
+        self.jacobian = _jacobian(problem)
+        self.raised: ValueError | None = None
         self.t, self.x, self.reached = float(problem.times[0]), problem.x.copy(), 1
         self.slope = self.rhs(self.t, self.x)
         self.steps = self.rejected = self.jacobians = 0
@@ -82,12 +83,23 @@ class _Run:
         counts = {"steps": self.steps, "rejected": self.rejected, "jacobians": self.jacobians + self.solver.njev}
         return Outcome(self.t, self.x, self.reached, failure, counts=counts)
 
+    def rhs(self, t: float, x: np.ndarray) -> np.ndarray:
+        out = np.empty(len(x))
+        try:
+            self.problem.system.rhs(t, x, out)
+        except ValueError as error:
+            self.raised = error
+            raise
+        return out
+
     def step(self) -> str:
         """One step and the output within it; why there can be no more steps, where that is so."""
         try:
             self.solver.step()
-        except ValueError:  # a value that is not finite reached the factorization
-            return NOT_FINITE
+        except ValueError as error:
+            if error is self.raised:
+                raise
+            return NOT_FINITE  # such a value has reached the factorization
         if self.solver.status == "failed":
             return COLLAPSED
         h, t_new = self.solver.t - self.t, float(self.solver.t)
@@ -132,15 +144,6 @@ _LARGEST = float(np.abs(_bubble(np.linspace(0.0, 1.0, 1001))).max())
 def _values(theta: np.ndarray, coefficients: np.ndarray, bend: np.ndarray) -> np.ndarray:
     """States (k, n) at fractions theta (k,) of a step."""
     return np.vander(theta, 4, increasing=True) @ coefficients + np.outer(_bubble(theta), bend)
-
-
-def _rhs(problem: Problem):
-    def rhs(t: float, x: np.ndarray) -> np.ndarray:
-        out = np.empty(problem.system.n)
-        problem.system.rhs(t, x, out)
-        return out
-
-    return rhs
 
 
 def _jacobian(problem: Problem):

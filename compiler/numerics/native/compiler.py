@@ -9,8 +9,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
+import zlib
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
+
+from lmoc import cache
 
 FLAGS = ("-march=native", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 
@@ -26,8 +31,7 @@ def find_compiler() -> str | None:
 
 def cache_folder() -> Path:
     """Where compiled kernels are kept between runs."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "lmoc" / "kernels"
+    return Path(cache.folder()) / "kernels"
 
 
 def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
@@ -47,17 +51,51 @@ def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
         return None
     # -march=native ties the file to this processor, so its name is part of the key
     key = hashlib.sha256("\0".join([text, compiler, optimization, *FLAGS, _processor()]).encode()).hexdigest()[:32]
-    path = cache_folder() / f"{key}.so"
-    if not path.exists() and not _compile(compiler, text, path, optimization):
-        # a cache that cannot be written: a folder of this process alone, never one that others could fill
-        path = Path(tempfile.mkdtemp(prefix="lmoc-")) / f"{key}.so"
-        if not _compile(compiler, text, path, optimization):
+    return _load_kept(key) or _make(compiler, text, optimization, key)
+
+
+def _load_kept(key: str) -> ctypes.CDLL | None:
+    """A library from the cache. Its name ends in its checksum: loading a damaged one could end the process."""
+    for path in cache_folder().glob(f"{key}-*.so"):
+        try:
+            if path.name == _name(key, path.read_bytes()):
+                return ctypes.CDLL(str(path))
+            path.unlink()
+        except OSError:
+            continue  # gone meanwhile, or of another system
+    return None
+
+
+def _make(compiler: str, text: str, optimization: str, key: str) -> ctypes.CDLL | None:
+    """Compile in a folder of this process alone, never one that others could fill; keep what comes out if possible."""
+    with tempfile.TemporaryDirectory(prefix="lmoc-", ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "kernel.so"
+        try:
+            if not _compile(compiler, text, path, optimization):
+                return None
+            return ctypes.CDLL(str(_keep(path, key) or path))
+        except OSError:
             return None
+
+
+def _keep(path: Path, key: str) -> Path | None:
+    """Copy a library into the cache; None where that cannot be written."""
+    content, folder = path.read_bytes(), cache_folder()
+    kept = folder / _name(key, content)
+    partial = kept.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
     try:
-        return ctypes.CDLL(str(path))
+        folder.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(content)
+        os.replace(partial, kept)  # atomic: two processes may compile the same text at once
+        return kept
     except OSError:
-        path.unlink(missing_ok=True)  # a damaged file: made again next time
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
         return None
+
+
+def _name(key: str, content: bytes) -> str:
+    return f"{key}-{zlib.crc32(content):08x}.so"
 
 
 @lru_cache(maxsize=1)
@@ -70,17 +108,8 @@ def _processor() -> str:
 
 
 def _compile(compiler: str, text: str, path: Path, optimization: str) -> bool:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-            source, target = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
-            source.write_text(text)
-            flags = [f for f in FLAGS if not (compiler.endswith("tcc") and f.startswith(("-march", "-ff", "-fno")))]
-            command = [compiler, optimization, *flags, str(source), "-o", str(target), "-lm"]
-            done = subprocess.run(command, capture_output=True)
-            if done.returncode != 0:
-                return False
-            os.replace(target, path)  # atomic: two processes may compile the same text at once
-            return True
-    except OSError:
-        return False
+    source = path.with_name("kernel.c")
+    source.write_text(text)
+    flags = [f for f in FLAGS if not (compiler.endswith("tcc") and f.startswith(("-march", "-ff", "-fno")))]
+    command = [compiler, optimization, *flags, str(source), "-o", str(path), "-lm"]
+    return subprocess.run(command, capture_output=True).returncode == 0
