@@ -213,3 +213,28 @@ def test_an_assertion_in_a_function_is_looked_at_where_it_is_known() -> None:
     assert only.code == "E0222" and "no root of a negative number" in only.message
     dae = flat(f"{function} model A Real r = root(time); end A;", library=False)
     assert [note.code for note in dae.notes] == ["W0229"]
+
+
+@pytest.mark.parametrize(
+    ("call", "code"),
+    [
+        ("first({1, 2})", "E0302"),
+        ("first({1, 2, 3})", ""),
+        ("chosen(2, {1, 2})", ""),
+        ("chosen(3, {1, 2})", "E0302"),
+        ("made(-1)", "E0301"),
+        ("made(1e12)", "E0225"),
+        ("half(2)", "E0301"),
+    ],
+)
+def test_sizes_inside_functions(call: str, code: str) -> None:
+    text = f"""
+        function first input Real v[3]; output Real y; algorithm y := v[1]; end first;
+        function chosen input Integer n; input Real v[n]; output Real y; algorithm y := v[n]; end chosen;
+        function made input Integer n; output Real y; protected Real v[n]; algorithm y := 1; end made;
+        function half input Integer n; output Real v[n]; algorithm v[1.5] := 3; end half;
+        model A parameter Real r = {call}; end A;"""
+    if code:
+        assert codes(text) == [code]
+    else:
+        assert value(flat(text, library=False), "r") in (1, 2)

@@ -25,7 +25,7 @@ from lmoc.semantics.translate import (
     warn_kink,
 )
 from lmoc.semantics.value import Value, common_type, number, stack, text
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree
 
 Handler = Callable[[Context, tree.Call], Value]
@@ -190,8 +190,8 @@ def _size(context: Context, call: tree.Call) -> Value:
     dims = _dims(context, call.arguments[0])
     if len(call.arguments) == 1:
         return stack([number(n, "Integer") for n in dims], type="Integer")
-    k = int(context.scalar(context.value(call.arguments[1]), call.arguments[1].span, "an axis"))
-    if not 1 <= k <= len(dims):
+    k = context.whole(context.value(call.arguments[1]), call.arguments[1].span, "an axis", 1)
+    if k > len(dims):
         raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(dims)}")
     return number(dims[k - 1], "Integer")
 
@@ -263,11 +263,10 @@ def _product(context: Context, call: tree.Call) -> Value:
 # -------------------------------------------------------------------------- constructors
 
 
-def _whole_number(context: Context, value: Value, place: tree.Expression) -> int:
-    n = context.scalar(value, place.span, "a size")
-    if n != int(n) or n < 0:
-        raise Wrong("E0301", "a size must be an integer of at least 0", place.span, found=f"{n:g}")
-    return int(n)
+def _size_of_array(context: Context, value: Value, place: tree.Expression, axes: int = 1) -> int:
+    n = context.whole(value, place.span, "a size")
+    check_size(n**axes, "this array", place.span)
+    return n
 
 
 def _filled(value: Value, dims: list[int]) -> Value:
@@ -281,20 +280,23 @@ def _filled(value: Value, dims: list[int]) -> Value:
 @builtin("zeros", "ones")
 def _constant_array(context: Context, call: tree.Call) -> Value:
     sizes = arguments(context, call, 1, 9)
-    dims = [_whole_number(context, v, e) for v, e in zip(sizes, call.arguments)]
+    dims = [_size_of_array(context, v, e) for v, e in zip(sizes, call.arguments)]
+    check_size(prod(dims), "this array", call.span)
     return _filled(number(call.function.parts[0].name == "ones", "Integer"), dims)
 
 
 @builtin("fill")
 def _fill(context: Context, call: tree.Call) -> Value:
     value, *sizes = arguments(context, call, 2, 9)
-    return _filled(value, [_whole_number(context, v, e) for v, e in zip(sizes, call.arguments[1:])])
+    dims = [_size_of_array(context, v, e) for v, e in zip(sizes, call.arguments[1:])]
+    check_size(prod(dims), "this array", call.span)
+    return _filled(value, dims)
 
 
 @builtin("linspace")
 def _linspace(context: Context, call: tree.Call) -> Value:
     a, b, count = numbers(context, call, 3)
-    n = _whole_number(context, count, call.arguments[2])
+    n = _size_of_array(context, count, call.arguments[2])
     if n < 2:
         raise Wrong("E0301", "'linspace' needs at least 2 points", call.arguments[2].span, found=str(n))
     steps = np.arange(n) / (n - 1)
@@ -308,7 +310,7 @@ def _linspace(context: Context, call: tree.Call) -> Value:
 @builtin("identity")
 def _identity(context: Context, call: tree.Call) -> Value:
     (size,) = arguments(context, call, 1)
-    n = _whole_number(context, size, call.arguments[0])
+    n = _size_of_array(context, size, call.arguments[0], 2)
     return stack([stack([number(i == j, "Integer") for j in range(n)]) for i in range(n)])
 
 

@@ -10,6 +10,8 @@ from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 from lmoc.syntax import tree
 
+_SHOWN = 5  # so many models are marked where one must be chosen
+
 
 def open_scopes(files: Sequence[tree.File], library: Sequence[tree.File], report: Report) -> Scope:
     """The scope of the user's classes; that of the library's is around it, so that the user's names shadow them."""
@@ -66,8 +68,11 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     if not free:
         _refuse_cycle(uses)
     message = "several models could be meant" if free else "every model here is used by another one"
-    names = ", ".join(scope.full_name for scope in free or models)
-    raise Wrong("E0603", message, None, found=names, hint="say which with --model NAME")
+    candidates = free or models
+    labels = tuple(Label(scope.definition.name_span, "or this one") for scope in candidates[1:_SHOWN])
+    names = ", ".join(scope.full_name for scope in candidates)
+    raise Wrong("E0603", message, candidates[0].definition.name_span, found=names, labels=labels,
+                hint="say which with --model NAME")  # fmt: skip
 
 
 def _first_line(files: Sequence[tree.File]) -> Span | None:

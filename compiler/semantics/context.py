@@ -121,6 +121,15 @@ class Context:
             raise Wrong("E0301", f"{what} must be a single value", span, found="an array")
         return float(self.alike(value, span, what))
 
+    def whole(self, value: Value, span: Span, what: str, least: int = 0) -> int:
+        """As `scalar`, for a whole number."""
+        if value.dims or value.type == "Boolean":
+            raise Wrong("E0301", f"{what} must be an integer", span)
+        number = self.scalar(value, span, what)
+        if not np.isfinite(number) or number != round(number) or number < least:
+            raise Wrong("E0301", f"{what} must be an integer of at least {least}", span, found=f"{number:g}")
+        return int(number)
+
     def alike(self, value: Value, span: Span, what: str = "this") -> np.ndarray:
         """As `known`, where it must be the same in all rows: over the value's own axes only."""
         numbers = np.asarray(self.known(value, span, what), float)

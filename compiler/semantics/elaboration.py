@@ -205,14 +205,8 @@ class Elaboration:
             if isinstance(expression, tree.Colon):
                 dims.append(self._size_of_binding(component, modifier.value, axis))
                 continue
-            value = context.value(expression)
             what = f"the size of '{component.name}'"
-            if value.dims or value.type == "Boolean":
-                raise Wrong("E0301", f"{what} must be an integer", expression.span)
-            size = context.scalar(value, expression.span, what)
-            if size != int(size) or size < 0:
-                raise Wrong("E0301", f"{what} must be an integer of at least 0", expression.span, found=f"{size:g}")
-            dims.append(int(size))
+            dims.append(context.whole(context.value(expression), expression.span, what))
             check_size(prod((*instance.total, *dims)), f"'{component.name}'", expression.span)
         return tuple(dims)
 

@@ -166,6 +166,8 @@ def subscript(context: Context, expression: tree.Expression, length: int, name: 
     if value.type not in ("Integer", "Boolean", "Real") or len(value.dims) > 1:
         raise Wrong("E0301", "a subscript must be an integer", expression.span, found=value.type)
     numbers = context.known(value, expression.span, "a subscript")
+    if not np.isfinite(numbers).all():
+        raise Wrong("E0301", "a subscript must be an integer", expression.span, found="a number that is not finite")
     if not isinstance(numbers, np.ndarray) or numbers.ndim == 0:
         numbers = float(numbers)
         position = int(numbers) - 1

@@ -140,12 +140,13 @@ def matrix_product(context: Context, left: Value, right: Value, span: Span) -> V
 def _matrix_power(context: Context, e: tree.Binary, base: Value, exponent: Value) -> Value:
     if exponent.dims or len(base.dims) != 2 or base.dims[0] != base.dims[1]:
         raise sizes_differ("a power", base.dims, exponent.dims, e.span)
-    n = context.scalar(exponent, e.right.span, "the exponent of a matrix")
-    if n != int(n) or n < 0:
-        raise Wrong("E0301", "the exponent of a matrix must be an integer of at least 0", e.right.span)
+    n = context.whole(exponent, e.right.span, "the exponent of a matrix")
+    if n > MAX_UNROLLED:
+        raise Wrong("E0225", "the exponent of a matrix is too large", e.right.span, expected=f"at most {MAX_UNROLLED}",
+                    found=str(n))  # fmt: skip
     size = base.dims[0]
     result = stack([stack([number(i == j) for j in range(size)]) for i in range(size)])
-    for _ in range(int(n)):
+    for _ in range(n):
         result = matrix_product(context, result, base, e.span)
     return result
 
@@ -354,7 +355,10 @@ def range_numbers(context: Context, e: tree.Range) -> tuple[np.ndarray, str]:
     step = steps[0] if steps else 1.0
     if step == 0:
         raise Wrong("E0301", "the step of a range must not be zero", e.step.span)
-    count = int(np.floor((b - a) / step + 1e-10)) + 1
+    rounds = np.floor((b - a) / step + 1e-10) if a != b else 0.0
+    if not np.isfinite([a, b, step, rounds]).all():
+        raise Wrong("E0301", "the ends of a range must be finite", e.span, found=f"{a:g} … {b:g}")
+    count = int(rounds) + 1
     check_size(count, "this range", e.span)
     return a + step * np.arange(max(count, 0)), common_type(values)
 

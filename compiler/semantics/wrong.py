@@ -67,4 +67,4 @@ def check_size(elements: int, what: str, span: Span) -> None:
     """Refuse what no machine could hold, before anything is made of it."""
     if elements > MAX_ELEMENTS:
         limit = f"at most {MAX_ELEMENTS:,} elements".replace(",", " ")
-        raise Wrong("E0225", f"{what} is too large", span, expected=limit, found=str(elements))
+        raise Wrong("E0225", f"{what} is too large", span, expected=limit, found=f"{elements:.12g}")
