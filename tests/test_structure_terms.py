@@ -11,6 +11,7 @@ from lmoc.diagnostics import ModelError, Report
 from lmoc.expression.dag import function, slot
 from lmoc.structure.coefficients import KNOWN, UNKNOWN
 from lmoc.structure.normalize import normalize
+from lmoc.structure.reduce import reduce
 from lmoc.structure.substitution import Rows
 from lmoc.structure.terms import entries, terms_of
 
@@ -134,6 +135,24 @@ def test_what_is_held_twice_moves_as_if_held_once(parts, joined, lost):
 def test_arms_of_different_length_are_not_the_same():
     dae = lmoc.compile_text(scene("Arm a(l = 1.5), b(l = 1.6);", TWO_ARMS).replace("fixed = true", "fixed = false"))
     assert dae.states == []
+    (warning,) = [d for d in dae.reduced.notes if d.code == "W0417"]
+    assert all(name in warning.message for name in ("a and b", "rotor.theta", "load.q"))
+
+
+@pytest.mark.parametrize(
+    ("law", "warned"),
+    [
+        ("x**2 + y**2 = 2\nx - sin(y) = 0", True),
+        ("x**2 + y**2 = 2\nx - sin(y) = time", False),
+        ("x**2 + y**2 = 2\nx - sin(y) = u", False),
+        ("x**2 + y**2 = z\nx - sin(y) = 0\nder(z) = -z", False),  # it is led by a state
+    ],
+)
+def test_what_constraints_hold_is_told(law, warned):
+    unknowns = "x y s t z" if "z" in law else "x y s t"
+    motion = "der(der(x)) = 2*x*s + t\nder(der(y)) = 2*y*s - t*cos(y)"
+    reduced = reduce(flat_model(f"input u\nvar {unknowns}\nstart x = 0.8\nstart y = 1.1\n{law}\n{motion}"))
+    assert any(d.code == "W0417" for d in reduced.notes) == warned
 
 
 def test_arms_at_different_places_contradict_each_other():

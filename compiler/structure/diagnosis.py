@@ -230,6 +230,26 @@ def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
     return (Diagnostic("N0407", message, hint="states=[…] or stateSelect chooses others"),)
 
 
+def immobile(system: System, columns: np.ndarray, rows: np.ndarray) -> tuple[Diagnostic, ...]:
+    """W0417: inertias that constraints hold in one place.
+
+    Parameters
+    ----------
+    columns, rows : from `mobility.immobile`
+    """
+    if not len(columns):
+        return ()
+    equations = Equations(system.flat)
+    sources = system.source[rows].tolist()
+    who = listed(equations.parts(sources)) or "the constraints"
+    names = [system.name(c) for c in columns.tolist()]
+    spans = equations.spans(sources)
+    message = f"{who} leave {listed(names)} no freedom: only rest is possible"
+    hint = "two ways that lead there do not agree: take one away, or put a spring where the real thing gives way"
+    labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
+    return (Diagnostic("W0417", message, spans[0] if spans else None, hint=hint, labels=labels),)
+
+
 # ---------------------------------------------------------------------------- wording
 
 

@@ -72,4 +72,9 @@ STRUCTURE: dict[str, Entry] = {
         "out: the motion is the same, but the forces inside the loop are not unique. They are reported as undetermined "
         "(NaN); what they do together to the bodies is right.",
     ),
+    "W0417": Entry(
+        "something that cannot move",
+        "Constraints that are not linear hold a mass or an inertia in one place: an arm of another length beside the "
+        "first, a linkage with a rod too many. It stays at rest. Linear constraints of this kind are an error (E0412).",
+    ),
 }

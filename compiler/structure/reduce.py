@@ -17,6 +17,7 @@ from lmoc.structure import diagnosis, preferences
 from lmoc.structure.assemble import assemble
 from lmoc.structure.derived import derived_values
 from lmoc.structure.layout import Layout
+from lmoc.structure.mobility import immobile
 from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized
 from lmoc.structure.program import split_program
@@ -76,6 +77,7 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
         diagnosis.singular_blocks(system, square, layout, selection.jacobian(), solution.singular, report)
     report.check()
     notes = diagnosis.notes(system, selection.choice, selection.tied)
+    notes += diagnosis.immobile(system, *immobile(selection))
     quadratures = np.flatnonzero(selection.quadrature)
     # what is solved together with a derivative is not needed for it where the solution is a formula
     rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
