@@ -206,6 +206,8 @@ def test_quadratic_drag_leaves_stability_undecided():
         (["motor.theta", "s[1].theta", "s[2].theta"], ["theta_motor", "theta1", "theta2"]),
         (["q", "mass.q"], ["q", "q_mass"]),
         (["k1", "spring.k1"], ["k1", "k1_spring"]),
+        (["lever[1].l1", "lever[1].l2", "lever[2].l1"], ["l1_1", "l2", "l1_2"]),
+        (["lever1.l1", "lever2.l1"], ["l1_lever1", "l1_lever2"]),
     ],
 )
 def test_short_names(names, expected):

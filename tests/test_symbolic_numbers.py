@@ -219,3 +219,11 @@ def test_even_roots_are_exact_where_their_sign_is_known():
     a, b = sp.symbols("a b")
     assert [e["x"] for e in found] == [-sp.sqrt(a / b), 0, sp.sqrt(a / b)] and found.how == "exact"
     assert [e["x"] for e in lmoc.compile_text(text.format(-4)).equilibria()] == [0]
+
+
+def test_nothing_rests_that_time_drives_even_where_there_are_no_symbols():
+    dae = lmoc.compile_text(
+        "model T parameter Real k = 3; Real x, y; equation der(x) = -y; y + 0.1*sin(y) = k*x - cos(time); end T;"
+    )
+    with pytest.raises(ModelError, match="time itself"):
+        dae.equilibria()

@@ -17,7 +17,7 @@ from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
 from lmoc.symbolic.roots import Root, closed_roots, scan, search
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import SymbolicSystem, refuse
+from lmoc.symbolic.system import SymbolicSystem, time_stands_in_it
 
 if TYPE_CHECKING:
     import sympy
@@ -130,7 +130,7 @@ def equilibria(
     given = {sp.Symbol(name): exactly(value) for name, value in (inputs or {}).items()}
     equations = [sp.sympify(d).xreplace(zero).xreplace(given) for d in system.derivatives]
     if any(e.has(time) for e in equations):
-        raise refuse("the equations contain time itself: nothing stays at rest", hint="make the signal an input")
+        raise time_stands_in_it()
     at_rest = {d: sp.S.Zero for d in equations if d in system.states}  # q̇ = v says v = 0
     rest = [e.xreplace(at_rest) for e in equations if e not in system.states]
     unknowns = [x for x in system.states if x not in at_rest]

@@ -78,10 +78,10 @@ def _numbered(name: str) -> str | None:
     parent, _, last = name.rpartition(".")
     indices = [i for found in _SUBSCRIPT.findall(name) for i in found[1:-1].split(",")]
     last = _SUBSCRIPT.sub("", last)
-    if not indices:
-        found = _NUMBER.search(parent)
-        indices = [found[0]] if found else []
-    return last + "_".join(indices) if indices and not last[-1].isdigit() else None
+    if indices:  # lever[3].l1 → l1_3
+        return last + "_" * last[-1].isdigit() + "_".join(indices)
+    found = _NUMBER.search(parent)
+    return last + found[0] if found and not last[-1].isdigit() else None
 
 
 def _with_first(name: str) -> str | None:

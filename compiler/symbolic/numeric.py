@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.expression.dag import postorder
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.simulate import sources_without_value
 from lmoc.semantics.flat import Kind
-from lmoc.structure.program import needed_steps, read
+from lmoc.structure.program import Apply, Program, Solve, needed_steps, read
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.linearize import LinearModel, no_value
-from lmoc.symbolic.system import coordinates_of
+from lmoc.symbolic.system import coordinates_of, time_stands_in_it
 
 if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibria
@@ -200,6 +201,8 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
 
     from lmoc.symbolic.equilibria import Equilibria, Equilibrium
 
+    if _contains_time(reduced.rhs):
+        raise time_stands_in_it()
     system = NumericSystem(reduced, values, ())
     u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
     found = system.rest(u)
@@ -215,6 +218,15 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
     given = {sp.Symbol(name): sp.Float(value) for name, value in zip(system.inputs, u.tolist(), strict=True)}
     members = tuple(symbols[i] for i in sorted(free))
     return Equilibria([Equilibrium(at, members, how=how, model=model, nonlinear=not linear, inputs=given)], how)
+
+
+def _contains_time(program: Program) -> bool:
+    return any(
+        any(node.op == "time" for node in postorder(step.shape))
+        if isinstance(step, Apply)
+        else isinstance(step, Solve) and _contains_time(step.inner)
+        for step in program
+    )
 
 
 def _free(A: np.ndarray) -> set[int]:

@@ -139,6 +139,11 @@ def refuse(message: str, hint: str = "") -> ModelError:
     return ModelError([Diagnostic("E0660", message, hint=hint)])
 
 
+def time_stands_in_it() -> ModelError:
+    """The error for equilibria of what is driven by time itself."""
+    return refuse("the equations contain time itself: nothing stays at rest", hint="make the signal an input")
+
+
 def symbolic_system(
     reduced: Reduced, values: np.ndarray | None = None, variables: tuple[str, ...] = ()
 ) -> SymbolicSystem:
