@@ -90,21 +90,23 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
 
 def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
     """What remains of a problem, from behind one edge to just before the next; an output on an edge is before it."""
-    done = outcome.reached
+    done, times = outcome.reached, problem.times
     if np.isinf(edge):
-        inner, end, own = problem.times[done:], [], len(problem.times) - done
+        inner, end, on_edge = times[done:], [], 0
     else:
-        inner = problem.times[done : np.searchsorted(problem.times, edge - _near(edge))]
+        inner = times[done : np.searchsorted(times, edge - _near(edge))]
         end = [edge - _near(edge) / 4]
-        own = int(np.searchsorted(problem.times, edge + _near(edge))) - done
+        on_edge = int(np.searchsorted(times, edge + _near(edge), "right")) - done - len(inner)
 
     def sink(first: int, states: np.ndarray) -> None:
-        kept = states[: max(0, own + 1 - first)]  # the end is nobody's output time unless one falls on the edge
-        if len(kept):
-            problem.sink(first - 1 + done, kept)
+        before = len(inner) + 1 - first
+        if len(states) > before:  # the end is nobody's output time unless some fall on the edge
+            states = np.concatenate([states[:before], np.repeat(states[before:], on_edge, axis=0)])
+        if len(states):
+            problem.sink(first - 1 + done, states)
 
-    times = np.concatenate([[begin], inner, end])
-    return replace(problem, x=outcome.x, times=times, sink=sink, breaks=np.zeros(0))
+    whole = np.concatenate([[begin], inner, end])
+    return replace(problem, x=outcome.x, times=whole, sink=sink, breaks=np.zeros(0))
 
 
 def _near(t: float) -> float:

@@ -132,8 +132,9 @@ class Session(ABC):
 
     def _loop(self) -> Ended:
         given, reached, told = self.given, c_double(self.given.times[0]), clock.monotonic()
+        least = sun.least_step(given.times)
         for k, t in enumerate(given.times[1:].tolist(), 1):
-            flag = self.advance(t, reached)
+            flag = self.advance(t, reached) if t - reached.value > least else sun.SUCCESS
             if self.error is not None:
                 raise self.error
             if flag not in (sun.SUCCESS, sun.TSTOP_RETURN):
