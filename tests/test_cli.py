@@ -190,6 +190,22 @@ def test_show_puts_arrays_together(lmoc, tmp_path):
     assert "200" in lmoc("show", "chain.lmo", "--stage", "reduce").out
 
 
+def test_an_interrupted_run_keeps_what_it_has(lmoc, scene, tmp_path, monkeypatch):
+    from lmoc.cli.progress import Progress
+    from lmoc.numerics.integrators.base import Watch
+
+    def interrupt(self, simulated, stop):
+        if simulated > 100:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Watch, "EVERY", 0.0)
+    monkeypatch.setattr(Progress, "reached", interrupt)
+    answer = lmoc("run", scene, "--stop", 1e4, "--points", 10001, "-o", "kept.csv")
+    assert answer.code == 130 and "it was interrupted" in answer.err and "Traceback" not in answer.err
+    assert "where the run broke off" in answer.out
+    assert 100 <= len((tmp_path / "kept.csv").read_text().splitlines()) < 10001
+
+
 def test_a_failing_run_keeps_what_it_has(lmoc, scene, tmp_path):
     scene.write_text(scene.read_text().replace("Force push(f = f);", "Force push(f = f + 1/(1 - body.q)^3);"))
     answer = lmoc("run", scene, "--input", "f=9", "-o", "part.csv", "--stop", "20")
