@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping
+from itertools import accumulate
 
 import numpy as np
 
@@ -30,7 +32,6 @@ class InitialEquations:
     program : Program
         The plan's whole program, the derivatives, and the residuals.
     out : (m,) registers of the residuals
-    rows : (m,) equations, as pairs of a group and the number of a row in it
     count : number of registers
     """
 
@@ -48,7 +49,8 @@ class InitialEquations:
         self.count = len(tangent.rate)
         steps = [Apply(as_formula(g.residual)[0], table, self._take(g.rows)) for g, table in tables]
         self.out = np.concatenate([np.zeros(0, int), *(step.out for step in steps)])
-        self.rows = [(g, row) for g, _ in tables for row in range(g.rows)]
+        self._groups = [g for g, _ in tables]
+        self._first = [0, *accumulate(g.rows for g in self._groups)]
         self.program: Program = (*plan.full_program, *tangent.program, *steps)
         for (g, _), step in zip(tables, steps, strict=True):
             self._check_signals(g, step, report)
@@ -65,6 +67,11 @@ class InitialEquations:
         w[self._register[self._added]] = values[self._added]
         for register, variable, order in self._sampled:
             w[register] = self.signals[variable].value(time, order)
+
+    def place(self, k: int) -> tuple[Group, int]:
+        """The group of a residual, and its row there."""
+        at = bisect_right(self._first, k) - 1
+        return self._groups[at], k - self._first[at]
 
     def _take(self, number: int) -> np.ndarray:
         self.count += number

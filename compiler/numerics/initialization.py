@@ -133,7 +133,7 @@ def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:
         found, span = system.lost(int(lost[0]))
         report.error("E0535", f"{found} at the start", span, hint="look at the start values, and at divisions by zero")
         return
-    for group in components.connected(np.flatnonzero(start.hard)):
+    for group in components.connected(np.flatnonzero(start.hard))[:SHOWN]:
         certain = components.excluded(start.jacobian, start.residual, group, straight)
         (_report_contradiction if certain else _report_nothing_found)(system, group, start, report)
     if not start.hard.any():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmoc.distinct import distinct
+from lmoc.distinct import distinct, distinct_rows
 
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
 _DENSE = 1000  # states of a part up to which it is solved with dense matrices
@@ -113,26 +113,34 @@ def split(jacobian, hard: np.ndarray, states: int) -> Components:
     rows, columns, _ = jacobian
     label = _connected(rows, columns, len(hard), states)
     row_label, state_label = label[: len(hard)], label[len(hard) :]
-    touched = np.zeros(len(label), bool)
-    touched[row_label] = True
-    sets: dict[tuple[int, int, int], list] = {}
-    members = [_members(row_label, np.flatnonzero(hard)), _members(row_label, np.flatnonzero(~hard))]
-    members.append(_members(state_label, np.arange(states)))
-    for part in distinct(row_label).tolist():
-        own = [m.get(part, np.zeros(0, int)) for m in members]
-        if len(own[2]):
-            sets.setdefault(tuple(map(len, own)), []).append(own)
+    count = len(label)
+    members = (
+        _Members(row_label, np.flatnonzero(hard), count),
+        _Members(row_label, np.flatnonzero(~hard), count),
+        _Members(state_label, np.arange(states), count),
+    )
+    parts = distinct(row_label)
+    parts = parts[members[2].length[parts] > 0]
+    sizes = np.stack([m.length[parts] for m in members], axis=1)
+    first, number = distinct_rows(sizes)
     batches = tuple(
-        Batch(*(np.array([own[k] for own in group], int).reshape(len(group), -1) for k in range(3)))
-        for group in sets.values()
+        Batch(*(m.of(parts[number == k], int(n)) for m, n in zip(members, sizes[at], strict=True)))
+        for k, at in enumerate(first.tolist())
     )
     return Components(batches, row_label, len(hard), states)
 
 
-def _members(label: np.ndarray, items: np.ndarray) -> dict[int, np.ndarray]:
-    order = items[np.argsort(label[items], kind="stable")]
-    parts, first = np.unique(label[order], return_index=True)
-    return dict(zip(parts.tolist(), np.split(order, first[1:]), strict=True)) if len(order) else {}
+class _Members:
+    """Items by the part they belong to."""
+
+    def __init__(self, label: np.ndarray, items: np.ndarray, parts: int) -> None:
+        self.items = items[np.argsort(label[items], kind="stable")]
+        self.length = np.bincount(label[items], minlength=parts)
+        self.start = np.cumsum(self.length) - self.length
+
+    def of(self, parts: np.ndarray, length: int) -> np.ndarray:
+        """(parts, length) members of parts that have as many."""
+        return self.items[self.start[parts][:, None] + np.arange(length)]
 
 
 def _connected(rows: np.ndarray, columns: np.ndarray, m: int, n: int) -> np.ndarray:

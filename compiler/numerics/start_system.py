@@ -42,7 +42,7 @@ class StartSystem:
         self.plan, self.time, self.targets = plan, time, targets
         self.flat = plan.reduced.flat
         equations = InitialEquations(plan, signals, report)
-        self.equations = equations.rows
+        self.place = equations.place
         outputs = np.concatenate([plan.reduced.register_of[targets.variable], equations.out]).astype(int)
         self.program = needed_steps(equations.program, outputs, equations.count)
         self.interpreter = Interpreter(self.program, equations.count)
@@ -67,7 +67,7 @@ class StartSystem:
     def name(self, k: int) -> str:
         if k < len(self.targets):
             return self.flat.variable_name(int(self.targets.variable[k]))
-        group, row = self.equations[k - len(self.targets)]
+        group, row = self.place(k - len(self.targets))
         return f"the initial equation `{self.flat.row_text(group, row)}`"
 
     def text(self, k: int) -> str:
@@ -86,7 +86,7 @@ class StartSystem:
                 if a.span is not None and (a.target == variable).any():
                     return a.span
             return self.flat.block_at(int(variable)).span
-        return self.equations[k - len(self.targets)][0].span
+        return self.place(k - len(self.targets))[0].span
 
     def lost(self, k: int) -> tuple[str, Span | None]:
         """Which value was lost first in the last evaluation, in which residual k is not finite, and its place."""
