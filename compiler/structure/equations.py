@@ -110,15 +110,30 @@ class Loops:
         self.parent[child] = parent
         self.source[child] = source
 
-    def _path(self, variable: int) -> list[int]:
+    def _path(self, variable: int) -> tuple[int, list[int]]:
+        """The root of a variable, and the equations on the way there."""
         path = []
         while self.parent[variable] >= 0:
             path.append(int(self.source[variable]))
             variable = int(self.parent[variable])
-        return path
+        return variable, path
 
     def around(self, number: int) -> list[int]:
         """The equations of the loop that this one closes, itself first."""
-        paths = [self._path(v) for v in self.equations.unknowns(number)]
-        shared = set.intersection(*map(set, paths)) if len(paths) > 1 else set()
-        return list(dict.fromkeys([number, *(e for path in paths for e in path if e not in shared)]))
+        paths = [self._path(v)[1] for v in self.equations.unknowns(number)]
+        return list(dict.fromkeys([number, *_unshared(paths)]))
+
+    def among(self, numbers: Sequence[int]) -> list[int]:
+        """These equations and those that tie their unknowns to each other."""
+        paths: dict[int, list[list[int]]] = {}
+        for number in numbers:
+            for v in self.equations.unknowns(number):
+                root, path = self._path(v)
+                paths.setdefault(root, []).append(path)
+        return list(dict.fromkeys([*numbers, *(e for alike in paths.values() for e in _unshared(alike))]))
+
+
+def _unshared(paths: list[list[int]]) -> list[int]:
+    """What stands on some of the paths to a root, but not on all of them."""
+    shared = set.intersection(*map(set, paths)) if len(paths) > 1 else set()
+    return [e for path in paths for e in path if e not in shared]

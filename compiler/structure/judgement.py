@@ -124,7 +124,7 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
         if consistent:
             dropped[number] = others
             continue
-        around = [number, *others]
+        around = loops.among([number, *others])
         parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
         message = f"{parts} contradict each other: no position satisfies all of them"
         _at_loop(loops, around, report, "E0411", message)
@@ -150,7 +150,7 @@ def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[D
     """
     more = len(repeated) - SHOWN
     for i, (number, others) in enumerate(list(repeated.items())[:SHOWN]):
-        around = [number, *others] if others else loops.around(number)
+        around = loops.among([number, *others]) if others else loops.around(number)
         parts = listed(loops.equations.parts(around))
         where = f"; the forces in the loop {parts} are not unique" if parts else ""
         message = f"the constraint '{loops.equations.text(number)}' repeats others{where}"

@@ -20,7 +20,7 @@ from lmoc.expression.dag import ZERO, Expr
 from lmoc.structure.coefficients import KNOWN, UNKNOWN, Kinds, leaves_of, value_and_size
 from lmoc.structure.dependence import Vector, as_vectors, dependencies, peel
 from lmoc.structure.derived import DerivedParameters
-from lmoc.structure.substitution import Rows
+from lmoc.structure.substitution import Rows, with_numbers
 from lmoc.structure.sum_rows import SumRows
 from lmoc.structure.terms import entries, terms_of, value_at
 
@@ -88,10 +88,8 @@ def constraints(groups: list[Rows], flow_like: np.ndarray) -> Constraints | None
 
 def _jets(groups: list[Rows], count: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows, numbered through, and the unknown jets in them, as one number each."""
-    row, column, first = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], 0
-    for g in groups:
-        numbers = np.arange(first, first + len(g.source))
-        first += len(g.source)
+    row, column = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for g, numbers in with_numbers(groups):
         for leaf in leaves_of(g.shape, g.kinds, UNKNOWN):
             row.append(numbers)
             column.append(g.column(leaf) + leaf.value[1] * count)
@@ -172,10 +170,8 @@ def _incidence(
     Coefficients are taken at a generic position; NaN for a jet that stands there otherwise than linearly, or with a
     factor that is no matter of positions alone.
     """
-    row, variable, value, bent, first = [], [], [], [], 0
-    for g in groups:
-        numbers = np.arange(first, first + len(g.source))
-        first += len(g.source)
+    row, variable, value, bent = [], [], [], []
+    for g, numbers in with_numbers(groups):
         for leaf, coefficient in _coefficients(g.shape, g.kinds):
             usable = np.full(len(numbers), coefficient is not None)
             factors = leaves_of(coefficient, g.kinds, UNKNOWN) if coefficient is not None else ()
@@ -185,7 +181,7 @@ def _incidence(
             variable.append(g.column(leaf))
             value.append(np.where(usable, value_at(coefficient or ZERO, g, known), np.nan))
             bent.append(np.full(len(numbers), bool(factors)))
-    row.append(sums.row + first)
+    row.append(sums.row + sum(len(g.source) for g in groups))
     variable.append(sums.index)
     value.append(sums.sign)
     bent.append(np.zeros(len(sums.row), bool))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -69,6 +69,14 @@ def merged(groups: Iterable[Rows]) -> list[Rows]:
         if len(g.source):
             alike.setdefault((g.shape, g.kinds, g.looped), []).append(g)
     return [many[0] if len(many) == 1 else _joined(many) for many in alike.values()]
+
+
+def with_numbers(groups: Iterable[Rows]) -> Iterator[tuple[Rows, np.ndarray]]:
+    """Groups, each with the numbers of its rows, counted through all of them."""
+    first = 0
+    for g in groups:
+        yield g, np.arange(first, first + len(g.source))
+        first += len(g.source)
 
 
 def _joined(many: list[Rows]) -> Rows:

@@ -17,7 +17,7 @@ from lmoc.expression.dag import ONE, ZERO, Expr, add, mul, neg, postorder, sub
 from lmoc.structure.coefficients import KNOWN, ROUNDOFF, Kinds, constant_nodes, value_and_size
 from lmoc.structure.explicit import as_formula
 from lmoc.structure.generic import GOLDEN
-from lmoc.structure.substitution import Rows
+from lmoc.structure.substitution import Rows, with_numbers
 
 # one point gives the factor between two terms, the others tell whether it is the same everywhere
 POINTS = 4
@@ -97,10 +97,7 @@ def entries(groups: tuple[Rows, ...], known: np.ndarray) -> tuple[np.ndarray, np
     """The matrix of coefficients (row, column, value): rows numbered through, a column for each term."""
     row, column, value = [], [], []
     curved: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # rows, values at the points, coefficients
-    first = 0
-    for g in groups:
-        numbers = np.arange(first, first + len(g.source))
-        first += len(g.source)
+    for g, numbers in with_numbers(groups):
         for term, c in terms_of(g.shape, g.kinds)[0].items():
             coefficient = value_at(c, g, known)
             if term.op == "slot":
