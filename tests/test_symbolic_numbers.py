@@ -227,3 +227,45 @@ def test_nothing_rests_that_time_drives_even_where_there_are_no_symbols():
     )
     with pytest.raises(ModelError, match="time itself"):
         dae.equilibria()
+
+
+def frequency_response(model, omega):
+    n = len(model.states)
+    proper = model.realization()
+    powers = [D[0, 0] * (1j * omega) ** k for k, D in enumerate(proper.Ds)]
+    return (proper.C @ np.linalg.solve(1j * omega * np.eye(n) - proper.A, proper.B))[0, 0] + sum(powers)
+
+
+@pytest.mark.parametrize(
+    ("scene", "u", "y"),
+    [
+        ("notes/ex05_suspension", "u", "q2"),
+        ("notes/ex05_suspension", "u", "tire_force"),
+        ("notes/ex04_moving_frame", "f", "q2"),
+        ("hard/h21_prescribed_rotation", "u", "tau1"),
+    ],
+)
+def test_transfer_functions_in_numbers_are_those_in_symbols(scene, u, y):
+    from lmoc.symbolic.transfer import transfer_function_of_numbers
+
+    dae = compiled(scene)
+    model = dae.linearize(outputs=[y])
+    found, expected = transfer_function_of_numbers(model, u, y), dae.transfer_function(u, y)
+    for a, b in zip(found.coefficients, expected.coefficients, strict=True):
+        assert np.allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
+    assert found.response(np.array([3.0]))[0] == pytest.approx(frequency_response(model, 3.0))
+
+
+def test_a_scene_without_closed_form_has_a_transfer_function_in_numbers():
+    text = """
+    model Bent
+      input Real u = 0;
+      Real x(start = 0), v, y;
+    equation
+      der(x) = v;
+      der(v) = u - y - 0.5*v;
+      y + 0.2*sin(y) = 3*x;
+    end Bent;
+    """
+    tf = lmoc.compile_text(text).transfer_function("u", "x")
+    assert tf.coefficients[1] == pytest.approx([1, 0.5, 3 / 1.2]) and tf.gain == pytest.approx(0.4)

@@ -162,7 +162,8 @@ class SymbolicMethods:
     ) -> TransferFunction:
         """Transfer function from an input to any variable, a rational expression in ``Symbol("s")``.
 
-        The result can be used as the SymPy expression; it also has `poles`, `zeros`, `gain`, `cancelled`.
+        The result can be used as the SymPy expression; it also has `poles`, `zeros`, `gain`, `cancelled`. Where a scene
+        has no equations in closed form (E0660), its coefficients are numbers.
 
         Parameters
         ----------
@@ -171,11 +172,16 @@ class SymbolicMethods:
             nonlinear scene is taken. By default its equilibrium without inputs.
         """
         from lmoc.symbolic.linearize import linearize
-        from lmoc.symbolic.transfer import transfer_function
+        from lmoc.symbolic.transfer import transfer_function, transfer_function_of_numbers
 
         _, reduced, _, _ = self.prepared(parameters or {})
         _check_output(reduced, y)
-        system = self.symbolic((y,), parameters)
+        try:
+            system = self.symbolic((y,), parameters)
+        except ModelError as error:
+            if [d.code for d in error.diagnostics] != ["E0660"]:
+                raise
+            return transfer_function_of_numbers(self.linearize(at, outputs=[y], parameters=parameters), u, y)
         system = replace(system, outputs={y: system.variables[y]})
         if at is not None:
             at = {s.name: 0 for s in (*system.states, *system.inputs)} | dict(at)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import sympy
 
 MOST_STATES = 24
+ROUNDED = 1e-11  # of the terms of a difference: less is rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -215,6 +216,45 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     return TransferFunction(u, y, _collect(top, s), _collect(bottom, s), common, dict(values or {}), point)
 
 
+def transfer_function_of_numbers(model: LinearModel, u: str, y: str) -> TransferFunction:
+    """As `transfer_function`, of a model in numbers: ``det(sI − A + b c) + (d − 1)·det(sI − A)`` over ``det(sI − A)``.
+
+    Common factors are not looked for; coefficients that rounding alone has left are zero.
+
+    Raises
+    ------
+    ModelError
+        E0661 for an unknown name, E0660 where there are too many states for polynomials.
+    """
+    import sympy as sp
+
+    column, row = _index(model.inputs, u, "input"), _index(model.outputs, y, "output")
+    _check_states(len(model.states))
+    proper = model.realization()
+    A, b, c = proper.A, proper.B[:, [column]], proper.C[[row]]
+    bottom, closed = (np.poly(M) if len(A) else np.ones(1) for M in (A, A - b @ c))
+    top = np.where(np.abs(closed - bottom) <= ROUNDED * (np.abs(closed) + np.abs(bottom)), 0.0, closed - bottom)
+    for k, D in enumerate(proper.Ds):
+        top = np.polyadd(top, np.polymul(bottom, [float(D[row, column]), *[0.0] * k]))
+    s = sp.Symbol("s")
+    point = {name: sp.Float(value) for name, value in model.point.items() if value != 0}
+    top, bottom = (_with_numbers(p.tolist(), s) for p in (top, bottom))
+    return TransferFunction(u, y, top, bottom, (), {}, point)
+
+
+def _with_numbers(coefficients: list[float], s: sympy.Symbol) -> sympy.Expr:
+    """A polynomial, highest power first; whole numbers as such."""
+    import sympy as sp
+
+    exact = [sp.Integer(int(c)) if c == int(c) else sp.Float(c, 15) for c in coefficients]
+    return sp.Add(*(c * s**n for n, c in enumerate(reversed(exact))))
+
+
+def _check_states(n: int) -> None:
+    if n > MOST_STATES:
+        raise refuse(f"{n} states are too many for a transfer function", hint="`lmoc linearize` has no such limit")
+
+
 def _index(names: list[str], name: str, what: str) -> int:
     from lmoc.diagnostics import Diagnostic, ModelError, nearest
 
@@ -230,10 +270,7 @@ def _pencil(model: LinearModel) -> tuple[sympy.Matrix, list[sympy.Expr]]:
 
     s = sp.Symbol("s")
     n = len(model.states)
-    if n > MOST_STATES:
-        raise refuse(
-            f"{n} states are too many for a transfer function in symbols", hint="`lmoc linearize` has no such limit"
-        )
+    _check_states(n)
     scales, rows = [], []
     for i in range(n):
         entries = [sp.cancel(model.A[i, j]) for j in range(n)]
