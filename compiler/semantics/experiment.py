@@ -14,6 +14,7 @@ from lmoc.source import Span
 from lmoc.syntax import tree
 
 FIELDS = {"StartTime": "start", "StopTime": "stop", "Tolerance": "tolerance", "Interval": "interval"}
+FINEST_TOLERANCE = 1e-14  # doubles know no finer relative one
 
 
 def experiment_of(cls: Scope, model: Elaboration) -> Experiment:
@@ -64,6 +65,7 @@ def _check(experiment: Experiment, span: Span, model: Elaboration) -> None:
         message = "the experiment has too many intervals"
         most = f"at most {MAX_ELEMENTS:,} intervals".replace(",", " ")
         model.report.error("E0228", message, span, expected=most, found=f"{length / interval:g}")
-    if tolerance is not None and not 0 < tolerance < 1:
+    if tolerance is not None and not FINEST_TOLERANCE <= tolerance < 1:
         message = "the tolerance of the experiment cannot be used"
-        model.report.error("E0228", message, span, expected="0 < Tolerance < 1", found=f"{tolerance:g}")
+        expected = f"{FINEST_TOLERANCE:g} ≤ Tolerance < 1"
+        model.report.error("E0228", message, span, expected=expected, found=f"{tolerance:g}")

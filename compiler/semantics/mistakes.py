@@ -130,7 +130,7 @@ SEMANTICS: dict[str, Entry] = {
     "E0228": Entry(
         "an experiment that cannot be run",
         "The annotation `experiment` gives a run its defaults: it ends after it begins, its interval is positive and\n"
-        "not shorter than makes sense, and its tolerance lies between 0 and 1.",
+        "not shorter than makes sense, and its tolerance lies between 1e-14 and 1.",
     ),
     "W0229": Entry(
         "an assertion in a function",

@@ -67,4 +67,6 @@ def check_size(elements: int, what: str, span: Span) -> None:
     """Refuse what no machine could hold, before anything is made of it."""
     if elements > MAX_ELEMENTS:
         limit = f"at most {MAX_ELEMENTS:,} elements".replace(",", " ")
-        raise Wrong("E0225", f"{what} is too large", span, expected=limit, found=f"{elements:.12g}")
+        digits = str(elements)
+        found = digits if len(digits) <= 15 else f"about 10^{len(digits) - 1}"
+        raise Wrong("E0225", f"{what} is too large", span, expected=limit, found=found)
