@@ -27,8 +27,9 @@ def breaks(formula: str, start=0.0, stop=10.0):
         ("max(0, time - 3)", [3.0]),
         ("abs(2 - time)", [2.0]),
         ("if time > 2 and time <= 2.0001 then 1e3 else 0", [2.0, 2.0001]),
-        ("if sin(time) > 0 then 1 else -1", [np.pi, 2 * np.pi, 3 * np.pi]),
-        ("if time < 0 then 1 else if time > 20 then 2 else 3", []),
+        ("if sin(time) > 0 then 1 else -1", [0, np.pi, 2 * np.pi, 3 * np.pi]),
+        ("if time < 0 then 1 else if time > 20 then 2 else 3", [0.0]),
+        ("if time < -1 then 1 else if time > 20 then 2 else 3", []),
         ("floor(time/4)", [4.0, 8.0]),
         ("if mod(time, 4) < 1 then 1 else 0", [1.0, 4.0, 5.0, 8.0, 9.0]),
         ("sin(time)", []),
@@ -65,3 +66,40 @@ def test_a_square_wave_against_the_sum_of_its_steps():
         after = run.time > n * np.pi
         exact += np.where(after, 2 * (-1) ** n * (1 - np.cos(3 * (run.time - n * np.pi))), 0)
     assert run["q"] == pytest.approx(exact, abs=1e-7)
+
+
+@pytest.mark.parametrize("solver", ["auto", "cvode", "radau"])
+@pytest.mark.parametrize(
+    ("formula", "share"),
+    [
+        ("if mod(time, {0}) < {0}/4 then 1 else 0", 1 / 4),
+        ("if mod(time + {0}/3, {0}) < {0}/1000 then 1 else 0", 1 / 1000),
+        ("if sin(6.283185307179586*time/{0}) > 0.5 then 1 else 0", 1 / 3),
+        ("if sin(6.283185307179586*time/{0}) > 0.9999995 then 1 else 0", 1e-3 / np.pi),
+    ],
+    ids=["mod", "short", "sine", "peaks"],
+)
+@pytest.mark.parametrize("period", [2.5, 0.01])
+def test_pulses_are_not_missed(solver, formula, share, period):
+    """v' = u for a train of pulses; the whole run is a number of periods."""
+    system = oscillator(m=1.0, k=0.0, q0=0.0, ledger=False).reduced()
+    options = RunOptions(solver=solver, stop=100 * period if period < 1 else 10.0, points=5)
+    run = simulate(system, options=options, inputs={"f": formula.format(period)})
+    assert run["v"][-1] == pytest.approx(share * options.stop, rel=1e-6)
+
+
+def test_kinks_at_both_ends_of_a_run():
+    run = simulate(
+        rest(), options=RunOptions(stop=2.0, rtol=1e-12), inputs={"f": "if time > 0 and time < 2 then 9 else 0"}
+    )
+    assert run["q"] == pytest.approx(1 - np.cos(3 * run.time), abs=1e-11)
+    assert (
+        run.stats["steps"] == simulate(rest(), options=RunOptions(stop=2.0, rtol=1e-12), inputs={"f": 9}).stats["steps"]
+    )
+
+
+def test_more_kinks_than_a_run_stops_at_are_told(monkeypatch):
+    monkeypatch.setattr("lmoc.numerics.kinks.MOST", 100)
+    run = simulate(rest(), inputs={"f": "if mod(time, 0.1) < 0.05 then 1 else 0"})
+    assert [n.code for n in run.notes if n.severity == "warning"] == ["W0526"]
+    assert run.stats["breaks"] == 100

@@ -7,7 +7,7 @@ may fall between two steps unseen.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -20,12 +20,14 @@ from lmoc.structure.program import Apply
 _DIFFERENCE = frozenset("lt le gt ge min max".split())  # something happens where the arguments are equal
 _ZERO = frozenset("abs sign".split())  # … where the argument is zero
 _STAIRS = frozenset("floor ceil integer mod rem div_integer".split())  # … where it, or the quotient, is a whole number
-_SAMPLES = 4001  # points at which a switch that is not linear in time is looked at
-_MOST = 10_000
+_PART = dict.fromkeys(_STAIRS, 1.0) | dict.fromkeys(("sin", "cos", "tan"), math.pi / 2)
+_SAMPLES = 4001  # even points at which a switch that is not linear in time is looked at
+_ASIDE = 1e-6  # of the distance between two places, to either side of which is looked
+MOST = 100_000  # kinks at which a run stops
 
 
 def switches(plan: Plan) -> list[tuple[Expr, np.ndarray]]:
-    """Expressions of time and parameters whose zeros are kinks, with the registers of their columns, one row each."""
+    """Expressions of time and parameters whose zeros or jumps are kinks, and the registers of their columns by rows."""
     fixed = np.zeros(plan.count, bool)
     fixed[plan.parameters] = True
     found: dict[tuple[Expr, bytes], np.ndarray] = {}
@@ -46,16 +48,22 @@ def _candidates(shape: Expr) -> Iterator[Expr]:
         elif node.op in _ZERO:
             expression = node.args[0]
         elif node.op in _STAIRS:
-            quotient = node.args[0] / node.args[1] if len(node.args) == 2 else node.args[0]
-            expression = function("sin", quotient * math.pi)
+            expression = function("ceil" if node.op == "ceil" else "floor", _quotient(node))
         else:
             continue
         if depends_on_time(expression):
             yield expression
 
 
+def _quotient(node: Expr) -> Expr:
+    """What is a whole number where a function of `_STAIRS` jumps."""
+    return node.args[0] / node.args[1] if len(node.args) == 2 else node.args[0]
+
+
 def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """The kinks strictly between two times, in order.
+    """The kinks from one time to another, in order; at most `MOST`.
+
+    Those at the ends count: the first and the last stage of the run would see the other side of the jump.
 
     Parameters
     ----------
@@ -74,22 +82,51 @@ def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.n
                 times.append(np.ravel(-np.asarray(offset) / np.asarray(slope)))
     every = np.unique(np.concatenate(times))
     margin = 1e-12 * max(abs(start), abs(stop))
-    every = every[(every > start + margin) & (every < stop - margin)][:_MOST]
-    return every[np.diff(every, prepend=-np.inf) > margin]
+    every = every[(every >= start) & (every <= stop)] + 0.0  # no -0
+    every[every < start + margin], every[every > stop - margin] = start, stop
+    return every[np.diff(every, prepend=-np.inf) > margin][:MOST]
 
 
 def _sampled(expression: Expr, parameters: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """Changes of sign of an expression of time, located by bisection."""
+    """Changes of sign of an expression of time, or jumps of one rounded to whole numbers, located by bisection."""
 
-    def positive(t: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(evaluate(expression, lambda k, _: parameters[k], t), t.shape) > 0
+    def values(of: Expr, t: np.ndarray) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            return np.broadcast_to(evaluate(of, lambda k, _: parameters[k], t), t.shape)
 
-    grid = np.linspace(start, stop, _SAMPLES)
-    sign = positive(grid)
-    change = np.flatnonzero(sign[1:] != sign[:-1])
-    low, high, left = grid[change], grid[change + 1], sign[change]
+    def level(t: np.ndarray) -> np.ndarray:
+        return values(expression, t) if expression.op in _STAIRS else values(expression, t) > 0
+
+    grid = _grid(expression, values, np.linspace(start, stop, _SAMPLES))
+    before = level(grid)
+    change = np.flatnonzero(before[1:] != before[:-1])
+    low, high, left = grid[change], grid[change + 1], before[change]
     for _ in range(60):
         middle = (low + high) / 2
-        same = positive(middle) == left
+        same = level(middle) == left
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     return high
+
+
+def _grid(expression: Expr, values: Callable[[Expr, np.ndarray], np.ndarray], even: np.ndarray) -> np.ndarray:
+    """Where to look at the sign of an expression: evenly, and so that nothing between two points turns or jumps.
+
+    A function that repeats itself turns or jumps where its argument, divided by `_PART`, is a whole number. Points on
+    both sides of these places see every change of a sign that depends on one such function alone, however short.
+    """
+    points = [even]
+    for node in postorder(expression):
+        if node.op in _PART and depends_on_time(node):
+            argument = _quotient(node) if node.op in _STAIRS else node.args[0]
+            count = values(argument, even) / _PART[node.op]
+            rise = np.diff(count)
+            if not np.isfinite(rise).all():
+                continue
+            if (rise > 0).all() or (rise < 0).all():
+                whole = np.arange(math.ceil(count.min()), math.ceil(min(count.max(), count.min() + MOST)))
+                at = np.interp(whole, *((count, even) if rise[0] > 0 else (count[::-1], even[::-1])))
+                aside = _ASIDE * (even[-1] - even[0]) / max(1, len(whole))
+                points += [at - aside, at + aside]
+            else:
+                points.append(np.linspace(even[0], even[-1], min(4 * MOST, int(4 * np.abs(rise).sum()))))
+    return np.clip(np.unique(np.concatenate(points)), even[0], even[-1])

@@ -34,6 +34,12 @@ NUMERICS: dict[str, Entry] = {
         "The run begins before the first point of the table or goes on after its last. The outermost values are held "
         "there, with slope zero.",
     ),
+    "W0526": Entry(
+        "more kinks than a run stops at",
+        "A run stops wherever a formula of time jumps or bends, so that its steps do not go over such places, but only "
+        "so many times. Behind the last one it is less accurate. Make the run shorter, or replace the fast switching "
+        "by its mean.",
+    ),
     "E0530": Entry(
         "a parameter without a value",
         "The equations of the run read a parameter that has neither a binding nor a value from the command.",

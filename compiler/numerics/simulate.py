@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lmoc.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError, nearest
-from lmoc.numerics import integrators
+from lmoc.numerics import integrators, kinks
 from lmoc.numerics.checks import run_checks
 from lmoc.numerics.diagnosis import first_not_finite, lost_ahead, suspects
 from lmoc.numerics.initialization import initial_state, seed_blocks, targets
 from lmoc.numerics.integrators.base import COLLAPSED, INTERRUPTED, NOT_FINITE, Outcome, Problem
-from lmoc.numerics.kinks import break_times
 from lmoc.numerics.observe import Observer, Recorder, Trajectory, find
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
-from lmoc.numerics.system import System, make_system
+from lmoc.numerics.singular import singular_place
+from lmoc.numerics.system import SegmentedSystem, System, make_system
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.reduced import Reduced
 
@@ -139,6 +139,7 @@ class _Run:
         }
         if not outcome.failure:
             self._check_way(outcome)
+            self._check_coordinates()
         run = self._trajectory(outcome, stats)
         if outcome.failure:
             failure = RunInterrupted if outcome.failure == INTERRUPTED else SimulationError
@@ -181,6 +182,23 @@ class _Run:
                 self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
                 return
 
+    def _check_coordinates(self) -> None:
+        """A run through a place where the coordinates do not determine the rest is told of: it may go on wrongly."""
+        system, reached = self.system, self.recorder.reached
+        if self.recorder.variables is not None or not isinstance(system, SegmentedSystem):
+            return
+        count = system.evaluations
+        found = singular_place(system, self.times[:reached], self.recorder.table[:reached])
+        system.evaluations = count
+        if found:
+            lost = self.plan.reduced.register_name(found[1])
+            self.report.warning(
+                "W0538",
+                f"the coordinates {', '.join(self.plan.reduced.state_names)} do not determine {lost} shortly after "
+                f"t = {found[0]:.4g} s: what follows may be wrong",
+                hint="choose coordinates that determine the rest all the way, by states=[…] or stateSelect",
+            )
+
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):
             table = np.zeros((len(self.times) - 1, 0))
@@ -191,6 +209,9 @@ class _Run:
         options, experiment = self.options, self.plan.reduced.flat.experiment
         rtol = options.tolerance(experiment)
         deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
+        breaks = kinks.break_times(self.plan, self.observer.base, float(self.times[0]), float(self.times[-1]))
+        if len(breaks) == kinks.MOST:
+            self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
         problem = Problem(
             self.system,
             x,
@@ -201,7 +222,7 @@ class _Run:
             options.max_steps,
             deadline,
             self.progress,
-            breaks=break_times(self.plan, self.observer.base, float(self.times[0]), float(self.times[-1])),
+            breaks=breaks,
         )
         return integrators.run(problem, options.solver)
 

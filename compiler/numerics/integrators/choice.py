@@ -71,17 +71,20 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
     outcome, used, method = Outcome(float(problem.times[0]), problem.x, 1), None, solver
     begin = outcome.time
     for edge in (*problem.breaks.tolist(), np.inf):
+        if edge - _near(edge) / 2 <= begin:  # a kink at the start
+            begin = edge + _near(edge) / 2
+            continue
         later, own = _smooth(_until(problem, outcome, begin, edge), method)
         later.counts = _added(outcome.counts, later.counts)
         later.matrix, later.evaluation = later.matrix or outcome.matrix, later.evaluation or outcome.evaluation
         later.reached = int(np.searchsorted(problem.times, later.time + _near(later.time), "right"))
-        outcome, begin = later, edge + _near(edge) / 4
+        outcome, begin = later, edge + _near(edge) / 2
         taken_over = len(own.solvers) > 1
         if used is None or taken_over:
             used = own
         if taken_over:  # the stiff method goes on behind the next break
             method = own.solvers[-1]
-        if outcome.failure:
+        if outcome.failure or outcome.reached == len(problem.times):
             break
     if len(problem.breaks):
         outcome.counts["breaks"] = len(problem.breaks)
@@ -95,7 +98,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         inner, end, on_edge = times[done:], [], 0
     else:
         inner = times[done : np.searchsorted(times, edge - _near(edge))]
-        end = [edge - _near(edge) / 4]
+        end = [edge - _near(edge) / 2]
         on_edge = int(np.searchsorted(times, edge + _near(edge), "right")) - done - len(inner)
 
     def sink(first: int, states: np.ndarray) -> None:
@@ -110,8 +113,8 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
 
 
 def _near(t: float) -> float:
-    """A distance in time that does not count: a few units of the last digit."""
-    return 1e-15 * max(abs(t), 1e-300) if np.isfinite(t) else 0.0
+    """A distance in time that does not count: some units of the last digit, by which stages of a step may be off."""
+    return 4e-15 * max(abs(t), 1e-300) if np.isfinite(t) else 0.0
 
 
 def _added(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
