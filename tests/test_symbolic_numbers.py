@@ -268,4 +268,5 @@ def test_a_scene_without_closed_form_has_a_transfer_function_in_numbers():
     end Bent;
     """
     tf = lmoc.compile_text(text).transfer_function("u", "x")
+    assert str(tf.input_output_equation) == "(p² + 0.5·p + 2.5) x = u"
     assert tf.coefficients[1] == pytest.approx([1, 0.5, 3 / 1.2]) and tf.gain == pytest.approx(0.4)

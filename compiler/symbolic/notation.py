@@ -59,7 +59,7 @@ class Notation:
         x = sp.Symbol(variable)
         formula = Formula(replace(self, late={variable: 0}), style)  # its powers come last
         terms = sp.Poly(value, x).terms() if value.has(x) else [((0,), value)]
-        parts = [formula.term(sp.factor_terms(c), x**n if n else None) for (n,), c in terms]
+        parts = [formula.term(sp.factor_terms(_whole(c)), x**n if n else None) for (n,), c in terms]
         if len(parts) > 1 and all(negative for negative, _ in parts):
             return style.sign + style.brackets(join_terms(((False, text) for _, text in parts), style))
         text = join_terms(parts, style)
@@ -272,6 +272,13 @@ def _with_odd_roots(factors: list) -> list:
                 root = sp.Function(_ODD_ROOT)(x, power.exp.q)
                 return [*(f for f in factors if f not in (sign, power)), root]
     return factors
+
+
+def _whole(value: sympy.Expr) -> sympy.Expr:
+    """A float without a fraction as an integer: polynomials make floats of all their numbers."""
+    import sympy as sp
+
+    return sp.Integer(int(value)) if value.is_Float and float(value).is_integer() else value
 
 
 def _is_negative(value: sympy.Expr) -> bool:

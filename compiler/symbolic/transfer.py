@@ -246,7 +246,7 @@ def _with_numbers(coefficients: list[float], s: sympy.Symbol) -> sympy.Expr:
     """A polynomial, highest power first; whole numbers as such."""
     import sympy as sp
 
-    exact = [sp.Integer(int(c)) if c == int(c) else sp.Float(c, 15) for c in coefficients]
+    exact = [sp.Integer(round(c)) if abs(c - round(c)) <= 1e-14 * abs(c) else sp.Float(c, 15) for c in coefficients]
     return sp.Add(*(c * s**n for n, c in enumerate(reversed(exact))))
 
 
