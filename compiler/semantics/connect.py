@@ -122,24 +122,24 @@ def _pairs(a: Node, b: Node, draft: ConnectDraft) -> Iterator[tuple[Variable, Va
     if isinstance(a, Broken) or isinstance(b, Broken):
         raise Wrong()
     if isinstance(a, Variable) != isinstance(b, Variable):
-        raise _mismatch(a, b, draft, "one is a signal, the other has variables of its own")
+        raise _mismatch(draft, "one is a signal, the other has variables of its own")
     if isinstance(a, Variable):
         yield from _pair(a, b, draft)
         return
     names_a, names_b = ([n for n, c in e.children.items()] for e in (a, b))
     if set(names_a) != set(names_b):
         only = sorted(set(names_a) ^ set(names_b))
-        raise _mismatch(a, b, draft, f"only one of them has {', '.join(repr(n) for n in only)}")
+        raise _mismatch(draft, f"only one of them has {', '.join(repr(n) for n in only)}")
     for name in names_a:
         yield from _pairs(a.children[name], b.children[name], draft)
 
 
 def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
     if a.flow != b.flow:
-        raise _mismatch(a, b, draft, f"'{a.name}' is a flow in one of them only")
+        raise _mismatch(draft, f"'{a.name}' is a flow in one of them only")
     inner = [v.total[len(e.total) :] for v, e in ((a, draft.left), (b, draft.right))]
     if inner[0] != inner[1]:
-        raise _mismatch(a, b, draft, f"'{a.name}' differs in size")
+        raise _mismatch(draft, f"'{a.name}' differs in size")
     units = unit_of(a), unit_of(b)
     if None not in units and not units[0].same_as(units[1]):
         raise Wrong("E0303", f"'{a.label}' and '{b.label}' have different units", draft.span,
@@ -148,7 +148,7 @@ def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Varia
         yield a, b
 
 
-def _mismatch(a: Node, b: Node, draft: ConnectDraft, why: str) -> Wrong:
+def _mismatch(draft: ConnectDraft, why: str) -> Wrong:
     def kind(end: Node) -> str:
         return end.cls.name if isinstance(end, Instance) else end.type.name
 

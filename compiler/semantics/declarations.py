@@ -156,7 +156,7 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
     elif name == "unit":
         variable.unit = _text(model, variable, name, binding)
     elif name == "stateSelect":
-        variable.state_select = _state_select(model, variable, binding)
+        variable.state_select = _state_select(model, binding)
 
 
 def _limit(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
@@ -185,7 +185,7 @@ def _text(model: Elaboration, variable: Variable, name: str, binding: Binding) -
     return value.text
 
 
-def _state_select(model: Elaboration, variable: Variable, binding: Binding) -> StateSelect:
+def _state_select(model: Elaboration, binding: Binding) -> StateSelect:
     context = Context(model, binding.node, binding.scope)
     value = context.value(binding.expression)
     span = binding_span(binding)

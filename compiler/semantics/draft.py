@@ -191,13 +191,20 @@ def _axes(alike: tuple[bool, ...], at: tuple[int, ...]) -> tuple[tuple, tuple]:
     return tuple(choice), tuple(kept)
 
 
+def _with_each(binding: Binding, variable: Variable) -> str:
+    """The modification that gives one value to all elements, as it would be written: ``car(each wheel(m = …))``."""
+    path = variable.path[len(binding.node.path) :]
+    array = next(k for k, (_, dims) in enumerate(path) if dims)
+    names = [name for name, _ in path[array + 1 :]]
+    return f"{path[array][0]}(each {'('.join(names)} = …{')' * len(names)}"
+
+
 def _size_mismatch(found: tuple[int, ...], expected: tuple[int, ...], binding: Binding, variable: Variable) -> Wrong:
     of_parts = len(expected) > len(variable.dims)
     if not found and of_parts:
-        return Wrong(
-            "E0213", f"'{variable.label}' is in an array of parts and needs one value for each", binding.span,
-            expected=dims_text(expected), found="a scalar", hint="write 'each' before the name to give all the same",
-        )  # fmt: skip
+        hint = f"write 'each' to give all the same: '{_with_each(binding, variable)}'"
+        message = f"'{variable.label}' is in an array of parts and needs one value for each"
+        return Wrong("E0213", message, binding.span, expected=dims_text(expected), found="a scalar", hint=hint)
     row = len(expected) == 1 and found in ((1, *expected), (*expected, 1))
     return Wrong(
         "E0302", f"the value of '{variable.label}' has the wrong size", binding.span,

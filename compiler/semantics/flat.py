@@ -186,6 +186,8 @@ class Check:
 
 @dataclass(frozen=True)
 class Experiment:
+    """What a model asks of its runs; None where it says nothing."""
+
     start: float | None = None
     stop: float | None = None
     tolerance: float | None = None

@@ -41,10 +41,6 @@ class Unit:
         """Equal dimensions, and factors up to rounding."""
         return self.exponents == other.exponents and abs(self.factor / other.factor - 1) < 1e-9
 
-    @property
-    def dimensionless(self) -> bool:
-        return self.exponents == NONE
-
     def __str__(self) -> str:
         return unit_text(self)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import namedtuple
+from math import inf
 from typing import Any
 
 from lmoc.diagnostics import Report
@@ -118,7 +119,10 @@ class ExpressionActions:
     # ------------------------------------------------------------ literals
 
     def number(self, v: list, start: int, end: int) -> tree.Number:
-        return tree.Number(float(v[0]), v[0].isdigit(), Span(self.source, start, end))
+        value = float(v[0])
+        if value == inf:
+            self.report.error("E0124", "this number is too large", self.span(start, end), expected="at most 1.8e308")
+        return tree.Number(value, v[0].isdigit(), Span(self.source, start, end))
 
     def string(self, v: list, start: int, end: int) -> tree.String:
         return tree.String(self.unquote(v[0], start), self.span(start, end))

@@ -121,6 +121,11 @@ SYNTAX: dict[str, Entry] = {
         "Equations stand below the word 'equation', statements below 'algorithm'.",
         "model A\n  Real x;\n  x = 1;\nend A;",
     ),
+    "E0124": Entry(
+        "a number too large",
+        "Numbers are those of the machine: they go up to 1.8e308.",
+        "model A\n  Real x = 1e309;\nend A;",
+    ),
     "E0123": Entry(
         "nested too deeply",
         "Brackets, if-expressions, blocks and classes inside of each other, more than a hundred: a person cannot read "

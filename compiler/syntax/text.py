@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from lmoc.syntax import tree
@@ -17,6 +18,7 @@ _BINARY = {
     **dict.fromkeys(("*", "/", ".*", "./"), (_TERM, _TERM, _FACTOR)),
     **dict.fromkeys(("^", ".^"), (_FACTOR, _PRIMARY, _PRIMARY)),
 }  # level of the whole, of the left and of the right operand
+_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _TIGHT = {"*", "/", "^"}
 # Functions that take an iterator as their argument; elsewhere it stands in braces.
 _REDUCTIONS = {"sum", "product", "min", "max", "array"}
@@ -56,11 +58,8 @@ def _list(items: Iterable[tree.Expression]) -> str:
 
 def _number(e: tree.Number) -> tuple[int, str]:
     written = e.span.text
-    try:
-        if float(written) == e.value and written.isdigit() == e.integer:
-            return _PRIMARY, written  # 1e3 stays 1e3
-    except ValueError:
-        pass
+    if _NUMBER.fullmatch(written) and float(written) == e.value and written.isdigit() == e.integer:
+        return _PRIMARY, written  # 1e3 stays 1e3
     return _PRIMARY, str(int(e.value)) if e.integer else repr(e.value)
 
 

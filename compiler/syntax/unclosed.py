@@ -57,6 +57,7 @@ def _open_brackets(trouble: Trouble) -> list[Node]:
 
 
 def unclosed_block(trouble: Trouble) -> Iterator[Slip]:
+    """``end if;`` and the like is missing, or closes something else."""
     at = trouble.at - 1 if trouble.before == "end" else trouble.at
     block = _open_block(trouble, at)
     if block is not None and (trouble.before == "end" or trouble.found in (END_OF_TEXT, "equation", "algorithm")):
@@ -79,6 +80,7 @@ def unclosed_block(trouble: Trouble) -> Iterator[Slip]:
 
 
 def unclosed_class(trouble: Trouble) -> Iterator[Slip]:
+    """The text is over, and a class is open: ``end Name;`` is missing, here or before the end of one around it."""
     owner = next(_open_classes(trouble, trouble.at), None)
     if owner is None or trouble.found != END_OF_TEXT:
         return
@@ -104,6 +106,7 @@ def unclosed_class(trouble: Trouble) -> Iterator[Slip]:
 
 
 def missing_block_word(trouble: Trouble) -> Iterator[Slip]:
+    """``end;`` where ``if``, ``for``, ``when`` or ``while`` belongs behind it."""
     block = _open_block(trouble, trouble.at)
     if trouble.before == "end" and block is not None:
         word, begin = block
@@ -136,6 +139,7 @@ def _not_closed(trouble: Trouble, what: str, expected: str, begin: int, at: int)
 
 
 def missing_end_name(trouble: Trouble) -> Iterator[Slip]:
+    """``end;`` where the name of the class belongs behind it."""
     owner = next(_open_classes(trouble, trouble.at), None)
     if trouble.before == "end" and owner is not None:
         yield Slip(
@@ -151,6 +155,7 @@ def missing_end_name(trouble: Trouble) -> Iterator[Slip]:
 
 
 def stray_end(trouble: Trouble) -> Iterator[Slip]:
+    """An ``end`` that closes nothing."""
     if trouble.found == "end":
         for last in (trouble.at + 2, trouble.at + 1):  # with the name and the ';', or one of them
             if last < len(trouble.tokens.symbols) - 1:
