@@ -204,3 +204,10 @@ def test_files_hold_the_point_and_what_higher_derivatives_do(lmoc, tmp_path):
     assert lmoc("linearize", ROOT / "models/hard/h21_prescribed_rotation.lmo", "-o", "model.npz").code == 0
     found = np.load(tmp_path / "model.npz")
     assert np.allclose(found["D2"], [[0.0], [0.12]]) and found["u0"].shape == (1,)
+
+
+def test_deviations_from_one_of_several_equilibria(lmoc):
+    assert "--equilibrium N" in lmoc("equations", LEVER, "--about-equilibrium").err
+    standing = lmoc("equations", LEVER, "--equilibrium", "3").out
+    assert "- k·l2²·" in standing and "δθ" in standing
+    assert lmoc("equations", LEVER, "--equilibrium", "5").code == 2

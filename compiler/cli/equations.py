@@ -6,10 +6,12 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from lmoc.cli.arguments import Parser
-from lmoc.cli.symbols import add_symbol_arguments, compiled, names
+from lmoc.cli.arguments import Parser, ordinal
+from lmoc.cli.symbols import add_symbol_arguments, compiled, listed, names
+from lmoc.diagnostics import Diagnostic, ModelError
 
 if TYPE_CHECKING:
+    from lmoc.dae import DAE
     from lmoc.symbolic.equations import EquationsOfMotion
 
 
@@ -18,6 +20,7 @@ def configure(parser: Parser) -> None:
     add = parser.add_argument
     add("--with-forces", action="store_true", help="with the internal forces of rods, strings and gears")
     add("--about-equilibrium", action="store_true", help="in deviations from the equilibrium: constant loads disappear")
+    add("--equilibrium", metavar="N", type=ordinal, help="in deviations from the N-th that `lmoc equilibria` lists")
     add = parser.add_mutually_exclusive_group().add_argument
     add("--latex", action="store_true", help="print LaTeX")
     add("--html", action="store_true", help="print a page with MathML")
@@ -28,8 +31,9 @@ def configure(parser: Parser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
     found = dae.equations(forces=arguments.with_forces)
-    if arguments.about_equilibrium:
-        found = about_equilibrium(dae, found)
+    deviations = arguments.about_equilibrium or arguments.equilibrium is not None
+    if deviations:
+        found = about_equilibrium(dae, found, arguments.equilibrium)
     if arguments.json:
         print(json.dumps(found.to_dict(), indent=2, ensure_ascii=False))
     elif arguments.latex:
@@ -39,26 +43,28 @@ def execute(arguments: argparse.Namespace) -> int:
 
         print(page(f"Equations of motion: {dae.name}", found.html()))
     else:
-        given = "deviations from rest" if arguments.about_equilibrium else names(found.coordinates)
+        given = "deviations from rest" if deviations else names(found.coordinates)
         print(f"{dae.name}: {_counted(len(found.equations))}" + (f" in {given}" if given else ""))
         print()
         print(found.text(ascii=arguments.ascii))
     return 0
 
 
-def about_equilibrium(dae, found: EquationsOfMotion) -> EquationsOfMotion:
-    """The equations in deviations from the only equilibrium without inputs.
+def about_equilibrium(dae: DAE, found: EquationsOfMotion, n: int | None) -> EquationsOfMotion:
+    """The equations in deviations from an equilibrium without inputs, the n-th or the only one.
 
     Raises
     ------
     ModelError
-        E0663 where there is not one.
+        E0663 where there is no such one.
     """
-    from lmoc.diagnostics import Diagnostic, ModelError
-
+    if n is not None:
+        return found.about(listed(dae, n, {}))
     rests = dae.equilibria(inputs={u: 0 for u in dae.inputs})
     if len(rests) != 1:
-        raise ModelError([Diagnostic("E0663", f"there are {len(rests)} equilibria, not one to count deviations from")])
+        message = f"there are {len(rests)} equilibria, not one to count deviations from"
+        hint = "choose one by `--equilibrium N`; `lmoc equilibria` lists them" if rests else ""
+        raise ModelError([Diagnostic("E0663", message, hint=hint)])
     return found.about(rests[0])
 
 

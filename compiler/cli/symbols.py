@@ -40,7 +40,7 @@ def place(dae: DAE, arguments: argparse.Namespace, inputs: Mapping[str, float]) 
     if arguments.equilibrium is not None:
         if given:
             raise UsageError([Diagnostic("E0620", "--at and --equilibrium exclude each other")])
-        return _listed(dae, arguments.equilibrium, inputs)
+        return listed(dae, arguments.equilibrium, inputs)
     if not given:
         return None
     if len(given) == 1 and "=" not in given[0]:
@@ -55,7 +55,8 @@ def place(dae: DAE, arguments: argparse.Namespace, inputs: Mapping[str, float]) 
         raise UsageError([Diagnostic("E0621", f"--at: {error}")]) from None
 
 
-def _listed(dae: DAE, n: int, inputs: Mapping[str, float]) -> Mapping:
+def listed(dae: DAE, n: int, inputs: Mapping[str, float]) -> Mapping:
+    """The n-th equilibrium for the inputs given, others at zero."""
     found = dae.equilibria(inputs={u: 0.0 for u in dae.inputs} | dict(inputs))
     if n > len(found):
         raise UsageError([Diagnostic("E0663", f"there is no equilibrium {n}: {len(found)} were found")])
