@@ -1,8 +1,8 @@
 """The start of a run: fixed values hold, start values are met as closely as possible, the rest of the states is zero.
 
-Most start values sit on states and are taken over at once. What sits on other variables is met by Gauss–Newton steps,
-each a lexicographic least squares problem: fixed values first, start values in what they leave free, then the
-smallest states. Parts of the system that share no state are solved apart, equal ones together.
+Most start values sit on states and are taken over at once. What sits on other variables, and initial equations, are met
+by Gauss–Newton steps (`gauss_newton`), each a lexicographic least squares problem: fixed values first, start values in
+what they leave free, then the smallest states. Parts that share no state are solved apart, equal ones together.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def initial_state(
     Returns
     -------
     (n,) array; complete where `report` has no new errors: E0531 for fixed values that contradict each other, E0532
-    where no solution was found, W0533 for start values that cannot be met.
+    where no solution was found, E0535 where a value is lost, E0536 where an initial equation asks for what nobody
+    knows. W0533 is for start values that cannot be met.
     """
     flat = plan.reduced.flat
     x = np.zeros(len(plan.states))

@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.distinct import distinct, distinct_rows
 
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
-_DENSE = 1000  # states of a part up to which it is solved with dense matrices
+_DENSE = 1000  # states of a part up to which it is solved with dense matrices; rows looked at for contradictions
 _SHORT, _REPEATED = 1e-8, 1e-10  # weights of short steps, and of rows that may repeat each other
 _LEFT = 1e-6  # of what rows miss: if more than this cannot be made good, they contradict each other
 
@@ -68,6 +68,7 @@ class Components:
         rows : numbers of rows
         straight : (all rows,) mask of affine functions of the states
         """
+        rows = rows[:_DENSE]  # what some of them exclude, all of them do
         columns = distinct(jacobian[1][np.isin(jacobian[0], rows)])
         block = _Lookup(jacobian, self.states).blocks(rows[None], columns[None])
         size = _sizes(block)[0]
