@@ -87,24 +87,8 @@ class _Flattening:
     def run(self) -> FlatDAE:
         """From the instance tree to the flat model."""
         model, root = self.model, self.model.root
-        model.populate(root)
-        check_classes(root.instances(), self.report)
-        self.overrides.check(root, self.report)
-        if "ledger" in root.children:
-            span = root.children["ledger"].name_span
-            self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
-        self.layout = layout = lay_out(root)
-        for variable in root.variables():
-            declare(model, self.drafts, variable)
-        for instance in root.instances():
-            self._equations(instance)
-        report_unknown_units(layout.variables, self.report)
-        check_units(self.drafts, self.report)
-        for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
-            drafts[:] = map(without_ones, drafts)
-        self.connections = collect(self.drafts.connects, layout.count, self.report)
-        self.report.check()  # what follows needs all equations
-        layout = layout.extended(model.long_sums.variables)
+        self._draft()
+        layout = self.layout.extended(model.long_sums.variables)
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
         assembler = Assembler(literals)
@@ -135,6 +119,27 @@ class _Flattening:
             overrides=dict(self.overrides.given),
             notes=tuple(d for d in self.report.diagnostics if d.severity != "error"),
         )
+
+    def _draft(self) -> None:
+        """The instance tree, and what its declarations and equations say."""
+        model, root = self.model, self.model.root
+        model.populate(root)
+        check_classes(root.instances(), self.report)
+        self.overrides.check(root, self.report)
+        if "ledger" in root.children:
+            span = root.children["ledger"].name_span
+            self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
+        self.layout = lay_out(root)
+        for variable in root.variables():
+            declare(model, self.drafts, variable)
+        for instance in root.instances():
+            self._equations(instance)
+        report_unknown_units(self.layout.variables, self.report)
+        check_units(self.drafts, self.report)
+        for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
+            drafts[:] = map(without_ones, drafts)
+        self.connections = collect(self.drafts.connects, self.layout.count, self.report)
+        self.report.check()  # what follows needs all equations
 
     def _equations(self, instance: Instance) -> None:
         for scope in instance.cls.lineage():
