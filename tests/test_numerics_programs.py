@@ -1,14 +1,18 @@
 """Programs run by numpy and by casadi, and their sparse Jacobians, against plain formulas and differences."""
 
+import math
+
 import numpy as np
 import pytest
 
 from lmoc.expression import dag
-from lmoc.expression.dag import slot
+from lmoc.expression.dag import BINARY, LOGICAL, UNARY, function, slot, slots
 from lmoc.numerics import spline
 from lmoc.numerics.casadi_system import Lowered
 from lmoc.numerics.evaluate import Interpreter, segment_sums
 from lmoc.numerics.jacobian import Jacobian
+from lmoc.numerics.native.compiler import find_compiler
+from lmoc.numerics.native.kernel import Kernel
 from lmoc.numerics.newton import Newton
 from lmoc.numerics.segments import SegmentedProgram, can_segment
 from lmoc.structure.program import Apply, Solve, Total
@@ -62,6 +66,12 @@ PROGRAMS = {
 }
 
 
+def dense(jacobian: Jacobian, w: np.ndarray, shape: tuple[int, int], time: float = 0.3) -> np.ndarray:
+    matrix = np.zeros(shape)
+    matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, time)
+    return matrix
+
+
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_jacobian_against_differences(name):
     program, count, inputs, outputs = PROGRAMS[name]
@@ -76,7 +86,7 @@ def test_jacobian_against_differences(name):
         return w
 
     jacobian = Jacobian(program, inputs, outputs, count)
-    found = jacobian.dense(run(x), 0.3)
+    found = dense(jacobian, run(x), (len(outputs), len(inputs)))
     h = 1e-6
     columns = [(run(x + h * e)[outputs] - run(x - h * e)[outputs]) / (2 * h) for e in np.eye(len(inputs))]
     assert found == pytest.approx(np.array(columns).T, abs=1e-8)
@@ -110,8 +120,9 @@ def test_casadi_gives_the_same(name):
     w[inputs] = x
     Interpreter(program, count).run(w, 0.3)
     assert np.array(lowered.function()(0.3, x, [], [])).ravel() == pytest.approx(w[outputs], rel=1e-13)
-    dense = Jacobian(program, np.array(inputs), np.array(outputs), count).dense(w, 0.3)
-    assert np.array(lowered.jacobian()(0.3, x, [], []).full()) == pytest.approx(dense, rel=1e-12, abs=1e-14)
+    jacobian = Jacobian(program, np.array(inputs), np.array(outputs), count)
+    expected = dense(jacobian, w, (len(outputs), len(inputs)))
+    assert np.array(lowered.jacobian()(0.3, x, [], []).full()) == pytest.approx(expected, rel=1e-12, abs=1e-14)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -203,3 +214,35 @@ def test_spline_through_few_points(points):
     polynomial = np.polynomial.Polynomial(np.arange(1.0, points + 1))
     t = np.linspace(0, points - 1, 9)
     assert spline.fit(knots, polynomial(knots))(t) == pytest.approx(polynomial(t), abs=1e-12)
+
+
+ODD = [-2.0, -0.5, 0.0, 0.5, 3.0, math.inf, math.nan]
+
+
+def test_all_evaluators_agree_on_every_function_of_odd_numbers():
+    """One row a function and pair of numbers; what is no number is none anywhere."""
+    shapes = [function(name, slot(0)) for name in sorted(UNARY - LOGICAL)]
+    shapes += [function(name, slot(0), slot(1)) for name in sorted(BINARY - LOGICAL)]
+    pairs = np.array(np.meshgrid(ODD, ODD)).reshape(2, -1)
+    rows, count = pairs.shape[1], 2 * pairs.shape[1]
+    inputs = np.arange(count)
+    program = []
+    for shape in shapes:
+        program.append(Apply(shape, inputs.reshape(2, -1).T[:, : len(slots(shape))], count + np.arange(rows)))
+        count += rows
+    outputs = np.arange(2 * rows, count)
+    w = np.full(count, np.nan)
+    w[inputs] = pairs.ravel()
+    Interpreter(tuple(program), count).run(w, 0.0)
+    expected = w[outputs].reshape(len(shapes), rows)
+    found = {"casadi": np.array(Lowered(program, count, inputs, [], [], outputs).function()(0.0, w[inputs], [], []))}
+    if find_compiler() is not None:
+        kernel = Kernel(tuple(program), count)
+        kernel.w[inputs] = w[inputs]
+        kernel(0.0)
+        found["C"] = kernel.w[outputs]
+    for name, values in found.items():
+        for shape, one, two in zip(shapes, values.reshape(len(shapes), rows), expected, strict=True):
+            known = np.isfinite(pairs[: len(slots(shape))]).all(axis=0) | (shape.op in ("min", "max", "sign", "abs"))
+            assert one[known] == pytest.approx(two[known], rel=1e-14, nan_ok=True), (name, shape.op)
+            assert not np.isfinite(one[np.isnan(two)]).any(), (name, shape.op)

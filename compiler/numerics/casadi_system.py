@@ -22,17 +22,17 @@ _LARGEST_BLOCK = 8  # a linear block with more unknowns makes too long a functio
 
 def can_lower(program: Program) -> bool:
     """Whether all steps can be written as one explicit casadi function."""
-    for step in program:
-        if isinstance(step, Solve):
-            if not step.linear or step.unknowns.shape[1] > _LARGEST_BLOCK or not can_lower(step.inner):
-                return False
-    return True
+    blocks = [step for step in program if isinstance(step, Solve)]
+    return all(b.linear and b.unknowns.shape[1] <= _LARGEST_BLOCK and can_lower(b.inner) for b in blocks)
 
 
 @lru_cache(maxsize=1)
 def _operations() -> dict:
     import casadi as ca
 
+    # fmin and fmax of C would drop an argument that is not a number
+    smaller = lambda a, b: ca.if_else(a < b, a, ca.if_else(a >= b, b, ca.SX.nan()))  # noqa: E731
+    larger = lambda a, b: ca.if_else(a > b, a, ca.if_else(a <= b, b, ca.SX.nan()))  # noqa: E731
     quotient = lambda a, b: ca.sign(a / b) * ca.floor(ca.fabs(a / b))  # noqa: E731
     names = "sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2 sign"
     table = {name: getattr(ca, name) for name in names.split()}
@@ -42,8 +42,8 @@ def _operations() -> dict:
         | {
             "abs": ca.fabs,
             "integer": ca.floor,
-            "min": ca.fmin,
-            "max": ca.fmax,
+            "min": smaller,
+            "max": larger,
             "mod": lambda a, b: a - b * ca.floor(a / b),
             "rem": lambda a, b: a - b * quotient(a, b),
             "div_integer": quotient,
@@ -167,7 +167,6 @@ class Lowered:
                 for register, symbol in zip(np.asarray(registers).tolist(), ca.vertsplit(symbols), strict=True):
                     w[register] = symbol
         lower_steps(program, w, self.time)
-        self.registers = w
         self.out = ca.densify(ca.vertcat(ca.SX(0, 1), *[w[r] for r in np.asarray(outputs).tolist()]))
 
     def function(self, name: str = "rhs"):

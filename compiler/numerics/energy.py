@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.distinct import distinct
-from lmoc.expression.dag import Expr
+from lmoc.expression.dag import Expr, slots
 from lmoc.expression.evaluate import evaluate
-from lmoc.semantics.flat import FlatDAE, Group
+from lmoc.semantics.flat import FlatDAE
 
 if TYPE_CHECKING:
     from lmoc.numerics.observe import Trajectory
@@ -82,16 +82,14 @@ def _energy_groups(flat: FlatDAE):
     is_energy = flat.per_variable(lambda b: len(b.path) > 1 and b.path[-1][0] == "energy", bool)
     for group in flat.groups:
         for side, other in ((group.left, group.right), (group.right, group.left)):
-            if side.op == "slot" and side.value[1] == 0 and _explicit(group, other):
+            if side.op == "slot" and side.value[1] == 0 and _explicit(other):
                 own = np.flatnonzero(is_energy[group.slots[:, side.value[0]]])
                 if len(own):
                     yield group, other, own
                     break
 
 
-def _explicit(group: Group, expression: Expr) -> bool:
-    from lmoc.expression.dag import slots
-
+def _explicit(expression: Expr) -> bool:
     return all(leaf.value[1] == 0 for leaf in slots(expression))
 
 

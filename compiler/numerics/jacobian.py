@@ -58,12 +58,10 @@ class Jacobian:
 
     Attributes
     ----------
-    shape : (outputs, inputs)
     rows, columns : (nnz,) pattern, ordered by row and then by column
     """
 
     def __init__(self, program: Program, inputs: np.ndarray, outputs: np.ndarray, count: int) -> None:
-        self.shape = (len(outputs), len(inputs))
         self._columns_total = len(inputs)
         self._column = np.arange(len(inputs))  # column of every entry made so far
         self._start = np.zeros(count, int)
@@ -182,12 +180,6 @@ class Jacobian:
                 else:
                     _imply(stage, v)
         return v[self._source]
-
-    def dense(self, w: np.ndarray, time: float) -> np.ndarray:
-        """The matrix, for one time."""
-        matrix = np.zeros(self.shape)
-        matrix[self.rows, self.columns] = self.values(w, time)
-        return matrix
 
 
 def _multiply(stage: _Product, v: np.ndarray, w: np.ndarray, time) -> None:

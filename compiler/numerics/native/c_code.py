@@ -6,6 +6,7 @@ function gets when called, so a chain of a hundred masses and one of a hundred t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ _INFIX = {
     "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!=", "and": "&&", "or": "||",
 }  # fmt: skip
 _CALL = {
-    "abs": "fabs", "integer": "floor", "min": "fmin", "max": "fmax", "rem": "fmod", "div_integer": "lmoc_quotient",
-    "mod": "lmoc_mod", "sign": "lmoc_sign", "pow": "pow",
+    "abs": "fabs", "integer": "floor", "min": "lmoc_min", "max": "lmoc_max", "sign": "lmoc_sign", "pow": "pow",
+    "mod": "lmoc_mod", "rem": "fmod", "div_integer": "lmoc_quotient",
 }  # fmt: skip
 DENSE_LIMIT = 12  # a varying linear block with more unknowns is left to a sparse solver
 _PLAIN = frozenset("sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2".split())
@@ -45,7 +46,7 @@ class CFunction:
     scratch : int
         Doubles that the function uses behind the registers.
     factors : list of (Solve, int)
-        Constant linear blocks, and the number of the first of the six tables that take their factors
+        Constant linear blocks, and the number of the first of the eight tables that take their factors
         (L: start, index, value; U: start, index, value; then the two permutations): filled for each parameter set.
     """
 
@@ -154,7 +155,7 @@ def expression_lines(shape: Expr, access: dict[int, str]) -> tuple[list[str], st
     lines: list[str] = []
     for node in postorder(shape):
         if node.op == "const":
-            text[id(node)] = f"({node.value!r})" if node.value < 0 else repr(node.value)
+            text[id(node)] = _number(node.value)
         elif node.op == "slot":
             text[id(node)] = access[node.value[0]]
         elif node.op == "time":
@@ -164,6 +165,12 @@ def expression_lines(shape: Expr, access: dict[int, str]) -> tuple[list[str], st
             lines.append(f"const double {name} = {_operation(node, [text[id(a)] for a in node.args])};")
             text[id(node)] = name
     return lines, text[id(shape)]
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
+    return f"({value!r})" if value < 0 else repr(value)
 
 
 def _operation(node: Expr, args: list[str]) -> str:

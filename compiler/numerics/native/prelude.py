@@ -5,7 +5,10 @@ PRELUDE = r"""
 #include <stdint.h>
 #include <string.h>
 
-static inline double lmoc_sign(double x) { return (x > 0) - (x < 0); }
+/* unlike fmin and fmax these do not drop an argument that is not a number */
+static inline double lmoc_min(double x, double y) { return x < y || x != x ? x : y; }
+static inline double lmoc_max(double x, double y) { return x > y || x != x ? x : y; }
+static inline double lmoc_sign(double x) { return x != x ? x : (x > 0) - (x < 0); }
 static inline double lmoc_mod(double x, double y) { return x - floor(x / y) * y; }
 static inline double lmoc_quotient(double x, double y) { return trunc(x / y); }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -64,10 +65,7 @@ class NativeStepper(Stepper):
         self.x, self.f, self.x_new, self.last = (np.zeros(n) for _ in range(4))
         self.k, self.atol = np.zeros((16, n)), np.zeros(n)
         self.result = np.zeros(2)
-        # A has a row for each of the 16 stages; rows B, E5 and E3 follow it
-        rows = [*table.A, *(np.pad(r, (0, 16 - len(r))) for r in (table.B, table.E5, table.E3))]
-        self.table = np.ascontiguousarray([np.pad(r, (0, 16 - len(r))) for r in rows])
-        self.times = np.ascontiguousarray(table.C)
+        self.table, self.times = _weights(), np.ascontiguousarray(table.C)
         self._call = system.kernel.call(system.plan.states, system.plan.derivatives)
         library = system.kernel.library
         self._attempt, self._more = library.lmoc_dop853_attempt, library.lmoc_dop853_more
@@ -98,3 +96,10 @@ class NativeStepper(Stepper):
     def accept(self) -> None:
         self.x, self.x_new = self.x_new, self.x
         self.f[:] = self.k[12]
+
+
+@lru_cache(maxsize=1)
+def _weights() -> np.ndarray:
+    """(19, 16) the coefficients of the 16 stages, then those of the new state and of the two error estimates."""
+    rows = [*table.A, table.B, table.E5, table.E3]
+    return np.array([np.pad(row, (0, 16 - len(row))) for row in rows])
