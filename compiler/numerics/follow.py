@@ -44,12 +44,12 @@ class Follower:
     def go(self, w: np.ndarray, time: float) -> None:
         """Fill w (registers,) at a time that may lie ahead of the last one or behind it."""
         given, solutions = w.copy(), self._solutions()
-        self.run(w, time)
+        self._seek(w, time, self.before is None)
         if self.before is not None and not self._near():
             self._restore(solutions)
             solutions = self._approach(*self.before, given, time)
             w[:] = given
-            self.run(w, time)
+            self._seek(w, time, True)
         if all(np.isfinite(newton.target).all() for newton in self.newtons):
             self.before = given, time
         else:
@@ -61,13 +61,18 @@ class Follower:
         while reached < 1.0 and step >= _SHORTEST:
             goal = min(1.0, reached + step)
             w = np.where(old == new, new, (1.0 - goal) * old + goal * new)
-            self.run(w, (1.0 - goal) * old_time + goal * time)
+            self._seek(w, (1.0 - goal) * old_time + goal * time, False)
             if self._near():
                 reached, step, solutions = goal, 2.0 * step, self._solutions()
             else:
                 self._restore(solutions)
                 step /= 2.0
         return solutions
+
+    def _seek(self, w: np.ndarray, time: float, patient: bool) -> None:
+        for newton in self.newtons:
+            newton.patient = patient
+        self.run(w, time)
 
     def _near(self) -> bool:
         return all(newton.near for newton in self.newtons)

@@ -13,6 +13,7 @@ import numpy as np
 _TIGHT = 1e-13  # of the size of the unknowns: no correction is smaller in double precision
 _LOOSE = 1e-8  # good enough where the corrections do not shrink any more
 _ITERATIONS = 50
+_FEW = 10  # enough from nearby
 _HALVINGS = 12
 _NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
 
@@ -45,6 +46,7 @@ class Newton:
         self.shape = shape
         self.last: np.ndarray | None = None
         self.start = self.target = np.full(shape, np.nan)  # of the last search: its first guess, and after one step
+        self.patient = True  # else only solutions nearby are sought
 
     def forget(self) -> None:
         self.last = None
@@ -74,23 +76,23 @@ class Newton:
         guess : used where there is no earlier solution
         """
         self.start = guess if self.last is None else np.where(np.isfinite(self.last), self.last, guess)
-        u, good, self.target = iterate(residual, matrix, self.start)
+        u, good, self.target = iterate(residual, matrix, self.start, _ITERATIONS if self.patient else _FEW)
         if not good.all():
             self.target = np.full(self.shape, np.nan)  # wherever this ends, it is not near
-            if self.last is not None:
-                u, good, _ = iterate(residual, matrix, guess)
+            if self.last is not None and self.patient:
+                u, good, _ = iterate(residual, matrix, guess, _ITERATIONS)
         u = np.where(good[:, None], u, np.nan)
         if good.all():
             self.last = u
         return u
 
 
-def iterate(residual, matrix, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Damped Newton steps from `start`: the point reached, which instances have converged, where the first led."""
+def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Damped Newton steps from `start`: the point reached, which instances have converged, where the first step led."""
     u, target = start.copy(), start
     r = residual(u)
     before = np.full(len(u), np.inf)
-    for iteration in range(_ITERATIONS):
+    for iteration in range(most):
         a = matrix(u)
         step = -dense_solve(a, r[..., None])[..., 0]
         target = target if iteration else u + step

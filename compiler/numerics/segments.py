@@ -53,7 +53,21 @@ class SegmentedProgram:
     @property
     def newtons(self) -> list[Newton]:
         """The solvers of nonlinear blocks."""
-        return [p.newton for p in self.pieces if isinstance(p, _Block) and not p.step.linear]
+        return [block.newton for block in self._nonlinear]
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        """One register of each instance of a nonlinear block."""
+        return np.concatenate([block.step.unknowns[:, 0] for block in self._nonlinear])
+
+    def determinants(self) -> np.ndarray:
+        """Of the Jacobian of each instance of a nonlinear block, where it was solved last."""
+        with np.errstate(invalid="ignore"):
+            return np.concatenate([np.linalg.det(block.matrix()) for block in self._nonlinear])
+
+    @property
+    def _nonlinear(self) -> list[_Block]:
+        return [p for p in self.pieces if isinstance(p, _Block) and not p.step.linear]
 
     def run(self, w: np.ndarray, time: float) -> None:
         """Fill the registers that the program writes; what cannot be computed becomes NaN."""
@@ -132,8 +146,8 @@ class _Block:
         newton.start = start
         if self._quick():
             newton.last = self.x.reshape(step.unknowns.shape).copy()
-        elif step.linear:
-            self.x[:] = np.nan
+        elif step.linear or not newton.patient:
+            self.x[:] = newton.target[:] = np.nan
         else:
             self.x[:] = newton.solve(self._residual, self._matrix, guess).ravel()
         self.call()
@@ -174,9 +188,13 @@ class _Block:
             before = length
         return False
 
-    def _correction(self) -> np.ndarray:
+    def matrix(self) -> np.ndarray:
+        """Where the block was evaluated last, (instances, size, size)."""
         self.a[self.place] = self.j
-        return -dense_solve(self.a, self.r.reshape(*self.step.unknowns.shape, 1)).ravel()
+        return self.a
+
+    def _correction(self) -> np.ndarray:
+        return -dense_solve(self.matrix(), self.r.reshape(*self.step.unknowns.shape, 1)).ravel()
 
     def _residual(self, u: np.ndarray) -> np.ndarray:
         self.x[:] = u.ravel()
@@ -184,5 +202,4 @@ class _Block:
         return self.r.reshape(u.shape).copy()
 
     def _matrix(self, u: np.ndarray) -> np.ndarray:
-        self.a[self.place] = self.j
-        return self.a
+        return self.matrix()

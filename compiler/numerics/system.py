@@ -237,7 +237,21 @@ class SegmentedSystem(VectorSystem):
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)
-        self._follow(SegmentedProgram(plan.program, plan.count))
+        self.segments = SegmentedProgram(plan.program, plan.count)
+        self._follow(self.segments)
+
+    def restart(self) -> None:
+        """Forget the solutions of blocks: the next evaluation is at the start again."""
+        self.prepare(*self._given)
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        """One register of each instance of a nonlinear block."""
+        return self.segments.unknowns
+
+    def determinants(self) -> np.ndarray:
+        """Of the Jacobians of the nonlinear blocks' instances, at the evaluation made last."""
+        return self.segments.determinants()
 
 
 def make_system(plan: Plan) -> System:
