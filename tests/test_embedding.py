@@ -113,3 +113,26 @@ def test_arrays_of_one_number_are_numbers():
 def test_a_mistake_in_a_function_is_the_callers():
     with pytest.raises(ZeroDivisionError):
         lmoc.compile_text(SPRING).simulate(inputs={"f": lambda t: 1 / (t - t)})
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("time;f\n0;1\n", "separated by commas"),
+        ("time,f\n0,1\n\n1,\n", "'' in line 4 is not a number"),
+        ("time,f\n0,1\n1\n", "line 3 has 1 columns, the header has 2"),
+        ("seconds,f\n0,1\n", "columns 'time' and 'f'"),
+    ],
+)
+def test_tables_that_cannot_be_used(tmp_path, text, words):
+    (tmp_path / "table.csv").write_text(text)
+    with pytest.raises(lmoc.ModelError, match=words):
+        lmoc.compile_text(SPRING).simulate(inputs={"f": tmp_path / "table.csv"})
+
+
+@pytest.mark.parametrize("text", ["\ufefftime,f\n0,2\n3,2\n", "time, f\r\n0, 2\r\n3, 2\r\n", '"time","f"\n0,2\n\n3,2'])
+def test_tables_as_spreadsheets_write_them(tmp_path, text):
+    (tmp_path / "table.csv").write_bytes(text.encode())
+    dae = lmoc.compile_text(SPRING)
+    run = dae.simulate(inputs={"f": tmp_path / "table.csv"})
+    assert np.allclose(run["x"], dae.simulate(inputs={"f": 2})["x"], atol=1e-7)

@@ -214,11 +214,12 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, report: Report) -> 
 
 def _read_csv(path: Path, name: str, report: Report) -> Sequence[np.ndarray] | None:
     try:
-        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         report.error("E0610", f"the table for input '{name}' cannot be read: {path} ({error})")
         return None
-    header = [h.strip().strip('"') for h in lines[0].split(",")] if lines else []
+    lines = [(number, line.split(",")) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    header = [h.strip().strip('"') for h in lines[0][1]] if lines else []
     others = [h for h in header if h != "time"]
     column = name if name in header else others[0] if len(others) == 1 else None
     if "time" not in header or column is None:
@@ -227,11 +228,24 @@ def _read_csv(path: Path, name: str, report: Report) -> Sequence[np.ndarray] | N
             f"the table {path} for input '{name}' cannot be used",
             expected=f"a header line with columns 'time' and '{name}'",
             found=", ".join(header) or "an empty file",
+            hint="columns are separated by commas" if len(header) == 1 else "",
         )
         return None
-    try:
-        rows = np.array([[float(x) for x in line.split(",")] for line in lines[1:]]).reshape(-1, len(header))
-    except ValueError as error:
-        report.error("E0625", f"the table {path} for input '{name}' cannot be used: {error}")
+    problem = next(filter(None, (_problem(cells, len(header), number) for number, cells in lines[1:])), "")
+    if problem:
+        report.error("E0625", f"the table {path} for input '{name}' cannot be used: {problem}")
         return None
+    rows = np.array([[float(cell) for cell in cells] for _, cells in lines[1:]]).reshape(-1, len(header))
     return rows[:, header.index("time")], rows[:, header.index(column)]
+
+
+def _problem(cells: Sequence[str], width: int, number: int) -> str:
+    """What is wrong with a line of a table; nothing if all is well."""
+    if len(cells) != width:
+        return f"line {number} has {len(cells)} columns, the header has {width}"
+    for cell in cells:
+        try:
+            float(cell)
+        except ValueError:
+            return f"'{cell.strip()}' in line {number} is not a number"
+    return ""
