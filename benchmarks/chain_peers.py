@@ -89,7 +89,7 @@ def sundials_c(n: int, points: int = 501) -> tuple[float, float, float]:
         command = ["cc", "-O3", "-march=native", str(source), "-o", program, *link]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
-            raise OSError("the headers of SUNDIALS are not installed")
+            raise OSError(f"the C compiler refused (are the headers of SUNDIALS installed?): {done.stderr[:60]}")
         built = time.perf_counter() - begin
         arguments = [str(a) for a in (n, mode(n), points, RTOL, ATOL)]
         answer = subprocess.run([program, *arguments], capture_output=True, text=True, check=True).stdout

@@ -1,6 +1,7 @@
 """Runs that cannot go well end in words, with what was computed until then; odd ones that can go well do."""
 
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from by_hand import Scene, oscillator
 import lmoc
 from lmoc.diagnostics import ModelError, RunInterrupted, SimulationError
 from lmoc.expression import dag
-from lmoc.numerics.integrators import base
+from lmoc.numerics.integrators import base, table
 from lmoc.numerics.native import sundials
 from lmoc.numerics.options import SOLVERS, RunOptions
 from lmoc.numerics.simulate import simulate
@@ -272,6 +273,14 @@ def test_a_run_that_takes_too_long(solver, limit):
 
 
 # ------------------------------------------------------------------ libraries, and what the statistics say
+
+
+def test_the_table_of_the_integrators_in_the_documentation():
+    text = (Path(__file__).parents[1] / "docs/architecture.md").read_text(encoding="utf-8")
+    for one in table():
+        stiff = "yes" if one.stiff else "no"
+        assert f"| `{one.name}` | {one.method} | {one.order} | {stiff} | {one.library} |" in text
+    assert {one.name for one in table()} | {"auto"} == set(SOLVERS)
 
 
 @pytest.fixture

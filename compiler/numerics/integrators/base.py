@@ -83,9 +83,7 @@ class Properties:
     method: str
     stiff: bool
     order: str
-    jacobian: bool
     library: str
-    note: str = ""
 
 
 @contextmanager

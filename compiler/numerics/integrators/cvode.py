@@ -12,8 +12,8 @@ from lmoc.numerics.integrators.base import INTERRUPTED, TOO_LONG, Outcome, Probl
 from lmoc.numerics.integrators.matrices import Layout, layout_of
 from lmoc.numerics.system import System
 
-PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", jacobian=True, library="SUNDIALS")
-ADAMS = Properties("adams", "Adams", stiff=False, order="1-12", jacobian=True, library="SUNDIALS")
+PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", library="SUNDIALS")
+ADAMS = Properties("adams", "Adams", stiff=False, order="1-12", library="SUNDIALS")
 
 _LOOK = 64  # evaluations between two looks at the clock
 _BATCH = 200_000  # numbers gathered before they are handed on

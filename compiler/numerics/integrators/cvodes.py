@@ -12,7 +12,7 @@ from lmoc.numerics.system import CasadiSystem
 
 # between two output times. It does not see that its steps no longer move the time; `cvode`, which takes over, does
 MAX_STEPS = 20_000
-PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", jacobian=True, library="casadi")
+PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", library="casadi")
 
 _NOT_GONE = 1e-9  # s: over a shorter interval casadi does not integrate but gives the same state again
 _KEPT = 8  # integrators kept with a system, each for its own times and tolerances

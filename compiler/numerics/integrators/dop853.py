@@ -24,7 +24,7 @@ from lmoc.numerics.integrators.base import (
 from lmoc.numerics.integrators.dense_output import DenseOutput, roughness
 from lmoc.numerics.integrators.stepper import Stepper, make_stepper
 
-PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", jacobian=False, library="own")
+PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", library="own")
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
 _STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region

@@ -8,7 +8,7 @@ from lmoc.numerics.integrators.base import Outcome, Problem, Properties
 from lmoc.numerics.integrators.cvode import Frame
 from lmoc.numerics.opened import OpenedSystem
 
-PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", jacobian=True, library="SUNDIALS")
+PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", library="SUNDIALS")
 
 
 def integrate(problem: Problem) -> Outcome:

@@ -22,7 +22,7 @@ from lmoc.numerics.integrators.base import (
     Watch,
 )
 
-PROPERTIES = Properties("radau", "Radau IIA", stiff=True, order="5", jacobian=True, library="scipy")
+PROPERTIES = Properties("radau", "Radau IIA", stiff=True, order="5", library="scipy")
 
 _DENSE = 100  # states up to which the Jacobian is a dense matrix
 _FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding
