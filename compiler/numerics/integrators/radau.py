@@ -8,6 +8,8 @@ made again, shorter.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lmoc.numerics.integrators.base import (
@@ -45,8 +47,8 @@ class _Run:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.jacobian = _jacobian(problem)
-        self.raised: ValueError | None = None
+        self.rhs, self.jacobian = self.marked(_rhs(problem)), self.marked(_jacobian(problem))
+        self.raised: ValueError | None = None  # by the system itself, as a function given for an input may
         self.t, self.x, self.reached = float(problem.times[0]), problem.x.copy(), 1
         self.slope = self.rhs(self.t, self.x)
         self.steps = self.rejected = self.jacobians = 0
@@ -83,14 +85,17 @@ class _Run:
         counts = {"steps": self.steps, "rejected": self.rejected, "jacobians": self.jacobians + self.solver.njev}
         return Outcome(self.t, self.x, self.reached, failure, counts=counts)
 
-    def rhs(self, t: float, x: np.ndarray) -> np.ndarray:
-        out = np.empty(len(x))
-        try:
-            self.problem.system.rhs(t, x, out)
-        except ValueError as error:
-            self.raised = error
-            raise
-        return out
+    def marked(self, function: Callable) -> Callable:
+        """A function whose errors can be told from those of scipy."""
+
+        def call(t: float, x: np.ndarray):
+            try:
+                return function(t, x)
+            except ValueError as error:
+                self.raised = error
+                raise
+
+        return call
 
     def step(self) -> str:
         """One step and the output within it; why there can be no more steps, where that is so."""
@@ -146,7 +151,16 @@ def _values(theta: np.ndarray, coefficients: np.ndarray, bend: np.ndarray) -> np
     return np.vander(theta, 4, increasing=True) @ coefficients + np.outer(_bubble(theta), bend)
 
 
-def _jacobian(problem: Problem):
+def _rhs(problem: Problem) -> Callable:
+    def rhs(t: float, x: np.ndarray) -> np.ndarray:
+        out = np.empty(len(x))
+        problem.system.rhs(t, x, out)
+        return out
+
+    return rhs
+
+
+def _jacobian(problem: Problem) -> Callable:
     system = problem.system
     if system.n <= _DENSE:
         return system.jacobian
