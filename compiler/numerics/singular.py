@@ -37,12 +37,20 @@ def singular_place(system: SegmentedSystem, times: np.ndarray, states: np.ndarra
     value, rate = _leverages(system, t, x, [*gaps, gaps[-1]])
     scale = np.nanmax(np.abs(value), axis=0) * np.where(value[0] < 0, -1.0, 1.0)
     value, rate, gap = value / scale, rate / scale, gaps[: len(value) - 1, None]
-    heading = value[:-1] + rate[:-1] * gap < 0
+    heading = (value[:-1] + rate[:-1] * gap < 0) & _coordinates(system)
     away = (value[1:] - rate[1:] * gap < 0) | ~(value[1:] > _SINGULAR)
     for k, block in np.argwhere(heading & away)[:_LOOKS].tolist():
         if _reaches_zero(system, t[k : k + 2], x[k], block, scale[block], abs(rate[k, block])):
             return float(t[k]), int(system.unknowns[block])
     return None
+
+
+def _coordinates(system: SegmentedSystem) -> np.ndarray:
+    """Blocks that are solved for coordinates, whose velocities follow with the same Jacobian; others, such as springs in
+    series, may have a singular Jacobian and a solution all the same."""
+    table = system.plan.reduced.registers
+    moving = set(table.variable[table.order == 1].tolist())
+    return np.array([table.order[r] == 0 and int(table.variable[r]) in moving for r in system.unknowns.tolist()])
 
 
 def _leverages(system: SegmentedSystem, t, x, gaps) -> tuple[np.ndarray, np.ndarray]:
