@@ -175,6 +175,17 @@ def test_no_states_and_quadratures_alone(solver):
     assert run["w"] == pytest.approx(np.cos(run.time), abs=1e-15) and run.stats["solver"] == "none"
 
 
+@every_solver
+def test_a_motion_faster_than_numbers_can_tell(solver):
+    """x'' = -1e300·x over a period of 6e-150 s."""
+    options = RunOptions(solver=solver, stop=6e-150, points=7, atol=1e-7, max_steps=3000)
+    try:
+        run = simulate(oscillator(m=1.0, k=1e300, ledger=False).reduced(), options=options)
+    except SimulationError as failure:  # squares overflow in the norms
+        run = failure.partial
+    assert run["q"] == pytest.approx(0.1 * np.cos(1e150 * run.time), abs=1e-2)
+
+
 # ------------------------------------------------------------------ functions and tables as inputs
 
 
@@ -217,6 +228,7 @@ def test_a_function_for_an_input_that_returns_no_number(solver):
         (([0, 2, 1], [0, 1, 2]), "E0625", "1 follows 2"),
         (([0, 1, 1], [0, 1, 2]), "E0625", "1 follows 1"),
         (([0, 1], [0, np.nan]), "E0625", "not finite"),
+        (([0, 1e-300], [0, 1]), "E0625", "too close together"),
         (([0, 1], [1]), "E0521", "not understood"),
         (np.ones((3, 3)), "E0521", "not understood"),
     ],

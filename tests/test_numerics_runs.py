@@ -150,6 +150,10 @@ def test_table_from_a_file(tmp_path):
     [
         (RunOptions(solver="ode45"), "E0540"),
         (RunOptions(rtol=-1.0), "E0541"),
+        (RunOptions(rtol="fine"), "E0541"),
+        (RunOptions(rtol=np.nan), "E0541"),
+        (RunOptions(atol=0.0), "E0541"),
+        (RunOptions(atol=[1e-6, 1e-6]), "E0541"),
         (RunOptions(stop=-1.0), "E0541"),
         (RunOptions(times=[0.0, 0.0]), "E0541"),
         (RunOptions(points=1), "E0541"),

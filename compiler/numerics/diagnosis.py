@@ -20,6 +20,7 @@ _LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger s
 _SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
 
 
+@np.errstate(all="ignore")
 def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, stop: float) -> str:
     """What has no finite value at (time, x), or else a little further on along the motion; empty where nothing."""
     found = first_not_finite(observer, time, x)[0]

@@ -73,7 +73,20 @@ class RunOptions:
         return np.linspace(start, stop, int(points))
 
     def tolerance(self, experiment: Experiment) -> float:
+        """The relative tolerance."""
         return float(_first(self.rtol, experiment.tolerance, 1e-6))
+
+    def check_tolerances(self, experiment: Experiment) -> None:
+        """
+        Raises
+        ------
+        ValueError
+            Where they cannot be used.
+        """
+        rtol = _finite("rtol", _first(self.rtol, experiment.tolerance, 1e-6))
+        atol = _finite("atol", _first(self.atol, 1.0))
+        if not (1e-14 <= rtol < 1 and atol > 0):
+            raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found rtol = {rtol:g}, atol = {self.atol}")
 
 
 def _spaced(start: float, stop: float, interval: float) -> np.ndarray:

@@ -209,7 +209,12 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, report: Report) -> 
     if problem:
         report.error("E0625", f"the table for input '{name}' cannot be used: {problem}")
         return None
-    return Table(spline.fit(times, values))
+    curve = spline.fit(times, values)
+    if not np.isfinite(curve.coefficients).all():
+        problem = "its times are too close together, or its values too large"
+        report.error("E0625", f"the table for input '{name}' cannot be used: {problem}")
+        return None
+    return Table(curve)
 
 
 def _read_csv(path: Path, name: str, report: Report) -> Sequence[np.ndarray] | None:

@@ -264,15 +264,12 @@ def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.n
         report.error("E0540", f"there is no solver '{options.solver}'", expected=", ".join(SOLVERS))
     if options.formulation not in FORMULATIONS:
         report.error("E0626", f"formulation '{options.formulation}' is not available", expected=", ".join(FORMULATIONS))
-    rtol = options.tolerance(reduced.flat.experiment)
     for name in options.keep or ():
         if reduced.flat.find(name) is None:
             hint = nearest(name, [".".join(n for n, _ in b.path) for b in reduced.flat.blocks])
             report.error("E0542", f"'{name}' cannot be kept: there is no such variable", hint=hint)
-    if not 1e-14 <= rtol < 1 or (options.atol is not None and not options.atol > 0):
-        found = f"rtol = {rtol:g}, atol = {options.atol}"
-        report.error("E0541", "these tolerances cannot be used", expected="1e-14 ≤ rtol < 1, atol > 0", found=found)
     try:
+        options.check_tolerances(reduced.flat.experiment)
         return options.grid(reduced.flat.experiment)
     except ValueError as error:
         report.error("E0541", str(error))

@@ -34,8 +34,11 @@ class Spline:
         return np.where(held, 0.0, slope)
 
 
+@np.errstate(all="ignore")
 def fit(knots: np.ndarray, values: np.ndarray) -> Spline:
     """The spline through points; two points give a line, three a parabola.
+
+    Coefficients are not finite where knots are too close together for double precision.
 
     Parameters
     ----------

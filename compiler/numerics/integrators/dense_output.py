@@ -45,6 +45,7 @@ class DenseOutput:
         if len(self._steps) >= self._most:
             self.flush()
 
+    @np.errstate(all="ignore")
     def flush(self) -> None:
         """Evaluate what has been gathered and hand it on."""
         if not self._steps:

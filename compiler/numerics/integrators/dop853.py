@@ -32,6 +32,7 @@ _STIFF_STEPS = 15
 _ROUGH = 5.5, 60.0  # |h·λ| and roughness, in tolerances, from which the dense output is not good enough
 _CAREFUL = 4.5  # |h·λ| up to which it is, and which the steps keep to …
 _CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
+_LEAST = 1e-300  # s, a step that can still be divided by
 _LOOK = 128  # steps between two looks at the clock
 
 
@@ -71,7 +72,7 @@ class _Run:
             if tried % _LOOK == 0 and self.watch.expired(self.t):
                 return self.outcome(TOO_LONG)
             t_new, h = self.target(h)
-            if h <= 8e-16 * abs(t_new) or h < 1e-300:
+            if h <= 8e-16 * abs(t_new) or h < _LEAST:
                 return self.outcome(NOT_FINITE if lost else COLLAPSED)
             error, stiffness = stepper.attempt(self.t, h)
             lost = not math.isfinite(error)
@@ -134,6 +135,7 @@ class _Run:
         return Outcome(self.t, self.stepper.x.copy(), self.output.reached, failure, stiff, counts, step)
 
 
+@np.errstate(all="ignore")
 def initial_step(problem: Problem, f: np.ndarray, span: float) -> float:
     """A first step size (Hairer, Nørsett, Wanner I, II.4)."""
     system, x, t = problem.system, problem.x, float(problem.times[0])
@@ -144,7 +146,7 @@ def initial_step(problem: Problem, f: np.ndarray, span: float) -> float:
 
     d0, d1 = norm(x), norm(f)
     h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(h0, span)
+    h0 = min(max(h0, _LEAST), span)  # the slope may have no finite norm
     trial = np.empty_like(x)
     system.rhs(t + h0, x + h0 * f, trial)
     d2 = norm(trial - f) / h0

@@ -39,7 +39,8 @@ def integrate(problem: Problem) -> Outcome:
     """Integrate over the output times (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8)."""
     if len(problem.times) == 1:
         return Outcome(float(problem.times[0]), problem.x, 1)
-    return _Run(problem).go()
+    with np.errstate(all="ignore"):  # what is not finite is told by the outcome
+        return _Run(problem).go()
 
 
 class _Run:
