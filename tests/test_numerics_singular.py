@@ -88,6 +88,7 @@ def test_the_look_at_the_coordinates_changes_nothing():
 
 def test_springs_without_stiffness_at_rest_are_no_such_place():
     """The force between two cubic springs follows from a triple root each time the mass passes the middle."""
-    dae = lmoc.compile_text("""model M Fixed w; CubicSpring a(k = 50), b(k = 80); Mass m(m = 1, q(start = 0.4, fixed = true));
+    dae = lmoc.compile_text("""
+        model M Fixed w; CubicSpring a(k = 50), b(k = 80); Mass m(m = 1, q(start = 0.4, fixed = true));
         equation connect(w.flange, a.a); connect(a.b, b.a); connect(b.b, m.flange); end M;""")
     assert codes(dae.simulate(stop=5)) == []

@@ -18,6 +18,7 @@ _AHEAD = 1e-4  # of the time between them: the step for the determinant's rate
 _SINGULAR = 2e-3  # of its largest value: as near to zero as no determinant comes that only turns back
 _FINE = 5e-4  # of it: the most that it changes in a step of the close look
 _STEPS = 100, 3000  # least and most of these
+_FALLING = 0.5  # of its first rate: as fast a determinant is still when it falls through zero
 _LOOKS = 5  # places that are looked at closely
 
 
@@ -28,7 +29,8 @@ def singular_place(system: SegmentedSystem, times: np.ndarray, states: np.ndarra
     ----------
     times, states : (k,), (k, n) of a run that this system has just made
     """
-    if len(times) < 2 or not system.follower.newtons:
+    dependent = any(note.code == "N0407" for note in system.plan.reduced.notes)  # coordinates follow through constraints
+    if len(times) < 2 or not (system.follower.newtons and dependent):
         return None
     system.restart()
     chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), _SAMPLES)).astype(int))
@@ -37,20 +39,12 @@ def singular_place(system: SegmentedSystem, times: np.ndarray, states: np.ndarra
     value, rate = _leverages(system, t, x, [*gaps, gaps[-1]])
     scale = np.nanmax(np.abs(value), axis=0) * np.where(value[0] < 0, -1.0, 1.0)
     value, rate, gap = value / scale, rate / scale, gaps[: len(value) - 1, None]
-    heading = (value[:-1] + rate[:-1] * gap < 0) & _coordinates(system)
+    heading = value[:-1] + rate[:-1] * gap < 0
     away = (value[1:] - rate[1:] * gap < 0) | ~(value[1:] > _SINGULAR)
     for k, block in np.argwhere(heading & away)[:_LOOKS].tolist():
         if _reaches_zero(system, t[k : k + 2], x[k], block, scale[block], abs(rate[k, block])):
             return float(t[k]), int(system.unknowns[block])
     return None
-
-
-def _coordinates(system: SegmentedSystem) -> np.ndarray:
-    """Blocks that are solved for coordinates, whose velocities follow with the same Jacobian; others, such as springs in
-    series, may have a singular Jacobian and a solution all the same."""
-    table = system.plan.reduced.registers
-    moving = set(table.variable[table.order == 1].tolist())
-    return np.array([table.order[r] == 0 and int(table.variable[r]) in moving for r in system.unknowns.tolist()])
 
 
 def _leverages(system: SegmentedSystem, t, x, gaps) -> tuple[np.ndarray, np.ndarray]:
@@ -80,14 +74,20 @@ def _slope(system: SegmentedSystem, t: float, x: np.ndarray) -> tuple[np.ndarray
 
 
 def _reaches_zero(system, span: np.ndarray, x: np.ndarray, block: int, scale: float, rate: float) -> bool:
-    """Whether a determinant vanishes between two times: classical Runge-Kutta steps, as short as it changes fast."""
+    """Whether a determinant falls through zero between two times: classical Runge-Kutta steps, short as it is fast.
+
+    Where it only touches zero, as that of cubic springs in series which relax, it slows down before.
+    """
     count = int(np.clip(rate * (span[1] - span[0]) / _FINE, *_STEPS))
     h = (span[1] - span[0]) / count
+    before = np.inf
     for k in range(count):
         t = span[0] + k * h
         k1, good = _slope(system, t, x)
-        if not good or not system.determinants()[block] / scale > _SINGULAR:
-            return True
+        value = system.determinants()[block] / scale
+        if not good or not value > _SINGULAR:
+            return not before - value < _FALLING * rate * h
+        before = value
         k2, _ = _slope(system, t + h / 2, x + h / 2 * k1)
         k3, _ = _slope(system, t + h / 2, x + h / 2 * k2)
         k4, _ = _slope(system, t + h, x + h * k3)
