@@ -9,12 +9,12 @@ import numpy as np
 
 from lmoc.distinct import distinct_rows
 from lmoc.expression.dag import ONE, Expr, add, div, mul, neg, slot, sub
-from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
 from lmoc.semantics.flat import Assignments
 from lmoc.structure.coefficients import renumbered, value_and_size
 
 NONE = -1  # no factor (1), no offset (0)
+DEEPEST_TEXT = 5  # derived parameters inside of each other that are written out
 
 
 def derived_values(derived: Sequence[Assignments], values: np.ndarray) -> np.ndarray:
@@ -41,6 +41,7 @@ class DerivedParameters:
         self.assignments: list[Assignments] = []
         self._firsts: list[int] = []
         self._known = np.concatenate([values, np.full(64, np.nan)])
+        self._sizes = np.abs(self._known)
         self._inverse = np.full(64, NONE, np.int64)  # of a derived parameter made as 1/c: c
         self._made: dict[tuple, int] = {}
 
@@ -51,6 +52,8 @@ class DerivedParameters:
 
     def sizes(self, known: np.ndarray) -> np.ndarray:
         """Magnitudes of the terms that each extended variable is made of: what its roundoff is measured by."""
+        if known.base is self._known:  # the present values: asked for in every pass
+            return self._sizes[: len(known)]
         sizes = np.abs(known)
         if len(known) == self.base:
             return sizes
@@ -99,9 +102,10 @@ class DerivedParameters:
         if target[-1] >= len(self._known):
             more = len(slots) + self.count // 2 + 64
             self._known = np.concatenate([self.known, np.full(more, np.nan)])
+            self._sizes = np.concatenate([self._sizes[: self.count], np.full(more, np.nan)])
             self._inverse = np.concatenate([self._inverse, np.full(len(self._known) - len(self._inverse), NONE)])
-        known = self._known
-        known[target] = evaluate(shape, lambda k, _: known[slots[:, k]])
+        known, sizes = self._known, self._sizes
+        known[target], sizes[target] = value_and_size(shape, known[slots], sizes[slots])
         if shape is _INVERSE:
             self._inverse[target - self.base] = slots[:, 0]
         self.count += len(slots)
@@ -113,13 +117,15 @@ class DerivedParameters:
         """All extended variables for another parameter set."""
         return np.concatenate([values, derived_values(self.assignments, values)])
 
-    def text(self, index: int, name: Callable[[int], str]) -> str:
-        """An extended variable in the user's names."""
+    def text(self, index: int, name: Callable[[int], str], depth: int = DEEPEST_TEXT) -> str:
+        """An extended variable in the user's names; the ratio of a long train of gears is cut short."""
         if index < self.base:
             return name(index)
+        if not depth:
+            return "…"
         a = self.assignments[bisect_right(self._firsts, index) - 1]
         row = a.slots[index - int(a.target[0])].tolist()
-        text = to_text(a.shape, lambda k, _: self.text(row[k], name))
+        text = to_text(a.shape, lambda k, _: self.text(row[k], name, depth - 1))
         return text if a.shape.op == "slot" or not a.shape.args else f"({text})"
 
     def product(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
