@@ -29,7 +29,7 @@ def singular_place(system: SegmentedSystem, times: np.ndarray, states: np.ndarra
     ----------
     times, states : (k,), (k, n) of a run that this system has just made
     """
-    dependent = any(note.code == "N0407" for note in system.plan.reduced.notes)  # coordinates follow through constraints
+    dependent = any(note.code == "N0407" for note in system.plan.reduced.notes)  # through constraints
     if len(times) < 2 or not (system.follower.newtons and dependent):
         return None
     system.restart()
