@@ -7,9 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from by_hand import oscillator
 
 import lmoc
+from lmoc.diagnostics import SimulationError
 from lmoc.numerics.native import compiler
+from lmoc.numerics.options import SOLVERS, RunOptions
+from lmoc.numerics.simulate import simulate
 
 TEXT = "int answer(void) { return 42; }\n"
 CHAIN = Path(__file__).parents[1] / "models/bench/chain.lmo"
@@ -126,3 +130,14 @@ def test_a_run_without_compiler_gives_the_same_values(monkeypatch):
 def test_ida_with_open_blocks_does_not_claim_to_have_run_c():
     run = lmoc.compile(CHAIN.with_name("network.lmo")).simulate(solver="ida", stop=1e-3, points=2)
     assert run.stats["evaluation"] == "numpy, index 1" and run.stats["algebraic"] > 0
+
+
+@needs_compiler
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_clock_is_watched_while_c_runs(solver, monkeypatch):
+    """Few output times, and right-hand sides that no Python comes by."""
+    monkeypatch.setattr("lmoc.numerics.system.COMPILED_ROWS", 0)
+    options = RunOptions(solver=solver, stop=1e5, points=2, max_seconds=0.02)
+    with pytest.raises(SimulationError, match="the time allowed for the run is over") as failure:
+        simulate(oscillator().reduced(), options=options)
+    assert failure.value.partial.stats["evaluation"] == "C"

@@ -59,8 +59,8 @@ class Frame:
 
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.calls += 1
-        if self.calls % _LOOK == 0 and self.watch.expired(t):
-            raise Expired
+        if self.calls % _LOOK == 0:
+            self.look(t)
         if self.order is None:
             self.system.rhs(t, x, out)
         else:
@@ -68,15 +68,22 @@ class Frame:
             np.take(self.f, self.order, out=out)
 
     def fill(self, t: float, x: np.ndarray, target: np.ndarray, scale: float = 1.0, shift=0.0) -> None:
+        self.look(t)  # where the right-hand side is compiled, nothing else comes by between two output times
         self.system.jacobian_values(t, self.restore(x), self.values)
         self.layout.write(self.values, scale, shift, target)
 
-    def sink(self, _: int, x: np.ndarray) -> None:
+    def look(self, t: float) -> None:
+        """Look at the clock."""
+        if self.watch.expired(t):
+            raise Expired
+
+    def sink(self, k: int, x: np.ndarray) -> None:
         """Gather the states at the output times: what is computed from them is computed for many times at once."""
         self.last = self.state(x)
         self.batch.append(self.last)
         if len(self.batch) * len(self.last) > _BATCH:
             self.flush()
+        self.look(float(self.problem.times[k]))
 
     def flush(self) -> None:
         """Hand on what has been gathered."""
@@ -92,7 +99,7 @@ class Frame:
 
         problem, y = self.problem, self.layout
         matrix = Matrix(y.kind, fill, y.lower, y.upper, y.indptr, y.indices)
-        return Given(x, problem.times, problem.rtol, atol, matrix, self.sink, problem.max_steps, problem.progress)
+        return Given(x, problem.times, problem.rtol, atol, matrix, self.sink, problem.max_steps)
 
     def outcome(self, integrate) -> Outcome:
         """Run a native session and say how far it came.

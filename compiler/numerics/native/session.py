@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from ctypes import byref, c_double, c_long, c_void_p
@@ -13,8 +12,6 @@ import numpy as np
 from lmoc.numerics.integrators.base import on_interrupt
 from lmoc.numerics.native import sundials as sun
 from lmoc.numerics.native.matrix import Matrix, Solver
-
-_TOLD = 0.2  # s between two reports of progress
 
 
 @dataclass(frozen=True)
@@ -29,7 +26,6 @@ class Given:
     matrix : Matrix
     sink : called with (k, state at ``times[k]``) for k ≥ 1; it has to copy what it keeps
     max_steps : between two output times
-    progress : called with the time reached, a few times a second at the most
     """
 
     x: np.ndarray
@@ -39,7 +35,6 @@ class Given:
     matrix: Matrix
     sink: Callable[[int, np.ndarray], None]
     max_steps: int
-    progress: Callable[[float], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -131,7 +126,7 @@ class Session(ABC):
             return self._loop()
 
     def _loop(self) -> Ended:
-        given, reached, told = self.given, c_double(self.given.times[0]), clock.monotonic()
+        given, reached = self.given, c_double(self.given.times[0])
         least = sun.least_step(given.times)
         for k, t in enumerate(given.times[1:].tolist(), 1):
             flag = self.advance(t, reached) if t - reached.value > least else sun.SUCCESS
@@ -140,9 +135,6 @@ class Session(ABC):
             if flag not in (sun.SUCCESS, sun.TSTOP_RETURN):
                 return self.ended(reached.value, self.failure(flag))
             given.sink(k, self.x)
-            if given.progress is not None and clock.monotonic() - told > _TOLD:
-                told = clock.monotonic()
-                given.progress(t)
         return self.ended(float(given.times[-1]), "")
 
     @abstractmethod
