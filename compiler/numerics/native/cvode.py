@@ -32,7 +32,7 @@ class _Session(Session):
     def __init__(self, given: Given, rhs, method: str) -> None:
         self.method = method
         # callbacks are kept alive as long as CVODE may call them
-        self.rhs, self.data = rhs if isinstance(rhs, tuple) else (sun.RHS(self._wrapped(rhs)), None)
+        self.rhs, self.data = rhs if isinstance(rhs, tuple) else (sun.RHS(self.callback(rhs)), None)
         super().__init__(given)
 
     def create(self) -> c_void_p:
@@ -55,17 +55,3 @@ class _Session(Session):
 
     def failure(self, flag: int) -> str:
         return sun.failure_text("CVODE", flag, no_value=(-8, -9, -10, -11))
-
-    def _wrapped(self, rhs: Rhs):
-        def call(t, x, dx, data) -> int:
-            try:
-                out = self.view(dx)
-                rhs(t, self.view(x), out)
-                if self.error is not None:
-                    return -1
-                return 0 if np.isfinite(out).all() else 1  # 1: CVODE tries a shorter step
-            except BaseException as error:
-                self.error = error
-                return -1
-
-        return call

@@ -31,7 +31,7 @@ class _Session(Session):
 
     def __init__(self, given: Given, residual: Residual, yp: np.ndarray, differential: np.ndarray) -> None:
         self.yp, self.differential = np.array(yp, float), differential.astype(float)
-        self.residual = sun.RESIDUAL(self._wrapped(residual))  # kept alive as long as IDA may call it
+        self.residual = sun.RESIDUAL(self.callback(residual))  # kept alive as long as IDA may call it
         super().__init__(given)
 
     def create(self) -> c_void_p:
@@ -57,17 +57,3 @@ class _Session(Session):
 
     def failure(self, flag: int) -> str:
         return sun.failure_text("IDA", flag, no_value=(-8, -9, -12))
-
-    def _wrapped(self, residual: Residual):
-        def call(t, y, yp, out, data) -> int:
-            try:
-                numbers = self.view(out)
-                residual(t, self.view(y), self.view(yp), numbers)
-                if self.error is not None:
-                    return -1
-                return 0 if np.isfinite(numbers).all() else 1  # 1: IDA tries a shorter step
-            except BaseException as error:
-                self.error = error
-                return -1
-
-        return call

@@ -114,6 +114,22 @@ class Session(ABC):
             self.error = error
             return -1
 
+    def callback(self, function: Callable[..., None]) -> Callable[..., int]:
+        """A Python function ``(t, vectors…)`` as SUNDIALS calls it; what it writes into the last has to be finite."""
+
+        def call(t: float, *pointers) -> int:
+            try:
+                arrays = [self.view(p) for p in pointers[:-1]]  # behind them stands the user's data
+                function(t, *arrays)
+                if self.error is not None:
+                    return -1
+                return 0 if np.isfinite(arrays[-1]).all() else 1  # 1: a shorter step is tried
+            except BaseException as error:
+                self.error = error
+                return -1
+
+        return call
+
     def run(self) -> Ended:
         """Integrate over the output times; raises what a callback has raised."""
 
@@ -153,11 +169,8 @@ class Session(ABC):
         return self
 
     def __exit__(self, *_) -> None:
-        self.call_free()
+        getattr(self.lib, f"{self.name}Free")(byref(self.memory))
         self.solver.free()
         for vector in self.vectors:
             self.lib.N_VDestroy(vector)
         self.lib.SUNContext_Free(byref(self.context))
-
-    def call_free(self) -> None:
-        getattr(self.lib, f"{self.name}Free")(byref(self.memory))
