@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from by_hand import oscillator
+from by_hand import Scene, oscillator
 
 import lmoc
-from lmoc.diagnostics import SimulationError
+from lmoc.diagnostics import ModelError, SimulationError
+from lmoc.expression import dag
 from lmoc.numerics.native import compiler
 from lmoc.numerics.options import SOLVERS, RunOptions
-from lmoc.numerics.simulate import simulate
+from lmoc.numerics.simulate import Simulator, simulate
+from lmoc.structure.program import Apply, Solve
 
 TEXT = "int answer(void) { return 42; }\n"
 CHAIN = Path(__file__).parents[1] / "models/bench/chain.lmo"
@@ -141,3 +143,25 @@ def test_the_clock_is_watched_while_c_runs(solver, monkeypatch):
     with pytest.raises(SimulationError, match="the time allowed for the run is over") as failure:
         simulate(oscillator().reduced(), options=options)
     assert failure.value.partial.stats["evaluation"] == "C"
+
+
+@needs_compiler
+@pytest.mark.parametrize("rows", [0, 10**9], ids=["C", "others"])
+def test_a_constant_block_that_is_singular(rows, monkeypatch):
+    """k·a = -x with k = 2, 0: the second has no solution, which is told and not raised."""
+    monkeypatch.setattr("lmoc.numerics.system.COMPILED_ROWS", rows)
+    s = Scene()
+    k, x, a = s.parameter("k", 2.0), s.state("x", 1.0), s.variable("a")
+    s.rate(x, a)
+    column = np.array([[k.value[0], a.value[0], x.value[0]]])
+    residual = len(s.names) + 1
+    inner = Apply(dag.slot(0) * dag.slot(1) + dag.slot(2), column, np.array([residual]))
+    block = Solve((inner,), np.array([[a.value[0]]]), np.array([[residual]]), True, True)
+    simulator = Simulator(s.reduced(steps=(block,), more_registers=1))
+    run = simulator.run()
+    assert run.stats["evaluation"] == ("C" if rows == 0 else "casadi")
+    assert run["x"] == pytest.approx(np.exp(-run.time / 2), abs=1e-5)
+    values = simulator.reduced.values.copy()
+    values[k.value[0]] = 0.0
+    with pytest.raises(ModelError, match=r"E0535.*a has no finite value"):
+        simulator.run(values)

@@ -69,20 +69,10 @@ class Kernel:
         matrix : callable
             Gives the sparse matrix ∂residuals/∂unknowns of a Solve step.
         """
-        if not self._factors:
-            return
-        from scipy.sparse.linalg import splu
-
         for step, first in self._factors:
-            lu = splu(matrix(step).tocsc())
-            data = []
-            for factor in (lu.L.tocsc(), lu.U.tocsc()):
-                factor.sort_indices()  # the diagonal stands first in L and last in U
-                data += [factor.indptr.astype(np.int32), factor.indices.astype(np.int32), factor.data.astype(float)]
-            data += [lu.perm_r.astype(np.int32), lu.perm_c.astype(np.int32)]
-            for k, values in enumerate(data):
-                self._tables[first + k] = np.ascontiguousarray(values)
-                self._pointers[first + k] = self._tables[first + k].ctypes.data
+            for k, values in enumerate(_factors(matrix(step)), first):
+                self._tables[k] = np.ascontiguousarray(values)
+                self._pointers[k] = self._tables[k].ctypes.data
 
     def __call__(self, time: float) -> None:
         """Run the program on `w`."""
@@ -110,3 +100,19 @@ class Kernel:
         self._call.data = ctypes.cast(sundials.load().N_VGetArrayPointer, ctypes.c_void_p).value
         rhs = sundials.RHS(ctypes.cast(self.library.lmoc_rhs, ctypes.c_void_p).value)
         return rhs, ctypes.byref(self._call)
+
+
+def _factors(matrix) -> list[np.ndarray]:
+    """The eight tables that `lmoc_sparse_solve` reads; of a singular matrix such that the solution is no number."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        lu = splu(matrix.tocsc())
+    except RuntimeError:  # exactly singular: whoever asks for the values reports them with their place
+        n = np.arange(matrix.shape[0] + 1, dtype=np.int32)
+        return [n, n[:-1], np.ones(len(n) - 1), n, n[:-1], np.full(len(n) - 1, np.nan), n[:-1], n[:-1]]
+    tables: list[np.ndarray] = []
+    for factor in (lu.L.tocsc(), lu.U.tocsc()):
+        factor.sort_indices()  # the diagonal stands first in L and last in U
+        tables += [factor.indptr.astype(np.int32), factor.indices.astype(np.int32), factor.data.astype(float)]
+    return [*tables, lu.perm_r.astype(np.int32), lu.perm_c.astype(np.int32)]
