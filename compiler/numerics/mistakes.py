@@ -79,14 +79,6 @@ NUMERICS: dict[str, Entry] = {
         "zero, the logarithm of a negative number), at the time that is told and perhaps at others. The run goes on; "
         "everything computed from it is just as useless.",
     ),
-    "W0538": Entry(
-        "a place that the coordinates cannot pass",
-        "The scene is solved in a few coordinates from which all others follow. At some places they do not: the height "
-        "of a pendulum at its lowest point does not tell the side, and the angle of a rocker that turns back does not "
-        "tell that of its crank. There the solution may take a wrong turn. Choose a coordinate that determines the "
-        "rest all the way, such as the angle that goes on turning: `states=[…]` in Python, or "
-        "`stateSelect = StateSelect.prefer` in the model.",
-    ),
     "E0540": Entry("no such solver", "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits."),
     "E0541": Entry(
         "options of the run that cannot be used",

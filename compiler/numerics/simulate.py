@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -139,7 +140,7 @@ class _Run:
         }
         if not outcome.failure:
             self._check_way(outcome)
-            self._check_coordinates()
+            outcome = self._up_to_a_singular_place(outcome)
         run = self._trajectory(outcome, stats)
         if outcome.failure:
             failure = RunInterrupted if outcome.failure == INTERRUPTED else SimulationError
@@ -182,22 +183,24 @@ class _Run:
                 self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
                 return
 
-    def _check_coordinates(self) -> None:
-        """A run through a place where the coordinates do not determine the rest is told of: it may go on wrongly."""
+    def _up_to_a_singular_place(self, outcome: Outcome) -> Outcome:
+        """A run ends before a place where the coordinates do not determine the rest: it may have gone on wrongly."""
         system, reached = self.system, self.recorder.reached
         if self.recorder.variables is not None or not isinstance(system, SegmentedSystem):
-            return
+            return outcome
         count = system.evaluations
         found = singular_place(system, self.times[:reached], self.recorder.table[:reached])
         system.evaluations = count
-        if found:
-            lost = self.plan.reduced.register_name(found[1])
-            self.report.warning(
-                "W0538",
-                f"the coordinates {', '.join(self.plan.reduced.state_names)} do not determine {lost} shortly after "
-                f"t = {found[0]:.4g} s: what follows may be wrong",
-                hint="choose coordinates that determine the rest all the way, by states=[…] or stateSelect",
-            )
+        if found is None:
+            return outcome
+        reduced, (time, lost) = self.plan.reduced, found
+        self.recorder.reached = int(np.searchsorted(self.times, time, "right"))
+        failure = (
+            f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
+            "after; choose some that determine the rest all the way, by states=[…] or stateSelect"
+        )
+        last = self.recorder.table[self.recorder.reached - 1]
+        return replace(outcome, time=time, x=last, reached=self.recorder.reached, failure=failure)
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):
