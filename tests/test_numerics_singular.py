@@ -75,6 +75,7 @@ def test_angle_of_a_rocker_that_turns_back():
     failure = broken_off(wrong, stop=2)
     assert "the coordinates rocker.theta, rocker.omega do not determine" in str(failure)
     assert failure.partial.energy.balance < 1e-4
+    assert broken_off(wrong, stop=2, keep=["crank.theta"]).time == failure.time
     for order, states in ((CRANK, ARM), None), ((ARM, CRANK), ["crank.theta"]):
         run = lmoc.compile_text(ROCKER.format(*order), states=states).simulate(stop=2)
         assert run.energy.balance < 1e-4

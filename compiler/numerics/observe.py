@@ -64,7 +64,17 @@ class Observer:
 
 
 class Recorder:
-    """Takes the states at the output times from an integrator: keeps them, or only the variables asked for."""
+    """Takes the states at the output times from an integrator: keeps them, or only the variables asked for.
+
+    Attributes
+    ----------
+    reached : number of output times taken so far
+    table : (times, n) what is kept
+    variables : those in the columns of the table, None where they are the states
+    samples : at most SAMPLES output times, evenly spread, whose states are at hand in any case
+    """
+
+    SAMPLES = 200
 
     def __init__(self, observer: Observer, times: np.ndarray, keep: tuple[str, ...] | None) -> None:
         self.observer = observer
@@ -74,11 +84,21 @@ class Recorder:
         self._evaluate = None if keep is None else observer.prepare(self.variables)
         width = len(observer.plan.states) if keep is None else len(self.variables)
         self.table = np.empty((len(times), width))
+        self.samples = np.unique(np.linspace(0, len(times) - 1, min(len(times), self.SAMPLES)).astype(int))
+        self._sampled = None if keep is None else np.empty((len(self.samples), len(observer.plan.states)))
 
     def __call__(self, first: int, states: np.ndarray) -> None:
         last = first + len(states)
         self.table[first:last] = states if self._evaluate is None else self._evaluate(self.times[first:last], states)
+        if self._sampled is not None:
+            a, b = np.searchsorted(self.samples, (first, last))
+            self._sampled[a:b] = states[self.samples[a:b] - first]
         self.reached = max(self.reached, last)
+
+    def sampled(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (k,) and states (k, n) of the samples reached."""
+        own = self.samples[self.samples < self.reached]
+        return self.times[own], self.table[own] if self._sampled is None else self._sampled[: len(own)]
 
 
 def _retained(flat: FlatDAE, keep: tuple[str, ...]) -> np.ndarray:

@@ -185,11 +185,11 @@ class _Run:
 
     def _up_to_a_singular_place(self, outcome: Outcome) -> Outcome:
         """A run ends before a place where the coordinates do not determine the rest: it may have gone on wrongly."""
-        system, reached = self.system, self.recorder.reached
-        if self.recorder.variables is not None or not isinstance(system, SegmentedSystem):
+        system = self.system
+        if not isinstance(system, SegmentedSystem):
             return outcome
         count = system.evaluations
-        found = singular_place(system, self.times[:reached], self.recorder.table[:reached])
+        found = singular_place(system, *self.recorder.sampled())
         system.evaluations = count
         if found is None:
             return outcome
@@ -199,8 +199,7 @@ class _Run:
             f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
             "after; choose some that determine the rest all the way, by states=[…] or stateSelect"
         )
-        last = self.recorder.table[self.recorder.reached - 1]
-        return replace(outcome, time=time, x=last, reached=self.recorder.reached, failure=failure)
+        return replace(outcome, time=time, reached=self.recorder.reached, failure=failure)
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):

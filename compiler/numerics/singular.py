@@ -13,7 +13,6 @@ import numpy as np
 
 from lmoc.numerics.system import SegmentedSystem
 
-_SAMPLES = 200  # output times looked at
 _AHEAD = 1e-4  # of the time between them: the step for the determinant's rate
 _SINGULAR = 2e-3  # of its largest value: as near to zero as no determinant comes that only turns back
 _FINE = 5e-4  # of it: the most that it changes in a step of the close look
@@ -22,19 +21,17 @@ _FALLING = 0.5  # of its first rate: as fast a determinant is still when it fall
 _LOOKS = 5  # places that are looked at closely
 
 
-def singular_place(system: SegmentedSystem, times: np.ndarray, states: np.ndarray) -> tuple[float, int] | None:
+def singular_place(system: SegmentedSystem, t: np.ndarray, x: np.ndarray) -> tuple[float, int] | None:
     """The time of the first singular place on the way, and a register that cannot be told there; None without one.
 
     Parameters
     ----------
-    times, states : (k,), (k, n) of a run that this system has just made
+    t, x : times (k,) and states (k, n) of a run that this system has just made
     """
     dependent = any(note.code == "N0407" for note in system.plan.reduced.notes)  # through constraints
-    if len(times) < 2 or not (system.follower.newtons and dependent):
+    if len(t) < 2 or not (system.follower.newtons and dependent):
         return None
     system.restart()
-    chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), _SAMPLES)).astype(int))
-    t, x = times[chosen], states[chosen]
     gaps = np.diff(t)
     value, rate = _leverages(system, t, x, [*gaps, gaps[-1]])
     scale = np.nanmax(np.abs(value), axis=0) * np.where(value[0] < 0, -1.0, 1.0)
