@@ -71,7 +71,7 @@ class Recorder:
     reached : number of output times taken so far
     table : (times, n) what is kept
     variables : those in the columns of the table, None where they are the states
-    samples : at most SAMPLES output times, evenly spread, whose states are at hand in any case
+    samples : about SAMPLES output times, evenly spread, whose states are at hand in any case
     """
 
     SAMPLES = 200
@@ -84,7 +84,7 @@ class Recorder:
         self._evaluate = None if keep is None else observer.prepare(self.variables)
         width = len(observer.plan.states) if keep is None else len(self.variables)
         self.table = np.empty((len(times), width))
-        self.samples = np.unique(np.linspace(0, len(times) - 1, min(len(times), self.SAMPLES)).astype(int))
+        self.samples = np.append(np.arange(0, len(times) - 1, -(-len(times) // self.SAMPLES)), len(times) - 1)
         self._sampled = None if keep is None else np.empty((len(self.samples), len(observer.plan.states)))
 
     def __call__(self, first: int, states: np.ndarray) -> None:
