@@ -69,6 +69,8 @@ def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.n
     ----------
     base : registers that do not change during the run (`Plan.base`)
     """
+    if not plan.switches:
+        return np.zeros(0)
     times = [np.zeros(0)]
     for expression, registers in plan.switches:
         linear = linear_parts(expression, [TIME])

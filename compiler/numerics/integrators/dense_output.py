@@ -15,7 +15,7 @@ from lmoc.numerics.integrators import dop853_table as table
 from lmoc.numerics.integrators.base import Problem
 from lmoc.numerics.integrators.stepper import Stepper
 
-_LAST_TERM = (4 / 7) ** 4 * (3 / 7) ** 3  # the most that the last term of the polynomial is weighted with
+_LAST_WEIGHTS = (4 / 7) ** 4 * (3 / 7) ** 3 * table.D[3]  # the last term of the polynomial where it is largest
 _BATCH = 400_000  # numbers gathered before they are evaluated
 _CHUNK = 500_000  # numbers of the result made at once
 
@@ -30,41 +30,52 @@ class DenseOutput:
     """
 
     def __init__(self, problem: Problem) -> None:
+        n = len(problem.x)
         self.problem = problem
         self.times = problem.times.tolist()
         self.reached, self.next = 1, (*self.times[1:2], math.inf)[0]
-        self._steps: list[tuple] = []
-        self._most = max(1, _BATCH // max(1, 18 * len(problem.x)))
+        self._first = 1  # the first output time in the steps gathered
+        self._most = max(1, min(_BATCH // max(1, 18 * n), len(self.times)))
+        self._count = 0
+        self._span = np.empty((2, self._most))  # where the steps begin, and their lengths
+        self._outputs = np.empty(self._most, int)
+        self._x = np.empty((2, self._most, n))  # where the states begin and end
+        self._stages = np.empty((self._most, 16, n))
 
     def add(self, t: float, t_new: float, h: float, stepper: Stepper, stages: np.ndarray) -> None:
         """Take the step just tried, from t to t_new, with output times in it."""
         last = bisect_right(self.times, t_new, self.reached)
-        self._steps.append((self.reached, last, t, h, stepper.x.copy(), stepper.x_new.copy(), stages))
-        self.reached = last
+        k = self._count
+        self._span[:, k] = t, h
+        self._x[0, k], self._x[1, k] = stepper.x, stepper.x_new
+        self._stages[k] = stages
+        self._outputs[k] = last - self.reached
+        self._count, self.reached = k + 1, last
         self.next = self.times[last] if last < len(self.times) else math.inf
-        if len(self._steps) >= self._most:
+        if self._count == self._most:
             self.flush()
 
     @np.errstate(all="ignore")
     def flush(self) -> None:
         """Evaluate what has been gathered and hand it on."""
-        if not self._steps:
+        count, self._count = self._count, 0
+        if not count:
             return
-        from_, to, begin, step, x, x_new, stages = (np.array(column) for column in zip(*self._steps, strict=True))
-        self._steps = []
-        terms = dense_terms(step, x, x_new, stages)
-        owner, first = np.repeat(np.arange(len(to)), to - from_), int(from_[0])
-        theta = (self.problem.times[first : to[-1]] - begin[owner]) / step[owner]
+        (begin, step), (x, x_new) = self._span[:, :count], self._x[:, :count]
+        terms = dense_terms(step, x, x_new, self._stages[:count])
+        owner, first = np.repeat(np.arange(count), self._outputs[:count]), self._first
+        theta = (self.problem.times[first : self.reached] - begin[owner]) / step[owner]
         largest = max(1, _CHUNK // max(1, x.shape[1]))
         for a in range(0, len(owner), largest):
             own = owner[a : a + largest]
             self.problem.sink(first + a, evaluate_dense(theta[a : a + largest], x[own], terms[own]))
+        self._first = self.reached
 
 
 def roughness(problem: Problem, x: np.ndarray, h: float, stages: np.ndarray) -> float:
     """Size of the last term of the polynomial in tolerances: it stands for those that the polynomial leaves out."""
-    error = (table.D[3] @ stages) * (h * _LAST_TERM) / (problem.atol + problem.rtol * np.abs(x))
-    return math.sqrt(float((error**2).mean()))
+    error = _LAST_WEIGHTS @ stages / (problem.atol + problem.rtol * np.abs(x))
+    return h * math.sqrt(float(error @ error) / len(x))
 
 
 def dense_terms(h: np.ndarray, x: np.ndarray, x_new: np.ndarray, stages: np.ndarray) -> np.ndarray:

@@ -40,7 +40,10 @@ class Stepper(ABC):
 
     @abstractmethod
     def stages(self, t: float, h: float) -> np.ndarray:
-        """Derivatives at all stages of the step just tried, those that only dense output needs among them: (16, n)."""
+        """Derivatives at all stages of the step just tried, those that only dense output needs among them: (16, n).
+
+        They stand there until the next try.
+        """
 
     @abstractmethod
     def accept(self) -> None:
@@ -84,7 +87,7 @@ class NumpyStepper(Stepper):
         k, x = self.k, self.x
         for i in range(13, 16):
             self.system.rhs(t + table.C[i] * h, x + h * (table.A[i, :i] @ k[:i]), k[i])
-        return k.copy()
+        return k
 
     def accept(self) -> None:
         self.x = self.x_new
@@ -119,7 +122,7 @@ class CasadiStepper(Stepper):
         return error, stiffness
 
     def stages(self, t: float, h: float) -> np.ndarray:
-        return self.k.copy()
+        return self.k
 
     def accept(self) -> None:
         self.x[:] = self.x_new
