@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.observe import Observer
 from lmoc.numerics.plan import walk
-from lmoc.numerics.signals import sample
+from lmoc.numerics.signals import Signal, is_own, sample
 from lmoc.numerics.slices import Slice
 from lmoc.numerics.system import System
 from lmoc.semantics.flat import FlatDAE
@@ -99,12 +101,15 @@ def first_not_finite(
                 bad = registers[~np.isfinite(w[registers])]
                 if len(bad):
                     nonlinear = isinstance(step, Solve) and not step.linear
-                    return *sentence(reduced, bad, w, nonlinear), nonlinear
+                    return *sentence(reduced, bad, w, nonlinear, observer.signals), nonlinear
     return "", None, False
 
 
-def sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) -> tuple[str, Span | None]:
-    """What is said of registers without a finite value, all filled by the same step, and the place of the first.
+def sentence(
+    reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool, signals: Mapping[int, Signal]
+) -> tuple[str, Span | None]:
+    """What is said of registers without a finite value, all filled by the same step, and the place of the first in the
+    model, where it is not a signal that the caller has given.
 
     Parameters
     ----------
@@ -114,7 +119,10 @@ def sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) 
     if not named:
         return "an intermediate result has no finite value", None
     name = reduced.register_name(named[0])
-    span = _place(reduced.flat, int(reduced.registers.variable[named[0]]))
+    variable = int(reduced.registers.variable[named[0]])
+    if variable in signals and not is_own(signals[variable], reduced.flat, variable):
+        return f"the signal given for the input {name} has no finite value ({w[named[0]]})", None
+    span = _place(reduced.flat, variable)
     if nonlinear:
         return f"the nonlinear equations for {name} have no solution that Newton's method finds", span
     return f"{name} has no finite value ({w[named[0]]})", span
@@ -123,5 +131,5 @@ def sentence(reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool) 
 def _place(flat: FlatDAE, variable: int) -> Span | None:
     """Where the user declared the part with this variable, else the variable's own declaration."""
     block = flat.block_at(variable)
-    part = flat.parts[block.part].span if block.part < len(flat.parts) else None
+    part = flat.parts[block.part].span if 0 < block.part < len(flat.parts) else None
     return part or block.span

@@ -29,6 +29,7 @@ class Targets:
     variable: np.ndarray
     value: np.ndarray
     hard: np.ndarray  # fixed, or given by the caller
+    given: np.ndarray  # by the caller: nothing in the model says so
 
     def __len__(self) -> int:
         return len(self.variable)
@@ -42,7 +43,7 @@ def targets(flat: FlatDAE, values: np.ndarray, initial: Mapping[str, float], rep
     values : parameter values of the flat model
     initial : {name: value}; the name of an array takes one value or as many as it has variables
     """
-    start, hard = np.full(flat.count, np.nan), np.zeros(flat.count, bool)
+    start, hard, given = np.full(flat.count, np.nan), np.zeros(flat.count, bool), np.zeros(flat.count, bool)
     for a in flat.starts:
         start[a.target] = a.values(values)
     for a in flat.fixed:
@@ -57,9 +58,9 @@ def targets(flat: FlatDAE, values: np.ndarray, initial: Mapping[str, float], rep
             hint = "give it with parameters= (--set)" if flat.kind[variables[0]] == Kind.PARAMETER else ""
             report.error("E0534", f"'{name}' is not a variable that can be given an initial value", hint=hint)
         else:
-            start[variables], hard[variables] = value, True
+            start[variables], hard[variables], given[variables] = value, True, True
     chosen = np.flatnonzero(np.isfinite(start) & (flat.kind == Kind.UNKNOWN))
-    return Targets(chosen, start[chosen], hard[chosen])
+    return Targets(chosen, start[chosen], hard[chosen], given[chosen])
 
 
 def initial_state(
@@ -100,7 +101,7 @@ def initial_state(
         own = direct & (wanted.hard == level)
         x[at[own]] = wanted.value[own]
     open_ = register >= 0
-    kept = Targets(wanted.variable[open_], wanted.value[open_], wanted.hard[open_])
+    kept = Targets(*(column[open_] for column in (wanted.variable, wanted.value, wanted.hard, wanted.given)))
     system = StartSystem(plan, base, signals, values, time, kept, report)
     if not report.errors:
         _solve(system, x, report)
@@ -150,15 +151,14 @@ def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, 
         message = f"{fixed}{who} contradict each other"
         hint = "fix fewer of them, or values that fit the constraints between them"
     found = f"the nearest the model allows is {_reached(system, group, start)}"
-    report.error("E0531", message, system.span(int(group[0])), found=found, hint=hint)
+    report.error("E0531", message, system.span_of(group), found=found, hint=_with_given(system, group, hint))
 
 
 def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
     hint = "perhaps there is none; if there is, start values (start = …) near a solution lead to it"
     found = f"the nearest that was found is {_reached(system, group, start)}"
-    report.error(
-        "E0532", f"no start was found with {_listed(system, group)}", system.span(int(group[0])), found=found, hint=hint
-    )
+    message, hint = f"no start was found with {_listed(system, group)}", _with_given(system, group, hint)
+    report.error("E0532", message, system.span_of(group), found=found, hint=hint)
 
 
 def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: Report) -> None:
@@ -176,6 +176,13 @@ def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: 
 
 def _listed(system: StartSystem, group: np.ndarray) -> str:
     return listed([system.text(k) for k in group.tolist()])
+
+
+def _with_given(system: StartSystem, group: np.ndarray, hint: str) -> str:
+    """A hint, and which of the values do not stand in the model."""
+    names = [system.text(k) for k in group.tolist() if system.given(k)]
+    told = f"given for this run (--init, initial=): {listed(names)}" if names else ""
+    return "; ".join(filter(None, [told, hint]))
 
 
 def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:

@@ -75,9 +75,9 @@ NUMERICS: dict[str, Entry] = {
     ),
     "W0537": Entry(
         "a value that is not finite",
-        "A variable that the motion does not depend on comes out as infinite or as no number at all (a division by "
-        "zero, the logarithm of a negative number), at the time that is told and perhaps at others. The run goes on; "
-        "everything computed from it is just as useless.",
+        "A parameter, or a variable that the motion does not depend on, comes out as infinite or as no number at all "
+        "(a division by zero, the logarithm of a negative number); a variable does so at the time that is told and "
+        "perhaps at others. The run goes on; everything computed from it is just as useless.",
     ),
     "E0540": Entry("no such solver", "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits."),
     "E0541": Entry(

@@ -129,6 +129,12 @@ def default_signals(flat: FlatDAE) -> dict[int, Signal]:
     return found
 
 
+def is_own(signal: Signal, flat: FlatDAE, variable: int) -> bool:
+    """Whether it is the binding that the model itself gives its input."""
+    own = default_signals(flat).get(variable)
+    return isinstance(signal, Formula) and own is not None and signal.shape is own.shape
+
+
 def bind_signals(flat: FlatDAE, inputs: Mapping[str, object] | None, report: Report) -> dict[int, Signal]:
     """One signal for each input that has one: what the caller gives, else the model's own binding.
 

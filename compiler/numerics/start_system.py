@@ -39,7 +39,7 @@ class StartSystem:
         targets: Targets,
         report: Report,
     ) -> None:
-        self.plan, self.time, self.targets = plan, time, targets
+        self.plan, self.time, self.targets, self.signals = plan, time, targets, signals
         self.flat = plan.reduced.flat
         equations = InitialEquations(plan, signals, report)
         self.place = equations.place
@@ -79,6 +79,14 @@ class StartSystem:
             return f"{self.name(k)} = {self.value[k] + residual:.6g}"
         return f"a difference of {residual:.6g} between the sides of {self.name(k)}"
 
+    def given(self, k: int) -> bool:
+        """Whether the caller wants it, and not the model."""
+        return k < len(self.targets) and bool(self.targets.given[k])
+
+    def span_of(self, group: np.ndarray) -> Span | None:
+        """The place of the first of several that stands in the model; None where the caller has given all of them."""
+        return next((self.span(k) for k in group.tolist() if not self.given(k)), None)
+
     def span(self, k: int) -> Span | None:
         if k < len(self.targets):
             variable = self.targets.variable[k]
@@ -95,5 +103,5 @@ class StartSystem:
             filled = step.unknowns.ravel() if isinstance(step, Solve) else step.out
             bad = filled[~np.isfinite(self.w[filled])]
             if len(bad) and bad[0] < self.plan.reduced.registers.count:
-                return sentence(self.plan.reduced, bad, self.w, nonlinear)
+                return sentence(self.plan.reduced, bad, self.w, nonlinear, self.signals)
         return f"{self.name(k)} has no finite value", self.span(k)

@@ -241,7 +241,8 @@ class EquationSection:
         shape = context.space.shape + left_dims
         pair = [_spread_rows(i, shape) for i in (left_index, right_index)]
         if left is right and np.any(pair[0] == pair[1]):
-            raise Wrong("E0314", f"'{e.left}' is connected to itself", e.span)
+            found = _round(context, int(np.flatnonzero(pair[0] == pair[1])[0]) // prod(left_dims))
+            raise Wrong("E0314", f"'{e.left}' is connected to itself", e.span, found=found)
         self.drafts.connects.append(ConnectDraft(left, pair[0], right, pair[1], self.node, e.span))
 
     def _end(self, context: Context, ref: tree.Ref) -> tuple[Instance | Variable, object, tuple[int, ...]] | None:
@@ -315,6 +316,15 @@ def _spread_rows(index, shape: tuple[int, ...]) -> np.ndarray:
     if array.ndim < len(shape):
         array = array.reshape(array.shape + (1,) * (len(shape) - array.ndim))
     return np.broadcast_to(array, shape).reshape(-1)
+
+
+def _round(context: Context, row: int) -> str:
+    """``i = 1, j = 2``: the values of the iteration variables in a row; empty outside of loops."""
+    told = []
+    for name, value in context.names.items():
+        index = context.leaves[value.expr.value[0]].index if value.expr.op == "slot" else value.expr.value
+        told.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
+    return ", ".join(told)
 
 
 def _connectors_hint(node: Node) -> str:

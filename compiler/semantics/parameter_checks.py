@@ -10,6 +10,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.semantics.flat import FlatDAE, Kind
 
 _SHOWN = 4  # so many values are told
+_HINT = "look for a division by zero, the root or logarithm of a negative number"
 
 
 def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
@@ -19,8 +20,9 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
     ----------
     flat : FlatDAE
     values : (variables,) those of parameters and constants, NaN where there is none: what uses it is not judged
-    report : takes E0551
+    report : takes E0551, and W0537 for what has lost its value
     """
+    warn_of_lost(flat, values, report)
     for check in flat.checks:
         timed = dag.depends_on_time(check.condition) or np.any(flat.kind[check.slots] > Kind.PARAMETER)
         if timed or not check.error:
@@ -32,3 +34,17 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
             named = dict.fromkeys(int(i) for i in check.slots[broken[0]] if flat.kind[i] == Kind.PARAMETER)
             found = ", ".join(f"{flat.variable_name(i)} = {values[i]:g}" for i in list(named)[:_SHOWN])
             report.error("E0551", check.message, check.span, found=found)
+
+
+def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
+    """A binding without a finite value, though everything in it has one: 1/0, the root of a negative number."""
+    lost = ~np.isfinite(values)
+    for binding in flat.bindings:
+        own = lost[binding.target] & (flat.kind[binding.target] <= Kind.PARAMETER)
+        if binding.numbers is not None or not own.any():
+            continue
+        rows = np.flatnonzero(own & ~lost[binding.slots].any(axis=1))
+        if len(rows):
+            variable = int(binding.target[rows[0]])
+            name, value = flat.variable_name(variable), values[variable]
+            report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
