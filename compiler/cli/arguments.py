@@ -74,6 +74,14 @@ def add_model_arguments(parser: Parser) -> None:
     )  # fmt: skip
 
 
+def add_states_argument(parser: Parser) -> None:
+    """--states, of the verbs for which it matters what is solved."""
+    parser.add_argument(
+        "--states", metavar="NAME,…", help="coordinates to prefer, separated by commas", default=None,
+        type=lambda text: [name.strip() for name in text.split(",") if name.strip()],
+    )  # fmt: skip
+
+
 def number(text: str) -> float:
     try:
         result = float(text)

@@ -6,12 +6,13 @@ import argparse
 import json
 
 from lmoc.cli import terminal
-from lmoc.cli.arguments import Parser, add_model_arguments
+from lmoc.cli.arguments import Parser, add_model_arguments, add_states_argument
 from lmoc.diagnostics import Diagnostic, ModelError
 
 
 def configure(parser: Parser) -> None:
     add_model_arguments(parser)
+    add_states_argument(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors and warnings")
     parser.add_argument("--json", action="store_true", help="print the diagnostics as JSON")
 
@@ -41,7 +42,7 @@ def _check(arguments: argparse.Namespace) -> tuple[tuple[Diagnostic, ...], str]:
     from lmoc.report.summary import counted, stages
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(arguments.file, arguments.model, dict(arguments.set), listener=progress.stage)
+        dae = compile(arguments.file, arguments.model, dict(arguments.set), arguments.states, listener=progress.stage)
         notes = dae.check(listener=progress.stage)
     counts = ", ".join(counted(n, stage) for stage, n in stages(dae.reduced.counts))
     warnings = sum(d.severity == "warning" for d in notes)

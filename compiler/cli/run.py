@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lmoc.cli import terminal
-from lmoc.cli.arguments import Parser, add_model_arguments, assignment, choice, count, number, positive
+from lmoc.cli.arguments import (
+    Parser,
+    add_model_arguments,
+    add_states_argument,
+    assignment,
+    choice,
+    count,
+    number,
+    positive,
+)
 from lmoc.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 
 if TYPE_CHECKING:
@@ -22,6 +31,7 @@ def configure(parser: Parser) -> None:
     from lmoc.numerics.options import SOLVERS
 
     add_model_arguments(parser)
+    add_states_argument(parser)
     add = parser.add_argument
     add("--start", type=number, metavar="S", help="start time (experiment, else 0)")
     add("--stop", type=number, metavar="S", help="stop time (experiment, else 10)")
@@ -72,7 +82,7 @@ def _simulate(arguments: argparse.Namespace) -> Run:
     from lmoc.dae import compile
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(arguments.file, arguments.model, dict(arguments.set), listener=progress.stage)
+        dae = compile(arguments.file, arguments.model, dict(arguments.set), arguments.states, listener=progress.stage)
         return dae.simulate(
             arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
             arguments.solver, arguments.formulation, None, dict(arguments.init), dict(arguments.input),

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
-from lmoc.cli.arguments import Parser, add_model_arguments, choice
+from lmoc.cli.arguments import Parser, add_model_arguments, add_states_argument, choice
 from lmoc.source import Span
 
 STAGES = ("parse", "instantiate", "flatten", "reduce", "lower")
@@ -14,6 +14,7 @@ STAGES = ("parse", "instantiate", "flatten", "reduce", "lower")
 
 def configure(parser: Parser) -> None:
     add_model_arguments(parser)
+    add_states_argument(parser)
     add = parser.add_argument
     add("--stage", type=choice(STAGES), metavar="NAME", default="flatten", help=f"{', '.join(STAGES)} (flatten)")
 
@@ -31,7 +32,8 @@ def _text(arguments: argparse.Namespace) -> str:
     files = parse([read_source(arguments.file)], clock)
     if arguments.stage == "parse":
         return "\n".join(line for file in files for line in _tree(file))
-    scene = Scene(files, arguments.model, dict(arguments.set))
+    states = None if arguments.states is None else tuple(arguments.states)
+    scene = Scene(files, arguments.model, dict(arguments.set), states)
     flat = flatten(scene, clock)
     if arguments.stage == "instantiate":
         return listing.instance_text(flat)

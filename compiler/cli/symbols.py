@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from lmoc.cli import terminal
-from lmoc.cli.arguments import Parser, UsageError, add_model_arguments, assignment, ordinal
+from lmoc.cli.arguments import Parser, UsageError, add_model_arguments, add_states_argument, assignment, ordinal
 from lmoc.cli.arguments import number as float_number
 from lmoc.diagnostics import Diagnostic
 
@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 def add_symbol_arguments(parser: Parser) -> None:
     add_model_arguments(parser)
-    parser.add_argument(
-        "--states", metavar="NAME,…", help="coordinates to prefer, separated by commas", default=None,
-        type=lambda text: [name.strip() for name in text.split(",") if name.strip()],
-    )  # fmt: skip
+    add_states_argument(parser)
 
 
 def add_place_arguments(parser: Parser, moment: str = "") -> None:
