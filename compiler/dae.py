@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc import pipeline
-from lmoc.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError
+from lmoc.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
+from lmoc.parameters import Parameters, Value, check_initial, indexed
 from lmoc.pipeline import Clock, Scene
-from lmoc.report.names import Names, hint_for
+from lmoc.report.names import Names
 from lmoc.semantics.flat import FlatDAE, Kind
-from lmoc.semantics.overrides import other_type
 from lmoc.semantics.parameter_checks import check_parameters
 from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from lmoc.numerics.functions import Functions
     from lmoc.numerics.simulate import Simulator
     from lmoc.report.run import Run
-
-Value = float | bool | Sequence[float] | np.ndarray
 
 
 def compile(
@@ -82,33 +80,6 @@ def compile_source(
     files = pipeline.parse([source], clock)
     scene = Scene(files, model, dict(parameters or {}), None if states is None else tuple(states))
     return DAE(scene, pipeline.flatten(scene, clock), clock)
-
-
-class Parameters(Mapping):
-    """Parameters by dotted name: their values, NaN where the model gives none. An array by its own name is an array."""
-
-    def __init__(self, flat: FlatDAE, values: np.ndarray):
-        self._flat = flat
-        self._values = values
-        self._names = Names(flat, np.flatnonzero(flat.kind == Kind.PARAMETER))
-
-    def __getitem__(self, name: str) -> float | np.ndarray:
-        found = self._flat.find(name)
-        if found is None or self._flat.kind[found[0]] != Kind.PARAMETER:
-            raise KeyError(name)
-        values = self._values[found]
-        return float(values[0]) if name in self._names else values
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __repr__(self) -> str:
-        if len(self) > 60:
-            return f"<{len(self)} parameters>"
-        return "{" + ", ".join(f"{name!r}: {value:g}" for name, value in self.items()) + "}"
 
 
 class DAE(SymbolicMethods):
@@ -225,7 +196,7 @@ class DAE(SymbolicMethods):
         """
         from lmoc.numerics.options import RunOptions
 
-        _check_initial(initial or {})
+        check_initial(initial or {})
         keep = (keep,) if isinstance(keep, str) else keep
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
@@ -242,21 +213,23 @@ class DAE(SymbolicMethods):
 
             simulator = self._simulators.setdefault(id(reduced), Simulator(reduced))
 
-        def result(trajectory, complete: bool) -> Run:
-            said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *trajectory.notes))
+        def result(trajectory, broke_off: float | None = None) -> Run:
+            said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *report.diagnostics, *trajectory.notes))
             lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
             spent = {**self.timings, **clock.seconds}
             spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
-            return Run(reduced, trajectory, tuple(said), spent, complete)
+            return Run(reduced, trajectory, tuple(said), spent, broke_off)
 
         try:
             with self._busy, clock.stage("simulate"):
                 trajectory = simulator.run(values, options, inputs, initial, progress)
+        except ModelError as error:
+            raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
         except (SimulationError, RunInterrupted) as failure:
             if failure.partial is not None:
-                failure.partial = result(failure.partial, False)
+                failure.partial = result(failure.partial, failure.time)
             raise
-        return result(trajectory, True)
+        return result(trajectory)
 
     def check(self, listener: Callable[[str], None] | None = None) -> tuple[Diagnostic, ...]:
         """Look for a consistent start with the default values, where `simulate` would begin; returns all notes.
@@ -345,51 +318,9 @@ class DAE(SymbolicMethods):
             f"{len(self.reduced.states)} states>"
         )
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the scene, and what can be asked of it."""
+        from lmoc.report.page import named_lists
 
-def _check_initial(initial: Mapping[str, Value]) -> None:
-    """Start values must be finite numbers (E0621); whether the model has the names is seen later."""
-    report = Report()
-    for name, value in initial.items():
-        try:
-            fits = bool(np.isfinite(np.asarray(value, float)).all())
-        except (TypeError, ValueError):
-            fits = False
-        if not fits:
-            found = f"{value!r:.80}"
-            report.error("E0621", f"the start value of '{name}' does not fit", expected="a number", found=found)
-    report.check()
-
-
-def indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
-    """Parameter values by variable index; an array takes one value for all or one for each.
-
-    Raises
-    ------
-    ModelError
-        E0622 no such parameter, E0206 and E0210 a final or protected one, E0301 and E0621 a value that does not fit.
-    """
-    report, found = Report(), {}
-    for name, value in parameters.items():
-        variables = flat.find(name)
-        if variables is None or flat.kind[variables[0]] != Kind.PARAMETER:
-            what = "is not a parameter of" if variables is not None else "is not in"
-            hint = hint_for(flat, name, lambda b: b.kind == Kind.PARAMETER)
-            report.error("E0622", f"'{name}' {what} '{flat.name}'", hint=hint)
-            continue
-        block = flat.block_at(int(variables[0]))
-        if block.final or block.protected:
-            code, why = ("E0206", "final: its value follows from others") if block.final else ("E0210", "protected")
-            report.error(code, f"'{name}' is {why}", block.span)
-            continue
-        try:
-            numbers = np.broadcast_to(np.asarray(value, float).ravel(), len(variables))
-        except (TypeError, ValueError):
-            expected = "one number" if len(variables) == 1 else f"one number or {len(variables)}"
-            report.error("E0621", f"the value of '{name}' does not fit", expected=expected, found=f"{value!r:.80}")
-            continue
-        expected = other_type(block.quantity, numbers)
-        if expected:
-            report.error("E0301", f"'{name}' must be {expected}", block.span, found=f"{value!r:.80}")
-        found.update(zip(variables.tolist(), numbers.tolist(), strict=True))
-    report.check()
-    return found
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
+        return named_lists(repr(self).strip("<>"), names)

@@ -106,6 +106,18 @@ def test_run_tells_what_was_solved_and_where_it_ended(lmoc, scene):
         assert words in answer.out
 
 
+def test_states_are_preferred_where_it_matters_what_is_solved(lmoc):
+    model = ROOT / "models/notes/ex09_gear_pair_with_load.lmo"
+    asked = ["--states", "gear2.theta"]
+    assert "states    gear2.theta," in lmoc("run", model, *asked).out
+    assert "gear2.theta" not in json.loads(lmoc("run", model, "--json").out)["states"]
+    assert lmoc("check", model, *asked).code == 0
+    assert "gear2.theta" in lmoc("show", model, "--stage", "reduce", *asked).out.split("\n\n")[1]
+    for verb in ("run", "check"):
+        answer = lmoc(verb, model, "--states", "gear2.thet")
+        assert answer.code == 2 and "error[E0414]" in answer.err
+
+
 def test_run_as_json(lmoc, scene):
     data = json.loads(lmoc("run", scene, "--json", "--rtol", "1e-9").out)
     assert data["final"]["x"] == pytest.approx(0.5 * math.cos(2 * 3), abs=1e-7)
@@ -202,7 +214,7 @@ def test_an_interrupted_run_keeps_what_it_has(lmoc, scene, tmp_path, monkeypatch
     monkeypatch.setattr(Progress, "reached", interrupt)
     answer = lmoc("run", scene, "--stop", 1e4, "--points", 10001, "-o", "kept.csv")
     assert answer.code == 130 and "it was interrupted" in answer.err and "Traceback" not in answer.err
-    assert "where the run broke off" in answer.out
+    assert "before the run broke off at t = " in answer.out
     assert 100 <= len((tmp_path / "kept.csv").read_text().splitlines()) < 10001
 
 

@@ -34,6 +34,13 @@ def test_every_variable_can_be_asked_for(run):
         assert np.isfinite(run[name]).all(), name
 
 
+def test_what_is_no_name_is_refused(run):
+    with pytest.raises(TypeError, match="names of variables, .* not by 3"):
+        run[3]
+    with pytest.raises(KeyError):
+        lmoc.compile_text(SPRING).parameters[3]
+
+
 def test_states_can_be_asked_for_by_the_names_they_are_told_by(run):
     for name in run.states:
         assert run[name].shape == run.time.shape

@@ -192,6 +192,19 @@ def test_an_equilibrium_under_load_is_a_point_with_its_inputs():
         assert poles**2 == pytest.approx(model.A[1, 0] * np.ones(2))
 
 
+def test_a_run_gives_its_last_point_and_its_parameters():
+    dae = lmoc.compile_text(PENDULUM)
+    run = dae.simulate(times=[2.0, 3.0], parameters={"l": 0.8})
+    model = dae.linearize(at=run)
+    assert model.point["theta"] == run["theta"][-1]
+    expected = dae.linearize(at=dict(model.point), parameters={"l": 0.8})
+    assert np.array_equal(model.A, expected.A) and not np.array_equal(model.A, dae.linearize(at=dict(model.point)).A)
+    with pytest.raises(ModelError, match="a model in symbols"):
+        dae.linearize(at=run, symbolic=True)
+    with pytest.raises(TypeError, match="a time, {name: value}, an equilibrium or a run, not str"):
+        dae.linearize(at="rest")
+
+
 def test_a_time_counts_from_the_start_of_the_experiment():
     dae = lmoc.compile_text(PENDULUM)
     assert dae.linearize(at=2).point["theta"] == pytest.approx(0.3)

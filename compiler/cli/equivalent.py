@@ -25,7 +25,7 @@ def configure(parser: Parser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """The network alone need not be a scene that can move: it is flattened, and not reduced."""
-    from lmoc.dae import indexed
+    from lmoc.parameters import indexed
     from lmoc.pipeline import Clock, Scene, flatten, parse, read_source
     from lmoc.symbolic.equivalent import equivalent
 

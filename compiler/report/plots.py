@@ -117,7 +117,7 @@ def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]
 
 def _title(run: Run) -> str:
     text = run.flat.description or run.flat.name
-    return text + ("" if run.complete else f" (failed at t = {run.time[-1]:g} s)")
+    return text + ("" if run.complete else f" (failed at t = {run.broke_off:g} s)")
 
 
 def _has_ledger(run: Run) -> bool:

@@ -33,7 +33,7 @@ class Run:
     stats : {name: number or text}: solver, steps, evaluations, wall time of each stage
     notes : warnings and notes of the compilation and of this run
     events : records of switching and impacts
-    complete : False where the run failed before its end
+    broke_off : s, the time reached where the run failed before its end, behind the last of `time`; else None
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Run:
         trajectory: Trajectory,
         notes: Sequence[Diagnostic] = (),
         timings: Mapping[str, float] | None = None,
-        complete: bool = True,
+        broke_off: float | None = None,
     ):
         self.flat: FlatDAE = reduced.flat
         self.reduced = reduced
@@ -51,7 +51,12 @@ class Run:
         self.notes = tuple(notes)
         self.timings = dict(timings or {})
         self.events: tuple = tuple(trajectory.events)
-        self.complete = complete
+        self.broke_off = broke_off
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run has come to its end."""
+        return self.broke_off is None
 
     # ---------------------------------------------------------------------- variables
 
@@ -66,7 +71,11 @@ class Run:
         ------
         UnknownNameError
             A KeyError that names what may have been meant.
+        TypeError
+            What is asked for is no name.
         """
+        if not isinstance(name, str):
+            raise TypeError(f"a run is asked by names of variables, such as run['time'], not by {name!r:.40}")
         if name == "time":
             return self.time
         if name.startswith("der(") and name.endswith(")"):
@@ -221,8 +230,16 @@ class Run:
         return plot(self, names, path)
 
     def __repr__(self) -> str:
-        end = "" if self.complete else ", incomplete"
+        end = "" if self.complete else f", broke off at {self.broke_off:.6g} s"
         return f"<Run of {self.flat.name}: {len(self.time)} times from {self.time[0]:g} to {self.time[-1]:g} s{end}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the summary that `lmoc run` prints."""
+        from html import escape
+
+        from lmoc.report.summary import summary
+
+        return f"<pre>{escape(summary(self))}</pre>"
 
 
 def _members(block: Block) -> np.ndarray:

@@ -23,8 +23,7 @@ def summary(run: Run) -> str:
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
-    where = "" if run.complete else ", where the run broke off"
-    lines += ["", f"at t = {run.time[-1]:g} s{where}", *_table(final_rows(run))]
+    lines += ["", f"at t = {run.time[-1]:g} s{_broke_off(run)}", *_table(final_rows(run))]
     return "\n".join(lines)
 
 
@@ -35,6 +34,7 @@ def as_data(run: Run) -> dict[str, Any]:
         "model": run.flat.name,
         "description": run.flat.description,
         "complete": run.complete,
+        "broke_off": run.broke_off,
         "counts": run.reduced.counts,
         "states": run.states,
         "outputs": run.outputs,
@@ -91,6 +91,15 @@ def stages(counts: Mapping[str, int]) -> list[tuple[str, int]]:
 def counted(n: int, things: str) -> str:
     """``1 part``, ``2 parts``."""
     return f"{_number(n)} {things.removesuffix('s') if n == 1 else things}"
+
+
+def _broke_off(run: Run) -> str:
+    """How the last output time and the end of a run that failed belong together."""
+    if run.complete:
+        return ""
+    if f"{run.broke_off:g}" == f"{run.time[-1]:g}":
+        return ", where the run broke off"
+    return f", the last output time before the run broke off at t = {run.broke_off:.6g} s"
 
 
 def _states(run: Run) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from lmoc.diagnostics import Diagnostic, ModelError, nearest
@@ -12,11 +13,13 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
+    from lmoc.report.run import Run
     from lmoc.structure.reduced import Reduced
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria, Equilibrium
     from lmoc.symbolic.equivalent import Equivalent
     from lmoc.symbolic.linearize import LinearModel
+    from lmoc.symbolic.numeric import NumericSystem
     from lmoc.symbolic.system import SymbolicSystem
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
 
@@ -66,7 +69,7 @@ class SymbolicMethods:
 
     def linearize(
         self,
-        at: float | Point | None = None,
+        at: float | Point | Run | None = None,
         symbolic: bool = False,
         inputs: Point | None = None,
         outputs: Sequence[str] | None = None,
@@ -76,8 +79,8 @@ class SymbolicMethods:
 
         Parameters
         ----------
-        at : where: a time of the default run, a point {name: value} of states (an `Equilibrium` is one) and inputs;
-            by default the equilibrium
+        at : where: a time of the default run, a point {name: value} of states (an `Equilibrium` is one) and inputs, or
+            a `Run`, for its last point with its parameter values; by default the equilibrium
         symbolic : matrices in symbols; otherwise in numbers, for a scene of any size
         inputs : constant values of the inputs at the equilibrium, {name: value}
         outputs : names of variables; by default the scene's outputs, else its states
@@ -87,22 +90,27 @@ class SymbolicMethods:
         ModelError
             E0660, E0661 as above, E0662 a parameter without a value, E0663 several equilibria or none to choose.
         """
+        _check_place(at)
         if symbolic:
             return self._linearize_in_symbols(at, inputs or {}, outputs, parameters)
         from lmoc.symbolic.numeric import NumericSystem, linearize_numerically, variable
 
         scene, reduced, values, _ = self.prepared(parameters or {})
+        if _is_run(at) and not parameters:
+            reduced, values = at.reduced, at.trajectory.observer.values
         shown = list(outputs if outputs is not None else scene.outputs or reduced.state_names)
         for name in outputs or ():
             _check_output(reduced, name)
         system = NumericSystem(reduced, values, [variable(reduced, name) for name in shown])
-        time = float(at) if isinstance(at, (int, float)) else 0.0
+        time = float(at) if isinstance(at, Real) else float(at.time[-1]) if _is_run(at) else 0.0
         point = self._numeric_point(system, at, inputs or {}, parameters)
         return linearize_numerically(reduced, values, point, shown, time, system)
 
     def _numeric_point(self, system, at, inputs: Point, parameters: Point | None) -> dict[str, float]:
-        if isinstance(at, (int, float)):
+        if isinstance(at, Real):
             return self._moment(system, float(at), inputs, parameters)
+        if _is_run(at):
+            return _last_point(at, system, inputs)
         given = _with_inputs(at, inputs)
         _check_names(given, (*system.states, *system.inputs))
         if at is not None:
@@ -124,11 +132,7 @@ class SymbolicMethods:
         if time < start:
             message = f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about"
             raise ModelError([Diagnostic("E0663", message)])
-        if inputs:
-            hint = "leave the values of the inputs out, or say where by a point {state: value}"
-            raise ModelError([Diagnostic("E0663", "at a time of the run its own inputs act", hint=hint)])
-        run = self.simulate(times=sorted({start, time}), parameters=parameters)
-        return {name: float(run[name][-1]) for name in (*system.states, *system.inputs)}
+        return _last_point(self.simulate(times=sorted({start, time}), parameters=parameters), system, inputs)
 
     def _numbers(self, point: Point, parameters: Point | None = None) -> dict[str, float]:
         """Expressions in parameters as numbers."""
@@ -151,7 +155,7 @@ class SymbolicMethods:
         system = self.symbolic(tuple(outputs or ()), parameters)
         if outputs is not None:
             system = replace(system, outputs={name: system.variables[name] for name in outputs})
-        if isinstance(at, (int, float)):
+        if isinstance(at, Real) or _is_run(at):
             raise ModelError(
                 [Diagnostic("E0663", "a point of a run has numbers: a model in symbols needs an equilibrium or names")]
             )
@@ -200,6 +204,27 @@ class SymbolicMethods:
 
         scene, _, values, _ = self.prepared(parameters or {})
         return equivalent(scene.flat, values, port, other)
+
+
+def _is_run(at: object) -> bool:
+    from lmoc.numerics.observe import Trajectory
+
+    return isinstance(getattr(at, "trajectory", None), Trajectory)
+
+
+def _check_place(at: object) -> None:
+    """Refuse what is no place to be linear about."""
+    if not (at is None or isinstance(at, Real | Mapping) or _is_run(at)):
+        expected = "a time, {name: value}, an equilibrium or a run"
+        raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
+
+
+def _last_point(run: Run, system: NumericSystem, inputs: Point) -> dict[str, float]:
+    """States and inputs at the end of a run."""
+    if inputs:
+        hint = "leave the values of the inputs out, or say where by a point {state: value}"
+        raise ModelError([Diagnostic("E0663", "at a time of the run its own inputs act", hint=hint)])
+    return {name: float(run[name][-1]) for name in (*system.states, *system.inputs)}
 
 
 def _with_inputs(at: Point | None, inputs: Point) -> dict[str, Any]:

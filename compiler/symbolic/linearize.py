@@ -196,6 +196,16 @@ class LinearModel:
         blocks["y0"] = self.output_values
         return blocks | {key: np.array(value, str) for key, value in names.items()}
 
+    def __repr__(self) -> str:
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        sizes = ", ".join(f"{len(v)} {what[:-1] if len(v) == 1 else what}" for what, v in names.items())
+        return f"<LinearModel: {sizes}; {'in symbols' if self.symbolic else self.stability}>"
+
+    def _repr_html_(self) -> str:
+        from lmoc.symbolic.notebook import linear_model
+
+        return linear_model(self)
+
     def save(self, path: str | Path) -> None:
         """Write the `arrays` into a file, .mat (MATLAB, names as cell arrays) or .npz.
 
