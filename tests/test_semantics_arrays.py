@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from flattening import codes, equations, flat, sums, value
 
-from lmoc.semantics import builtins, translate
+from lmoc.semantics import builtins, constructors
 from lmoc.semantics import equations as equation_module
 
 
 @pytest.fixture
 def short_is_long(monkeypatch):
     """Every loop and array constructor takes the way of the long ones."""
-    for module in (translate, equation_module, builtins):
+    for module in (constructors, equation_module, builtins):
         monkeypatch.setattr(module, "LARGE", 0)
 
 

@@ -5,7 +5,7 @@ from flattening import codes, equations, flat, value
 
 import lmoc
 from lmoc.diagnostics import ModelError
-from lmoc.semantics import builtins, translate
+from lmoc.semantics import builtins, constructors
 from lmoc.semantics import equations as equation_module
 
 COMPUTED = """
@@ -31,7 +31,7 @@ end A;
 def either_way(request, monkeypatch):
     """Loops are unrolled, and loops are one group."""
     if request.param:
-        for module in (translate, equation_module, builtins):
+        for module in (constructors, equation_module, builtins):
             monkeypatch.setattr(module, "LARGE", 0)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flattening import attribute, codes, equations, flat, mistakes, value
 
-from lmoc.semantics import builtins, translate
+from lmoc.semantics import builtins, constructors
 from lmoc.semantics import equations as equation_module
 from lmoc.semantics.flat import Kind, StateSelect
 
@@ -30,7 +30,7 @@ def test_if_equations_that_differ_within_an_array() -> None:
 
 
 def test_if_equations_in_long_loops(monkeypatch) -> None:
-    for module in (translate, equation_module, builtins):
+    for module in (constructors, equation_module, builtins):
         monkeypatch.setattr(module, "LARGE", 0)
     dae = flat(
         """model A parameter Integer n = 6; Real x[n];

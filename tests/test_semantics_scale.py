@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from flattening import equations, flatten_text, sums
 
-from lmoc.semantics import builtins, translate
+from lmoc.semantics import builtins, constructors
 from lmoc.semantics import equations as equation_module
 
 BENCH = sorted((Path(__file__).parents[1] / "models" / "bench").glob("*.lmo"))
 
 
 def flattened(path: Path, n: int, monkeypatch, long: int):
-    for module in (translate, equation_module, builtins):
+    for module in (constructors, equation_module, builtins):
         monkeypatch.setattr(module, "LARGE", long)
     return flatten_text(path.read_text(encoding="utf-8"), None, {"N": 10 * n})
 

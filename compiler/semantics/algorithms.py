@@ -11,9 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lmoc.diagnostics import Label, nearest
+from lmoc.semantics.constructors import iteration
 from lmoc.semantics.context import Context
 from lmoc.semantics.scope import Member, Scope
-from lmoc.semantics.translate import choose, iteration, sizes_differ, warn_kink
+from lmoc.semantics.translate import choose, sizes_differ, warn_kink
 from lmoc.semantics.value import Value, number, stack
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.source import Span

@@ -9,21 +9,11 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
+from lmoc.semantics.constructors import LARGE, column_of_numbers, comprehension, join
 from lmoc.semantics.context import Context
 from lmoc.semantics.instance import Node
 from lmoc.semantics.reference import find_start, locate
-from lmoc.semantics.translate import (
-    LARGE,
-    changes,
-    choose,
-    column_of_numbers,
-    comprehension,
-    join,
-    matrix_product,
-    need_number,
-    sizes_differ,
-    warn_kink,
-)
+from lmoc.semantics.translate import changes, choose, matrix_product, need_number, sizes_differ, warn_kink
 from lmoc.semantics.value import Value, common_type, number, stack, text
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lmoc.diagnostics import Label, Report, nearest
-from lmoc.semantics.scope import Builtin, Member, Scope
+from lmoc.semantics.predefined import Builtin
+from lmoc.semantics.scope import Member, Scope
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 from lmoc.syntax import tree

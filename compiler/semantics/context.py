@@ -108,7 +108,7 @@ class Context:
             if not leaf.variable.known or order:
                 name = leaf.variable.label
                 raise Wrong("E0211", f"{what} must be known when compiling, but depends on '{name}'", span)
-            return self.model.numbers(leaf.variable)[leaf.index]
+            return self.model.known.numbers(leaf.variable)[leaf.index]
 
         result = self.arrays.numbers(value, column)
         if np.any(np.isnan(result)):

@@ -10,9 +10,10 @@ from lmoc.distinct import distinct
 from lmoc.expression import dag
 from lmoc.semantics.context import Context
 from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
-from lmoc.semantics.elaboration import Elaboration, at_events_only
+from lmoc.semantics.elaboration import Elaboration
 from lmoc.semantics.flat import Kind, StateSelect
 from lmoc.semantics.instance import Variable
+from lmoc.semantics.known import at_events_only
 from lmoc.semantics.modification import Binding
 from lmoc.semantics.rows import positions
 from lmoc.semantics.value import Value
@@ -27,7 +28,7 @@ def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
         return
     if variable.value is not None:
         if not _guarded(model, lambda: _value(model, drafts, variable, variable.value)):
-            model.undetermined.add(variable)
+            model.known.undetermined.add(variable)
     elif variable.kind == Kind.CONSTANT:
         model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
     for name, binding in variable.attributes.items():
@@ -39,7 +40,7 @@ def _check_text(model: Elaboration, variable: Variable) -> None:
     binding = variable.value
     if binding is None or binding.scope is None:
         return
-    value = model.binding_value(binding)[1]
+    value = model.known.binding(binding)[1]
     if value.type != "String":
         raise Wrong("E0301", f"the value of '{variable.label}' must be of type String", binding_span(binding),
                     expected="String", found=value.type)  # fmt: skip
@@ -94,7 +95,7 @@ def _rows(
     if binding.scope is None:
         yield _numbers_row(variable, binding)
         return
-    context, value = model.binding_value(binding)
+    context, value = model.known.binding(binding)
     expected = type_ or variable.type.name
     if value.type != expected and (expected, value.type) != ("Real", "Integer"):
         raise Wrong("E0301", f"the value of '{variable.label}' must be of type {expected}", binding_span(binding),

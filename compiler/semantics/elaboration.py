@@ -5,7 +5,7 @@ Children are made when first asked for, because dimensions and conditions use ot
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import prod
 from typing import TYPE_CHECKING
 
@@ -16,11 +16,13 @@ from lmoc.semantics import modification as mods
 from lmoc.semantics.context import Context
 from lmoc.semantics.flat import Kind
 from lmoc.semantics.instance import Absent, Broken, Instance, Node, Variable
+from lmoc.semantics.known import ElementValues, KnownValues, at_events_only
 from lmoc.semantics.modification import Binding, Modifier
-from lmoc.semantics.overrides import element_positions, other_type
+from lmoc.semantics.predefined import Builtin
 from lmoc.semantics.records import record_fields
-from lmoc.semantics.scope import Builtin, Member, Resolved, Scope, redeclared_class, resolve
-from lmoc.semantics.value import Value, from_numbers
+from lmoc.semantics.resolve import Resolved, resolve
+from lmoc.semantics.scope import Member, Scope, redeclared_class
+from lmoc.semantics.value import Value
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.source import Span
 from lmoc.syntax import tree
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from lmoc.semantics.long_sums import LongSums
 
 ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
-ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
 PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})
 
 
@@ -39,25 +40,19 @@ class Elaboration:
     Attributes
     ----------
     root : the model
-    elements : values that the caller gave to single elements of arrays
     long_sums : sums that get a variable of their own
+    known : numbers that shape the model
     said : places warned of already
-    undetermined : variables of whose values it has been said that they are wrong
     """
 
     def __init__(self, root: Instance, report: Report, elements: ElementValues, long_sums: LongSums):
         self.root = root
-        self.elements = elements
         self.long_sums = long_sums
         self.report = report
+        self.known = KnownValues(self, elements)
         self._open: set[tuple[int, str]] = set()
-        self._numbers: dict[Variable, np.ndarray] = {}
-        self._evaluating: list[Variable] = []
-        self._constants: dict[int, Value] = {}
         self._short_modifiers: dict[tuple[int, int], Modifier] = {}
-        self._open_constants: list[tree.Expression] = []
         self.said: set[tuple[str, int, int]] = set()
-        self.undetermined: set[Variable] = set()
 
     # ----------------------------------------------------------------------- children
 
@@ -213,7 +208,7 @@ class Elaboration:
     def _size_of_binding(self, component: tree.Component, binding: Binding | None, axis: int) -> int:
         if binding is None:
             raise Wrong("E0212", f"the size of '{component.name}' is open: it needs a value", component.span)
-        dims = self.binding_value(binding)[1].dims if binding.node else np.shape(binding.expression)
+        dims = self.known.binding(binding)[1].dims if binding.node else np.shape(binding.expression)
         at = axis + sum(not a for a in binding.alike)
         if at >= len(dims):
             raise Wrong("E0302", f"'{component.name}' needs an array as value", binding.span)
@@ -274,91 +269,6 @@ class Elaboration:
             component.name, instance, dims, component, member.scope, member.protected, cls, cls.kind, modifier
         )
 
-    # ---------------------------------------------------------------------- known numbers
-
-    def numbers(self, variable: Variable) -> np.ndarray:
-        """The values of a parameter or constant, needed to shape the flat model: one for each of its elements."""
-        found = self._numbers.get(variable)
-        if found is not None:
-            return found
-        if variable in self._evaluating:
-            cycle = self._evaluating[self._evaluating.index(variable) :] + [variable]
-            raise Wrong(
-                "E0207", f"the value of '{variable.label}' depends on itself", variable.span,
-                found=" → ".join(v.label for v in cycle),
-            )  # fmt: skip
-        if variable in self.undetermined:
-            raise Wrong()
-        if variable.value is None:
-            raise Wrong(
-                "E0212",
-                f"'{variable.label}' decides about the structure of the model and needs a value",
-                variable.name_span,
-            )
-        self._evaluating.append(variable)
-        try:
-            found = self._evaluate(variable, variable.value)
-        except Wrong as wrong:
-            if variable.computed and wrong.code == "E0211":
-                raise at_events_only(variable, found="a value that changes") from None
-            raise
-        finally:
-            self._evaluating.pop()
-        variable.structural = variable.kind == Kind.PARAMETER
-        self._numbers[variable] = found
-        return found
-
-    def _evaluate(self, variable: Variable, binding: Binding) -> np.ndarray:
-        if binding.node is None and binding.scope is None:
-            numbers = np.asarray(binding.expression, float)
-            if numbers.shape not in ((), variable.total) or other_type(variable.type.name, numbers):
-                raise Wrong()  # reported with the values from outside
-            return np.broadcast_to(numbers, variable.total).ravel()
-        context, value = self.binding_value(binding)
-        numbers = np.asarray(context.known(value, binding.span, f"the value of '{variable.label}'"), float)
-        rank = context.space.rank
-        extra = variable.total[rank:]
-        alike = (*binding.alike, *(False,) * (len(extra) - len(binding.alike)))
-        open_axes = tuple(n for n, same in zip(extra, alike) if not same)
-        if value.dims not in ((), open_axes):
-            raise Wrong()  # reported with the declaration
-        numbers = numbers.reshape(numbers.shape + (1,) * (rank + len(value.dims) - numbers.ndim))
-        if value.dims:
-            at = tuple(np.newaxis if a else slice(None) for a in alike)
-            numbers = numbers[(slice(None),) * rank + at]
-        else:
-            numbers = numbers.reshape(numbers.shape + (1,) * len(extra))
-        found = np.broadcast_to(numbers, variable.total).ravel()
-        for subscripts, value in self.elements.get(tuple(n for n, _ in variable.path), ()):
-            where = element_positions(variable, subscripts)
-            if where is not None:
-                found = found.copy()
-                found[where] = value
-        return found
-
-    def binding_value(self, binding: Binding) -> tuple[Context, Value]:
-        """The meaning of a binding where it is written."""
-        context = Context(self, binding.node, binding.scope)
-        return context, context.value(binding.expression)
-
-    def constant(self, component: tree.Component, expression: tree.Expression, scope: Scope) -> Value:
-        """The value of a constant of a class, as numbers."""
-        found = self._constants.get(id(expression))
-        if found is None:
-            if any(expression is e for e in self._open_constants):
-                raise Wrong("E0207", f"the constant '{component.name}' depends on itself", component.span)
-            self._open_constants.append(expression)
-            try:
-                context = Context(self, None, scope)
-                value = context.value(expression)
-                if value.type != "String":
-                    numbers = context.alike(value, expression.span, f"the constant '{component.name}'")
-                    value = from_numbers(numbers, value.type)
-            finally:
-                self._open_constants.pop()
-            found = self._constants[id(expression)] = value
-        return found
-
     # ------------------------------------------------------------------------- messages
 
     def say_once(self, code: str, message: str, span, **more) -> None:
@@ -372,12 +282,6 @@ class Elaboration:
         first = key not in self.said
         self.said.add(key)
         return first
-
-
-def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:
-    """What to say of a variable that only an event could change."""
-    message = f"'{variable.name}' changes at events only, and events are not available yet"
-    return Wrong("E0230", message, variable.span, hint=hint, found=found)
 
 
 def _elements_hint(table: Mapping[str, object]) -> str:

@@ -9,13 +9,14 @@ import numpy as np
 
 from lmoc.diagnostics import nearest
 from lmoc.semantics.builtins import EVENTS
+from lmoc.semantics.constructors import LARGE, iteration
 from lmoc.semantics.context import Context
 from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.functions import call_all
 from lmoc.semantics.instance import Instance, Node, Variable
 from lmoc.semantics.records import field_of
 from lmoc.semantics.reference import element_index, find_start, locate, unknown_name
-from lmoc.semantics.translate import LARGE, MAX_UNROLLED, changes, dims_text, iteration, sizes_differ
+from lmoc.semantics.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
 from lmoc.semantics.value import Value, number
 from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong
 from lmoc.syntax import tree

@@ -9,8 +9,10 @@ from lmoc.diagnostics import nearest
 from lmoc.semantics.algorithms import Algorithm, LocalVariable
 from lmoc.semantics.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.context import Context, translates
+from lmoc.semantics.predefined import Builtin
 from lmoc.semantics.records import argument_fields, leaf_fields
-from lmoc.semantics.scope import Builtin, Member, Scope, resolve
+from lmoc.semantics.resolve import resolve
+from lmoc.semantics.scope import Member, Scope
 from lmoc.semantics.translate import dims_text
 from lmoc.semantics.unit_check import has_unit
 from lmoc.semantics.value import Arrays, Value

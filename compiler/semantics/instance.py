@@ -10,7 +10,8 @@ from math import prod
 
 from lmoc.semantics.flat import Kind, StateSelect
 from lmoc.semantics.modification import NOTHING, Binding, Modifier
-from lmoc.semantics.scope import Builtin, Scope
+from lmoc.semantics.predefined import Builtin
+from lmoc.semantics.scope import Scope
 from lmoc.source import Span
 from lmoc.syntax import tree
 

@@ -12,8 +12,8 @@ from lmoc.semantics.draft import Drafts, equality
 from lmoc.semantics.flat import Kind, Sums
 from lmoc.semantics.instance import Variable
 from lmoc.semantics.modification import NOTHING
+from lmoc.semantics.predefined import BUILTINS
 from lmoc.semantics.rows import align, positions
-from lmoc.semantics.scope import BUILTINS
 from lmoc.semantics.value import Value
 from lmoc.source import Span
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from lmoc.diagnostics import nearest
 from lmoc.semantics.modification import Modifier
-from lmoc.semantics.scope import Builtin, Member, Scope
+from lmoc.semantics.predefined import Builtin
+from lmoc.semantics.scope import Member, Scope
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 

@@ -10,8 +10,10 @@ from lmoc.diagnostics import nearest
 from lmoc.expression.dag import TIME
 from lmoc.semantics.context import Context, translates
 from lmoc.semantics.instance import Absent, Broken, Instance, Node, Variable
+from lmoc.semantics.predefined import ENUMERATIONS, Builtin
+from lmoc.semantics.resolve import resolve
 from lmoc.semantics.rows import Index, align, positions
-from lmoc.semantics.scope import ENUMERATIONS, Builtin, Member, Scope, resolve
+from lmoc.semantics.scope import Member, Scope
 from lmoc.semantics.value import Value, number, stack
 from lmoc.semantics.wrong import NotAlike, Wrong
 from lmoc.source import Span
@@ -237,7 +239,7 @@ def located_value(context: Context, located: Located, span: Span) -> Value:
 def _string(context: Context, node: Variable, span: Span) -> Value:
     if node.value is None or node.value.scope is None:
         raise Wrong("E0212", f"the string '{node.name}' has no value", span)
-    return context.model.binding_value(node.value)[1]
+    return context.model.known.binding(node.value)[1]
 
 
 # --------------------------------------------------------------------------- in packages
@@ -286,7 +288,7 @@ def _member_value(context: Context, member: Member, part: tree.RefPart) -> Value
         if isinstance(argument, tree.ElementModification) and argument.modification and argument.modification.value:
             expression, scope = argument.modification.value, where
             break
-    return context.model.constant(component, expression, scope)
+    return context.model.known.constant(component, expression, scope)
 
 
 # --------------------------------------------------------------------- subscripts of values

@@ -11,27 +11,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from lmoc.diagnostics import Label, Report, nearest
+from lmoc.semantics.predefined import BUILTINS, FOREIGN_TYPES, Builtin
+from lmoc.semantics.resolve import Resolved, resolve
 from lmoc.semantics.wrong import Wrong
 from lmoc.source import Span
 from lmoc.syntax import tree
-
-ENUMERATIONS = {
-    "StateSelect": ("never", "avoid", "default", "prefer", "always"),
-    "AssertionLevel": ("error", "warning"),
-}
-
-
-@dataclass(frozen=True)
-class Builtin:
-    """A predefined type: Real, Integer, Boolean, String, or an enumeration."""
-
-    name: str
-    literals: tuple[str, ...] = ()
-
-
-# what other languages call the predefined types
-FOREIGN_TYPES = {"int": "Integer", "bool": "Boolean", "str": "String", "string": "String"}
-FOREIGN_TYPES |= dict.fromkeys(("float", "double", "real", "number", "var", "let"), "Real")
 
 # the kinds of classes that a kind can extend, where it is not only its own (7.1.3)
 BASES = {
@@ -40,9 +24,6 @@ BASES = {
     "block": ("block", "class", "record"),
     "connector": ("connector", "record", "type"),
 }
-
-BUILTINS: dict[str, Builtin] = {name: Builtin(name) for name in ("Real", "Integer", "Boolean", "String")}
-BUILTINS |= {name: Builtin(name, literals) for name, literals in ENUMERATIONS.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,54 +368,3 @@ def by_name(modification: tree.Modification | None) -> dict[str, list]:
         name = argument.name[0] if isinstance(argument, tree.ElementModification) else argument.element.name
         result.setdefault(name, []).append(argument)
     return result
-
-
-@dataclass(frozen=True)
-class Resolved:
-    """A type name followed through short class definitions.
-
-    Attributes
-    ----------
-    base : the class with elements, or the predefined type, at the end
-    steps : the short definitions passed, the outermost first, each with the scope its names are looked up in
-    """
-
-    base: Scope | Builtin
-    steps: tuple[tuple[tree.ShortClass, Scope], ...]
-    name: str
-    kind: str
-
-
-def resolve(found: Scope | Builtin) -> Resolved:
-    """Follow ``type A = B(...)``, ``connector RealInput = input Real`` and ``type T extends Real`` to the end."""
-    steps: list[tuple[tree.ShortClass, Scope]] = []
-    name = found.name
-    kind = found.kind if isinstance(found, Scope) else "type"
-    seen: set[int] = set()
-    while isinstance(found, Scope):
-        definition = found.definition
-        if id(found) in seen:
-            raise Wrong("E0208", f"'{found.full_name}' is defined by itself", definition.name_span)
-        seen.add(id(found))
-        if definition is not None and definition.literals is not None:
-            twice = next((t for k, t in enumerate(definition.literals) if t in definition.literals[:k]), None)
-            if twice is not None:
-                raise Wrong("E0204", f"the literal '{twice}' stands in '{name}' twice", definition.name_span)
-            return Resolved(Builtin(found.full_name, definition.literals), tuple(steps), name, kind)
-        if definition is not None and definition.short is not None:
-            steps.append((definition.short, found.parent))
-            found = found.parent.find_class(definition.short.base)
-            continue
-        extended = _extended_builtin(found)
-        if extended is None:
-            break
-        clause, builtin = extended
-        steps.append((tree.ShortClass(clause.base, (), clause.modification, "", clause.span), found))
-        found = builtin
-    return Resolved(found, tuple(steps), name, kind)
-
-
-def _extended_builtin(scope: Scope) -> tuple[tree.Extends, Builtin] | None:
-    if scope.definition is None or scope.kind not in ("type", "connector"):
-        return None
-    return next(((c, b.base) for c, b in scope.bases if isinstance(b.base, Builtin)), None)

@@ -10,24 +10,8 @@ from typing import Any
 from lmoc.diagnostics import Label
 from lmoc.source import Span
 from lmoc.syntax import tree
-from lmoc.syntax.equations import EquationActions
 from lmoc.syntax.expressions import Comment, Subscripts, Word
-
-# Prefixes in the order in which they stand.
-_ORDER = (
-    "redeclare each final inner outer replaceable encapsulated partial "
-    "flow stream discrete parameter constant input output"
-).split()
-_EXCLUSIVE = ({"parameter", "constant", "discrete"}, {"input", "output"}, {"flow", "stream"})
-_OF_CLASSES = {"encapsulated", "partial"}
-_OF_COMPONENTS = {"flow", "stream", "discrete", "parameter", "constant", "input", "output"}
-_UNSUPPORTED = {
-    "stream": "'stream' variables describe flowing media, lmo has none",
-    "expandable": "expandable connectors are not part of lmo",
-    "operator": "operator records and functions are not part of lmo",
-    "pure": "every function of lmo is pure: leave the word out",
-    "impure": "a function of lmo has no effects besides its results",
-}
+from lmoc.syntax.prefixes import EXCLUSIVE, OF_CLASSES, OF_COMPONENTS, PrefixActions
 
 
 class Condition(tuple):
@@ -53,7 +37,7 @@ def _flat(items: list) -> Iterator:
             yield item
 
 
-class Actions(EquationActions):
+class Actions(PrefixActions):
     """All rules of the grammar."""
 
     # ------------------------------------------------------------- file
@@ -66,44 +50,6 @@ class Actions(EquationActions):
     def within(self, v: list, start: int, end: int) -> tuple[str, ...]:
         return tuple([n.text for n in v[0]]) if v else ()
 
-    # ----------------------------------------------------------- prefixes
-
-    def prefix(self, v: list, start: int, end: int) -> Word:
-        return Word(v[0], start, end)
-
-    argument_prefix = prefix
-
-    def prefixes(self, v: list, start: int, end: int) -> dict[str, Word]:
-        found: dict[str, Word] = {}
-        for prefix in v:
-            self._check_prefix(prefix, found)
-            found[prefix.text] = prefix
-        return found
-
-    argument_prefixes = prefixes
-
-    def _check_prefix(self, prefix: Word, before: dict[str, Word]) -> None:
-        text, place = prefix.text, self.span(prefix.start, prefix.end)
-        if text in _UNSUPPORTED:
-            self.report.error("E0116", _UNSUPPORTED[text], place)
-            return
-        if text in before:
-            self.report.error("E0113", f"'{text}' stands here twice", place)
-            return
-        for group in _EXCLUSIVE:
-            for other in group & before.keys() - {text}:
-                if text in group:
-                    self.report.error("E0113", f"'{other}' and '{text}' exclude each other", place)
-                    return
-        later = [other for other in before if other in _ORDER and _ORDER.index(other) > _ORDER.index(text)]
-        if later:
-            self.report.error("E0113", f"'{text}' stands before '{later[0]}'", place, hint=f"write '{text} {later[0]}'")
-
-    def _refuse(self, prefixes: dict[str, Word], wrong: set[str], what: str) -> None:
-        for text, prefix in prefixes.items():
-            if text in wrong:
-                self.report.error("E0113", f"{what} cannot be '{text}'", self.span(prefix.start, prefix.end))
-
     # ------------------------------------------------------------- classes
 
     def class_kind(self, v: list, start: int, end: int) -> Word:
@@ -111,7 +57,7 @@ class Actions(EquationActions):
 
     def class_definition(self, v: list, start: int, end: int) -> tree.Class:
         prefixes, kind, body = v[:3]
-        self._refuse(prefixes, _OF_COMPONENTS, f"a {kind.text}")
+        self._refuse(prefixes, OF_COMPONENTS, f"a {kind.text}")
         return self._class(prefixes, kind.text, body, _first(v[3:], Constraint), start, end)
 
     def _class(
@@ -310,7 +256,7 @@ class Actions(EquationActions):
 
     def component_clause(self, v: list, start: int, end: int) -> list[tree.Component]:
         prefixes, type_name, *rest = v
-        self._refuse(prefixes, _OF_CLASSES, "a component")
+        self._refuse(prefixes, OF_CLASSES, "a component")
         dimensions = tuple(_first(rest, Subscripts) or ())
         constraint = _first(rest, Constraint)
         place = self.span(start, end)
@@ -339,8 +285,8 @@ class Actions(EquationActions):
             description=declaration.comment.description or (constraint.comment.description if constraint else ""),
             annotation=declaration.comment.annotation or (constraint.comment.annotation if constraint else None),
             flow="flow" in prefixes,
-            variability=next((p for p in prefixes if p in _EXCLUSIVE[0]), ""),
-            causality=next((p for p in prefixes if p in _EXCLUSIVE[1]), ""),
+            variability=next((p for p in prefixes if p in EXCLUSIVE[0]), ""),
+            causality=next((p for p in prefixes if p in EXCLUSIVE[1]), ""),
             inner="inner" in prefixes,
             outer="outer" in prefixes,
             final="final" in prefixes,
@@ -376,7 +322,7 @@ class Actions(EquationActions):
 
     def redeclared_component(self, v: list, start: int, end: int) -> tree.Redeclaration:
         prefixes, type_name, *rest = v
-        self._refuse(prefixes, _OF_CLASSES, "a component")
+        self._refuse(prefixes, OF_CLASSES, "a component")
         self._need_redeclare(prefixes, start, end)
         dimensions = tuple(_first(rest, Subscripts) or ())
         place = self.span(start, end)
@@ -387,7 +333,7 @@ class Actions(EquationActions):
 
     def redeclared_class(self, v: list, start: int, end: int) -> tree.Redeclaration:
         prefixes, kind, body = v[:3]
-        self._refuse(prefixes, _OF_COMPONENTS, f"a {kind.text}")
+        self._refuse(prefixes, OF_COMPONENTS, f"a {kind.text}")
         self._need_redeclare(prefixes, start, end)
         definition = self._class(prefixes, kind.text, body, _first(v[3:], Constraint), start, end)
         return tree.Redeclaration(definition, "each" in prefixes, "final" in prefixes, self.span(start, end))
