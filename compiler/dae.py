@@ -16,7 +16,7 @@ from lmoc.parameters import Parameters, Value, check_initial, indexed
 from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names
 from lmoc.semantics.flat import FlatDAE, Kind
-from lmoc.semantics.parameter_checks import check_parameters
+from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
 from lmoc.source import Source
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.interface import SymbolicMethods
@@ -141,7 +141,9 @@ class DAE(SymbolicMethods):
     @property
     def notes(self) -> tuple[Diagnostic, ...]:
         """Warnings and notes of the compilation."""
-        return tuple(dict.fromkeys((*self.flat.notes, *self.reduced.notes)))
+        report = Report()
+        warn_of_lost(self.flat, self.values, report)
+        return tuple(dict.fromkeys((*self.flat.notes, *self.reduced.notes, *report.diagnostics)))
 
     # -------------------------------------------------------------------- simulation
 

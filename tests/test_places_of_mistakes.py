@@ -82,7 +82,9 @@ end Loop;
 
 @pytest.mark.parametrize(("value", "shown"), [("1/0", "inf"), ("1/b", "inf"), ("sqrt(b - 1)", "nan"), ("b/0", "nan")])
 def test_a_parameter_that_loses_its_value_is_warned_of(value, shown):
-    (found,) = lmoc.compile_text(HANGING.format(value, 2)).check()
+    dae = lmoc.compile_text(HANGING.format(value, 2))
+    (found,) = dae.check()
+    assert dae.notes == (found,)
     assert found.code == "W0537" and found.message == f"a has no finite value ({shown})"
     assert found.span.line == 3 and found.span.text == value
 

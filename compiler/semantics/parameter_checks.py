@@ -38,12 +38,11 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
 
 def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
     """A binding without a finite value, though everything in it has one: 1/0, the root of a negative number."""
-    lost = ~np.isfinite(values)
-    for binding in flat.bindings:
-        own = lost[binding.target] & (flat.kind[binding.target] <= Kind.PARAMETER)
-        if binding.numbers is not None or not own.any():
+    lost = ~np.isfinite(values) & (flat.kind <= Kind.PARAMETER)
+    for binding in flat.bindings if lost.any() else ():
+        if binding.numbers is not None:
             continue
-        rows = np.flatnonzero(own & ~lost[binding.slots].any(axis=1))
+        rows = np.flatnonzero(lost[binding.target] & ~lost[binding.slots].any(axis=1))
         if len(rows):
             variable = int(binding.target[rows[0]])
             name, value = flat.variable_name(variable), values[variable]
