@@ -156,7 +156,7 @@ def straight_rows(system: StartSystem, x: np.ndarray) -> np.ndarray:
     rows, _, values = system.evaluate(x)[1]
     straight = np.ones(len(system.value), bool)
     largest = np.zeros(len(system.value))
-    np.maximum.at(largest, rows, np.abs(values))
+    np.fmax.at(largest, rows, np.abs(values))
     for k in range(2):
         change = system.evaluate(x + (1.0 + np.abs(x)) * _direction(len(x), len(_AWAY) + k))[1][2] - values
         straight[rows[~(np.isfinite(change) & (np.abs(change) <= _UNCHANGED * largest[rows]))]] = False

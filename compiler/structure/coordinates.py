@@ -9,39 +9,27 @@ choice is the best one (Edmonds 1971).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
 from lmoc.distinct import distinct
-from lmoc.expression.calculus import differentiate
-from lmoc.expression.evaluate import evaluate
-from lmoc.structure.coefficients import is_constant
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.matching import maximum_matching
-from lmoc.structure.system import Sample, System
+from lmoc.structure.tied import Tied, largest_in_row
 
-# An entry of the constraint matrix that changes along the motion must have this share of the largest one in its row to
-# be divided by; one that never changes must only be there.
-SAFE_SHARE, ROUNDOFF = 0.1, 1e-10
-
-# a time at which nothing special happens
-GENERIC_TIME = 0.1234
+# The share of the largest entry in its row that an entry which changes along the motion must have at the start to be
+# divided by without care, and to be divided by at all if there is another; one that never changes must only be there.
+SAFE_SHARE, VANISHING, ROUNDOFF = 0.1, 1e-6, 1e-10
+UNUSABLE = 5
 
 
-@dataclass(frozen=True, eq=False)
-class Tied:
-    """The constraint matrix: derivatives of the equations with c > 0 by the jets of highest order in them.
+class Wish(IntEnum):
+    """How much the user wants a variable for a state."""
 
-    Entries (row, column, value); `constant`: the entry depends on parameters only.
-    """
-
-    row: np.ndarray
-    column: np.ndarray
-    value: np.ndarray
-    constant: np.ndarray
-
-    def take(self, kept: np.ndarray) -> Tied:
-        return Tied(self.row[kept], self.column[kept], self.value[kept], self.constant[kept])
+    NONE = 0
+    MARKED = 1  # stateSelect
+    ASKED = 2  # states=[...]: it is dependent only where nothing else is left
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,49 +48,15 @@ class Choice:
     singular: np.ndarray
 
 
-def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample, least: int = 1) -> Tied:
-    """Entries of the constraint matrix at the sample point: the equations differentiated `least` times or more.
-
-    With ``least=0`` this is the Jacobian of the whole system by its highest derivatives, which must be regular.
-    """
-    rows, columns, values, constants = [], [], [], []
-    for b in system.batches:
-        if (c[b.row] < least).all():
-            continue
-        for leaf in b.unknown:
-            k, order = leaf.value
-            column = system.column[b.slots[:, k]]
-            tight = (c[b.row] >= least) & (d[column] - c[b.row] == order)
-            if not tight.any():
-                continue
-            chosen = b.take(np.flatnonzero(tight))
-            partial = differentiate(b.shape, leaf)
-            value = evaluate(partial, sample.column(chosen), GENERIC_TIME)
-            rows.append(chosen.row)
-            columns.append(column[tight])
-            values.append(np.broadcast_to(np.asarray(value, float), len(chosen.row)))
-            constants.append(np.full(len(chosen.row), is_constant(partial, b.kinds)))
-    s = system.sums
-    row, column = s.row[s.entry_row], system.column[s.index]
-    tight = (c[row] >= least) & (d[column] - c[row] == s.order)
-    rows.append(row[tight])
-    columns.append(column[tight])
-    values.append(s.coefficient[tight].astype(float))
-    constants.append(np.ones(int(tight.sum()), bool))
-    return Tied(*(np.concatenate(parts) for parts in (rows, columns, values, constants)))
-
-
-def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wanted: np.ndarray) -> Choice:
+def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wish: np.ndarray) -> Choice:
     """Select the dependent jets, stage by stage.
 
     Parameters
     ----------
     rank : as `preference` gives it
-    wanted : columns that may be dependent only if nothing else is left
+    wish : (columns,) Wish
     """
     dependent, match = [], []
-    asked = np.zeros(len(d), bool)
-    asked[wanted] = True
     allowed = np.ones(len(d), bool)
     previous = np.zeros(0, np.int64)
     for stage in range(1, int(c.max(initial=0)) + 1):
@@ -114,7 +68,7 @@ def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wanted: n
             match.append(match[-1])
             continue
         previous = rows
-        chosen, singular = _greedy(part, rows, rank, asked)
+        chosen, singular = _greedy(part, rows, rank, wish)
         if len(singular):
             return Choice(tuple(dependent), tuple(match), singular)
         dependent.append(np.sort(chosen))
@@ -131,60 +85,94 @@ def _matched(tied: Tied, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndar
     return rows, columns[pairs]
 
 
-def _greedy(tied: Tied, rows: np.ndarray, rank: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _greedy(tied: Tied, rows: np.ndarray, rank: np.ndarray, wish: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A basis of columns, least wanted first; the rows for which none is left."""
-    size = np.zeros(int(rows.max()) + 1)
-    np.maximum.at(size, tied.row, np.abs(tied.value))
-    share = np.abs(tied.value) / np.where(size[tied.row] > 0, size[tied.row], 1.0)
-    reluctance = np.where(share <= ROUNDOFF, 3, np.where(asked[tied.column], 2, 0))
-    reluctance = np.where(~tied.constant & (share < SAFE_SHARE) & (reluctance == 0), 1, reluctance)
     count = np.bincount(tied.column, minlength=len(rank))
-    shared = np.zeros(len(size), bool)
+    shared = np.zeros(int(rows.max()) + 1, bool)
     shared[tied.row[count[tied.column] > 1]] = True
     alone = ~shared[tied.row]
     # rows that share no column with others: their best entry each
+    reluctance = _reluctance(tied, wish)[alone]
     single = tied.row[alone]
-    order = np.lexsort((rank[tied.column[alone]], reluctance[alone], single))
+    order = np.lexsort((rank[tied.column[alone]], reluctance, single))
     first = np.ones(len(order), bool)
     first[1:] = single[order][1:] != single[order][:-1]
     best = order[first]
-    usable = reluctance[alone][best] < 3
+    usable = reluctance[best] < UNUSABLE
     chosen = [tied.column[alone][best[usable]]]
-    done = np.zeros(len(size), bool)
+    done = np.zeros(len(shared), bool)
     done[single[best[usable]]] = True
     if shared.any():
-        pivots = _eliminate(tied.take(~alone), rank, asked)
+        pivots = _eliminate(tied.take(~alone), rank, wish)
         chosen.append(np.array(list(pivots.values()), np.int64))
         done[list(pivots)] = True
     return np.concatenate(chosen), rows[~done[rows]]
 
 
-def _eliminate(tied: Tied, rank: np.ndarray, asked: np.ndarray) -> dict[int, int]:
-    """Gaussian elimination column by column in the order of rank; returns {row: column} of the pivots."""
+def _reluctance(tied: Tied, wish: np.ndarray) -> np.ndarray:
+    """(nnz,) how little each entry is liked for a pivot, from 0; `UNUSABLE` where it vanishes everywhere."""
+    size = np.abs(tied.value)
+    wish = wish[tied.column]
+    cases = [
+        size <= ROUNDOFF * largest_in_row(tied.row, size)[tied.row],
+        wish == Wish.ASKED,
+        tied.share <= VANISHING,
+        wish == Wish.MARKED,
+        tied.share < SAFE_SHARE,
+    ]
+    return np.select(cases, [UNUSABLE, 4, 3, 2, 1], 0)
+
+
+def _eliminate(tied: Tied, rank: np.ndarray, wish: np.ndarray) -> dict[int, int]:
+    """Rows and columns of the pivots, in the order of `_reluctance`: as many as can be at the start, then generic ones.
+
+    Columns that are independent at the start are so at the generic point nearby; where a scene starts at a singular
+    place, the others are found there.
+    """
+    columns = distinct(tied.column)
+    columns = columns[np.argsort(rank[columns])]
+    level = wish[columns]
+    free, marked, known = columns[level == Wish.NONE], columns[level == Wish.MARKED], columns[level < Wish.ASKED]
+    pivots = _pivots(tied, tied.at_start, [(free, SAFE_SHARE), (free, VANISHING), (marked, VANISHING)])
+    if len(pivots) == len(distinct(tied.row)):
+        return pivots
+    chosen = np.array(list(pivots.values()), np.int64)
+    return _pivots(tied, tied.value, [(chosen, ROUNDOFF), (known, ROUNDOFF), (columns, ROUNDOFF)])
+
+
+def _pivots(tied: Tied, values: np.ndarray, passes: list[tuple[np.ndarray, float]]) -> dict[int, int]:
+    """Gaussian elimination column by column; returns {row: column} of the pivots.
+
+    Parameters
+    ----------
+    values : (nnz,) numbers of the entries
+    passes : columns in the order in which they are tried, with the least share of the row that they must have there
+        where they change along the motion
+    """
     rows: dict[int, dict[int, float]] = {}
     column_rows: dict[int, set[int]] = {}
     steady: dict[int, bool] = {}
-    entries = zip(tied.row.tolist(), tied.column.tolist(), tied.value.tolist(), tied.constant.tolist(), strict=True)
+    entries = zip(tied.row.tolist(), tied.column.tolist(), values.tolist(), tied.constant.tolist(), strict=True)
     for r, c, value, constant in entries:
         if value != 0.0:
-            rows.setdefault(r, {})[c] = value
+            row = rows.setdefault(r, {})
+            row[c] = row.get(c, 0.0) + value
             column_rows.setdefault(c, set()).add(r)
             steady[c] = steady.get(c, True) and constant
-    scale = {r: max(map(abs, row.values())) for r, row in rows.items()}
+    scale = {r: max(map(abs, row.values())) or 1.0 for r, row in rows.items()}
     pivots: dict[int, int] = {}
-    columns = sorted(column_rows, key=lambda c: rank[c])
-    free = [c for c in columns if not asked[c]]
     taken: set[int] = set()
-    for candidates, careful in ((free, True), (free, False), (columns, False)):
-        for c in candidates:
-            living = [r for r in column_rows[c] if r not in pivots]
+    for columns, share in passes:
+        for c in columns.tolist():
+            living = [r for r in column_rows.get(c, ()) if r not in pivots]
             if c in taken or not living:
                 continue
             r = max(living, key=lambda i: (abs(rows[i][c]) / scale[i], -len(rows[i])))
-            share = SAFE_SHARE if careful and not steady[c] else ROUNDOFF
-            if abs(rows[r][c]) > share * scale[r]:
+            if abs(rows[r][c]) > (ROUNDOFF if steady[c] else share) * scale[r]:
                 pivots[r] = c
                 taken.add(c)
+                if not steady[c]:  # what it is subtracted from changes with it
+                    steady.update(dict.fromkeys(rows[r], False))
                 _clear(r, c, living, rows, column_rows, scale)
     return pivots
 

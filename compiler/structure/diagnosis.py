@@ -10,13 +10,14 @@ from lmoc.diagnostics import Diagnostic, Label, Report
 from lmoc.distinct import distinct
 from lmoc.semantics.flat import FlatDAE
 from lmoc.structure.block_equations import SquareSystem
-from lmoc.structure.coordinates import Choice, Tied
+from lmoc.structure.coordinates import Choice
 from lmoc.structure.dulmage_mendelsohn import components, decompose
 from lmoc.structure.equations import SHOWN, Equations, listed
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.layout import Layout
 from lmoc.structure.matching import maximum_matching
 from lmoc.structure.system import System
+from lmoc.structure.tied import Tied
 
 # a singular matrix larger than this is not taken apart
 LARGEST_DENSE = 400

@@ -13,12 +13,13 @@ import numpy as np
 from lmoc.distinct import distinct
 from lmoc.semantics.flat import Kind, StateSelect
 from lmoc.structure.coefficients import linear_form
-from lmoc.structure.coordinates import Tied
+from lmoc.structure.coordinates import Wish
 from lmoc.structure.elimination import LENGTHS_AND_ANGLES
 from lmoc.structure.equations import Equations
 from lmoc.structure.explicit import pivot, solved
 from lmoc.structure.sigma import offsets
 from lmoc.structure.system import Batch, System
+from lmoc.structure.tied import Tied
 
 
 def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:
@@ -58,6 +59,21 @@ def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, li
     return rank
 
 
+def wishes(system: System, wanted: np.ndarray) -> np.ndarray:
+    """(columns,) Wish: how much the user wants each column for a state."""
+    wish = np.where(_marked(system), Wish.MARKED, Wish.NONE)
+    wish[wanted] = Wish.ASKED
+    return wish
+
+
+def _marked(system: System) -> np.ndarray:
+    """(columns,) roots behind variables with ``stateSelect`` above the default."""
+    mask = np.zeros(len(system.kind), bool)
+    select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
+    mask[system.normalized.root[select]] = True
+    return mask[system.variable]
+
+
 def inertial(system: System, c: np.ndarray) -> np.ndarray:
     """(columns,) those whose second derivative stands in an equation that is no constraint: coordinates of inertias."""
     i = system.incidence
@@ -84,10 +100,7 @@ def offsets_with_room(
     """
     incidence = system.incidence
     c, d = offsets(incidence, match, system.needed)
-    liked = np.zeros(len(system.kind), bool)
-    select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
-    liked[system.normalized.root[select]] = True
-    liked = liked[system.variable] | _implicit(system, match, d)
+    liked = _marked(system) | _implicit(system, match, d)
     liked[wanted] = liked[more] = True
     if not liked.any():
         return c, d

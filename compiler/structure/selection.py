@@ -9,9 +9,11 @@ import numpy as np
 from lmoc.distinct import distinct
 from lmoc.structure import preferences
 from lmoc.structure.block_equations import SquareSystem
-from lmoc.structure.coordinates import Choice, Tied, choose, tied_entries
+from lmoc.structure.coordinates import Choice, choose
 from lmoc.structure.layout import Layout
-from lmoc.structure.system import Sample, System
+from lmoc.structure.sample import Sample, generic
+from lmoc.structure.system import System
+from lmoc.structure.tied import Tied, constraint_matrix, tied_entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +78,10 @@ def select(system: System, match: np.ndarray, wanted: np.ndarray) -> Selection:
 
 def _select(system: System, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection:
     c, d = preferences.offsets_with_room(system, match, wanted, liked)
-    sample = Sample(system, int(d.max(initial=0)))
-    tied = tied_entries(system, c, d, sample)
-    choice = choose(tied, c, d, preferences.preference(system, tied, c, wanted, liked), wanted)
+    sample = generic(system, int(d.max(initial=0)))
+    tied = constraint_matrix(system, c, d, sample)
+    rank = preferences.preference(system, tied, c, wanted, liked)
+    choice = choose(tied, c, d, rank, preferences.wishes(system, wanted))
     if len(choice.singular):
         return Selection(system, c, d, sample, tied, choice)
     batches, sums = system.differentiated(c)

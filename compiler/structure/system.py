@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -12,7 +11,6 @@ from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import Expr, slots
 from lmoc.semantics.flat import Kind
 from lmoc.structure.coefficients import INPUT, KNOWN, UNKNOWN, Kinds, leaves_of
-from lmoc.structure.generic import spread
 from lmoc.structure.incidence import Incidence
 from lmoc.structure.normalized import LongSums, Normalized
 
@@ -162,37 +160,3 @@ def _sums_from(sums: SumBatch, rows: np.ndarray, times: int) -> SumBatch:
     start = np.concatenate([[0], np.cumsum(lengths)])
     entries = np.repeat(sums.start[rows] - start[:-1], lengths) + np.arange(start[-1])
     return SumBatch(start, sums.index[entries], sums.order[entries] + times, sums.coefficient[entries], sums.row[rows])
-
-
-class Sample:
-    """A generic point near the start, at which coefficients are told from zero.
-
-    Start values where they are given, else small generic numbers; parameters without a value get a generic one of
-    ordinary size. The same at every call.
-    """
-
-    def __init__(self, system: System, highest: int):
-        count = len(system.kind)
-        self.value = (0.2 + spread((highest + 1) * count).reshape(highest + 1, count)) * 1e-2
-        known = system.kind == KNOWN
-        numbers = system.normalized.all_values[known]
-        generic = 0.5 + spread(len(numbers))
-        self.value[0, known] = np.where(np.isfinite(numbers), numbers, generic)
-        self._put_starts(system)
-
-    def _put_starts(self, system: System) -> None:
-        n, values = system.normalized, self.value
-        for a in system.flat.starts:
-            wanted = np.asarray(a.values(values[0]), float)
-            factor = np.where(n.factor[a.target] >= 0, values[0, n.factor[a.target]], 1.0)
-            factor[n.factor[a.target] == -2] = -1.0
-            offset = np.where(n.offset[a.target] >= 0, values[0, n.offset[a.target]], 0.0)
-            with np.errstate(all="ignore"):
-                found = (wanted - offset) / factor
-            root, order = n.root[a.target], n.order[a.target]
-            good = np.isfinite(found) & (found != 0) & (system.column[root] >= 0) & (order < len(values))
-            values[order[good], root[good]] = found[good]
-
-    def column(self, batch: Batch) -> Callable[[int, int], np.ndarray]:
-        """What `expression.evaluate` asks for."""
-        return lambda k, order: self.value[order, batch.slots[:, k]]
