@@ -318,3 +318,14 @@ def test_the_statistics_name_what_has_done_the_work():
     assert simulate(oscillator().reduced(), options=options).stats["solver"] == "cvodes"
     stats = simulate(oscillator().reduced(), options=options, inputs={"f": lambda t: 0.0}).stats
     assert (stats["solver"], stats["reason"]) == ("cvode", "in place of cvodes, which does not take this run")
+
+
+@pytest.mark.parametrize("keep", [None, ["y"]])
+@pytest.mark.parametrize("solver", ["dop853", "cvode", "ida", "radau"])
+def test_a_partial_result_ends_where_the_run_broke_off(solver, keep):
+    dae = lmoc.compile_text("model M Real x(start = 1, fixed = true), y; equation der(x) = x^2; y = 2*x; end M;")
+    with pytest.raises(lmoc.SimulationError) as caught:
+        dae.simulate(stop=2, points=3, solver=solver, keep=keep)
+    partial = caught.value.partial
+    assert partial.time[-1] == caught.value.time == pytest.approx(1, abs=1e-3)
+    assert len(partial["y"]) == len(partial.time) and partial["y"][-1] > 1e6

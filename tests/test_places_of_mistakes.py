@@ -113,5 +113,5 @@ def test_a_run_tells_where_it_broke_off():
     assert "broke off at 1 s" in repr(partial)
     from lmoc.report.summary import as_data, summary
 
-    assert "the run broke off at t = 1 s" in summary(partial)
+    assert "at t = 1 s, where the run broke off" in summary(partial)
     assert as_data(partial)["broke_off"] == partial.broke_off

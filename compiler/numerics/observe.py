@@ -89,11 +89,19 @@ class Recorder:
 
     def __call__(self, first: int, states: np.ndarray) -> None:
         last = first + len(states)
-        self.table[first:last] = states if self._evaluate is None else self._evaluate(self.times[first:last], states)
+        self.table[first:last] = self.kept(self.times[first:last], states)
         if self._sampled is not None:
             a, b = np.searchsorted(self.samples, (first, last))
             self._sampled[a:b] = states[self.samples[a:b] - first]
         self.reached = max(self.reached, last)
+
+    def kept(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """What is kept of some states."""
+        return states if self._evaluate is None else self._evaluate(times, states)
+
+    def taken(self) -> tuple[np.ndarray, np.ndarray]:
+        """Output times so far, and what is kept of them."""
+        return self.times[: self.reached], self.table[: self.reached]
 
     def sampled(self) -> tuple[np.ndarray, np.ndarray]:
         """Times (k,) and states (k, n) of the samples reached."""

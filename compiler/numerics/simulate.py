@@ -197,7 +197,7 @@ class _Run:
         self.recorder.reached = int(np.searchsorted(self.times, time, "right"))
         failure = (
             f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
-            "after; choose some that determine the rest all the way, by states=[…] or stateSelect"
+            "after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
         )
         return replace(outcome, time=time, reached=self.recorder.reached, failure=failure)
 
@@ -238,12 +238,15 @@ class _Run:
         return result
 
     def _trajectory(self, outcome: Outcome, stats: dict[str, object]) -> Trajectory:
-        reached = self.recorder.reached
+        times, table = self.recorder.taken()
+        if outcome.failure and outcome.time > times[-1] and np.isfinite(outcome.x).all():
+            times = np.append(times, outcome.time)
+            table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
         notes: tuple[Diagnostic, ...] = (*self.plan.notes, *self.report.diagnostics)
         return Trajectory(
             self.observer,
-            self.times[:reached],
-            self.recorder.table[:reached],
+            times,
+            table,
             self.recorder.variables,
             stats
             | {"evaluations": self.system.evaluations}
