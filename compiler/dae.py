@@ -12,7 +12,7 @@ import numpy as np
 
 from lmoc import pipeline
 from lmoc.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
-from lmoc.parameters import Parameters, Value, check_initial, indexed
+from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed
 from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names
 from lmoc.semantics.flat import FlatDAE, Kind
@@ -76,6 +76,7 @@ def compile_source(
         raise TypeError(f"a model is a text (str), not {type(source.text).__name__}")
     if isinstance(states, str):
         raise TypeError("states is a sequence of names, such as ['mass.q'], not one text")
+    check_mappings(parameters=parameters)
     clock = Clock(listener)
     files = pipeline.parse([source], clock)
     scene = Scene(files, model, dict(parameters or {}), None if states is None else tuple(states))
@@ -198,6 +199,7 @@ class DAE(SymbolicMethods):
         """
         from lmoc.numerics.options import RunOptions
 
+        check_mappings(parameters=parameters, initial=initial, inputs=inputs)
         check_initial(initial or {})
         keep = (keep,) if isinstance(keep, str) else keep
         clock = Clock(listener)

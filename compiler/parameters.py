@@ -41,6 +41,13 @@ class Parameters(Mapping):
         return "{" + ", ".join(f"{name!r}: {value:g}" for name, value in self.items()) + "}"
 
 
+def check_mappings(**given: object) -> None:
+    """TypeError where something given by name is not a mapping."""
+    for name, value in given.items():
+        if value is not None and not isinstance(value, Mapping):
+            raise TypeError(f"{name} is a mapping such as {{'mass.m': 2.0}}, not {type(value).__name__}")
+
+
 def check_initial(initial: Mapping[str, Value]) -> None:
     """Start values must be finite numbers (E0621); whether the model has the names is seen later."""
     report = Report()

@@ -136,3 +136,10 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text):
     dae = lmoc.compile_text(SPRING)
     run = dae.simulate(inputs={"f": tmp_path / "table.csv"})
     assert np.allclose(run["x"], dae.simulate(inputs={"f": 2})["x"], atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["parameters", "initial", "inputs"])
+def test_what_is_given_by_name_is_a_mapping(name):
+    dae = lmoc.compile_text("model M Mass m(m = 1); end M;")
+    with pytest.raises(TypeError, match=f"{name} is a mapping"):
+        dae.simulate(**{name: [1, 2]})
