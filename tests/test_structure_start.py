@@ -168,6 +168,18 @@ def test_wishes_hold_where_the_start_allows_them():
     assert lmoc.compile_text(PENDULUM.format(L=1, x=start[0], y=start[1])).states == ["y", "vy"]
 
 
+def test_another_place_to_start_from_is_another_reduction():
+    text = PENDULUM.format(L=2, x="start = L*cos(p)", y="start = L*sin(p)").replace("g = 9.81", "p = 0, g = 9.81")
+    dae = lmoc.compile_text(text)
+    assert dae.states == ["y", "vy"]
+    for p in (0.0, 1.2, -np.pi / 2, np.pi):
+        run = dae.simulate(stop=0.2, points=3, rtol=1e-10, parameters={"p": p})
+        phi = lmoc.compile_text(ANGLE.format(L=2, phi=p)).simulate(stop=0.2, points=3, rtol=1e-10)["phi"]
+        assert run["x"] == pytest.approx(2 * np.cos(phi), abs=1e-8)
+        assert run["y"] == pytest.approx(2 * np.sin(phi), abs=1e-8)
+        assert any(d.code == "N0631" for d in run.notes) == (p == -np.pi / 2)
+
+
 LOOP = """
     parameter l = 2
     var a b c d x y

@@ -78,6 +78,26 @@ def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wish: np.
     return Choice(tuple(dependent), tuple(match), np.zeros(0, np.int64))
 
 
+def determined_at_start(tied: Tied, c: np.ndarray, d: np.ndarray, choice: Choice) -> bool:
+    """Whether the dependent jets follow from the others where the scene starts."""
+    for stage, columns in enumerate(choice.dependent, 1):
+        part = tied.take((c[tied.row] >= stage) & (d[tied.column] >= stage))
+        shared = _sharing(part)
+        alone = ~shared[part.row]
+        lost = alone & np.isin(part.column, columns) & (part.share <= VANISHING)
+        rest = part.take(~alone)
+        if lost.any() or len(_pivots(rest, rest.at_start, [(columns, VANISHING)])) < np.count_nonzero(shared):
+            return False
+    return True
+
+
+def _sharing(tied: Tied) -> np.ndarray:
+    """(rows,) mask of those that share a column with others."""
+    shared = np.zeros(int(tied.row.max(initial=-1)) + 1, bool)
+    shared[tied.row[np.bincount(tied.column)[tied.column] > 1]] = True
+    return shared
+
+
 def _matched(tied: Tied, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     used = np.isin(tied.column, columns) & (tied.value != 0)
     r, c = np.searchsorted(rows, tied.row[used]), np.searchsorted(columns, tied.column[used])
@@ -87,9 +107,7 @@ def _matched(tied: Tied, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndar
 
 def _greedy(tied: Tied, rows: np.ndarray, rank: np.ndarray, wish: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A basis of columns, least wanted first; the rows for which none is left."""
-    count = np.bincount(tied.column, minlength=len(rank))
-    shared = np.zeros(int(rows.max()) + 1, bool)
-    shared[tied.row[count[tied.column] > 1]] = True
+    shared = _sharing(tied)
     alone = ~shared[tied.row]
     # rows that share no column with others: their best entry each
     reluctance = _reluctance(tied, wish)[alone]
@@ -100,7 +118,7 @@ def _greedy(tied: Tied, rows: np.ndarray, rank: np.ndarray, wish: np.ndarray) ->
     best = order[first]
     usable = reluctance[best] < UNUSABLE
     chosen = [tied.column[alone][best[usable]]]
-    done = np.zeros(len(shared), bool)
+    done = np.zeros(int(rows.max()) + 1, bool)
     done[single[best[usable]]] = True
     if shared.any():
         pivots = _eliminate(tied.take(~alone), rank, wish)

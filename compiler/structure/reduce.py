@@ -22,7 +22,7 @@ from lmoc.structure.normalize import normalize
 from lmoc.structure.normalized import Normalized
 from lmoc.structure.program import split_program
 from lmoc.structure.reduced import Guard, Reduced
-from lmoc.structure.selection import select
+from lmoc.structure.selection import Selection, select
 from lmoc.structure.sigma import highest_value_transversal
 from lmoc.structure.solution import Solution
 from lmoc.structure.system import System
@@ -82,7 +82,8 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     # what is solved together with a derivative is not needed for it where the solution is a formula
     rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
     reduced = assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
-    return replace(reduced, guards=(*reduced.guards, *_regularity(normalized, layout, solution)))
+    guards = *reduced.guards, *_regularity(normalized, layout, solution), *_start(selection)
+    return replace(reduced, guards=guards)
 
 
 def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
@@ -97,3 +98,11 @@ def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> l
         return not any(singular(registers).any() for singular in tests)
 
     return [Guard(holds, "the linear equations between massless parts have one solution")]
+
+
+def _start(selection: Selection) -> list[Guard]:
+    """The assumption that a motion with these coordinates can start where it is meant to."""
+    changing = not selection.tied.constant.all() and selection.system.flat.starts
+    if not changing or not selection.startable(selection.system.normalized.values):
+        return []
+    return [Guard(selection.startable, "the other coordinates follow from the states at the start")]

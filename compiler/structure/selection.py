@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lmoc.distinct import distinct
 from lmoc.structure import preferences
 from lmoc.structure.block_equations import SquareSystem
-from lmoc.structure.coordinates import Choice, choose
+from lmoc.structure.coordinates import Choice, choose, determined_at_start
+from lmoc.structure.derived import derived_values
 from lmoc.structure.layout import Layout
 from lmoc.structure.sample import Sample, generic
 from lmoc.structure.system import System
@@ -43,6 +45,19 @@ class Selection:
     def count(self) -> int:
         """Number of states without quadratures."""
         return int(np.count_nonzero(self.is_state & ~self.quadrature))
+
+    def startable(self, values: np.ndarray) -> bool:
+        """Whether the computed coordinates follow from the states at the start.
+
+        Parameters
+        ----------
+        values : (flat.count,) parameter values
+        """
+        system, normalized = copy(self.system), self.system.normalized
+        derived = derived_values(normalized.derived, values)
+        system.normalized = replace(normalized, values=values, derived_values=derived)
+        sample = generic(system, len(self.sample.value) - 1)
+        return determined_at_start(constraint_matrix(system, self.c, self.d, sample), self.c, self.d, self.choice)
 
     def derivatives(self) -> np.ndarray:
         """(registers,) the computed jets that are derivatives of states."""
