@@ -180,6 +180,18 @@ def test_another_place_to_start_from_is_another_reduction():
         assert any(d.code == "N0631" for d in run.notes) == (p == -np.pi / 2)
 
 
+def test_a_coordinate_without_start_value_begins_where_the_constraints_hold():
+    """x = 0 is out of reach of the crank."""
+    declared = "phi(start = 0.4, fixed = true), psi, x(stateSelect = StateSelect.prefer)"
+    text = CRANK.format(declared=declared).replace("equation", "Real free, pace = der(free); equation der(pace) = 0;")
+    dae = lmoc.compile_text(text)
+    assert set(dae.states) == {"x", "v", "free", "pace"}
+    run = dae.simulate(stop=0.1, points=2)
+    assert run["v"][0] == run["free"][0] == run["pace"][0] == 0
+    assert run["phi"][0] == pytest.approx(0.4, abs=1e-9)
+    assert run["x"][0] == pytest.approx(0.3 * np.cos(0.4) + np.sqrt(1 - (0.3 * np.sin(0.4)) ** 2), abs=1e-9)
+
+
 LOOP = """
     parameter l = 2
     var a b c d x y

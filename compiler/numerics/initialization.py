@@ -104,7 +104,7 @@ def initial_state(
     kept = Targets(*(column[open_] for column in (wanted.variable, wanted.value, wanted.hard, wanted.given)))
     system = StartSystem(plan, base, signals, values, time, kept, report)
     if not report.errors:
-        _solve(system, x, report)
+        _solve(system, x, _guess(plan, x, at[direct]), report)
         own = direct & wanted.hard
         x[at[own]] = wanted.value[own]  # to the last digit
     return x
@@ -119,11 +119,31 @@ def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
         base[register[own]] = wanted.value[own]
 
 
-def _solve(system: StartSystem, x: np.ndarray, report: Report) -> None:
-    """Put the states into x that meet what is wanted, and say what they do not meet."""
+def _guess(plan: Plan, x: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """(n,) another first point: where nobody has said anything, what the constraints allow."""
+    guess, nearby = x.copy(), plan.reduced.nearby
+    if nearby is not None:
+        guess[: len(nearby)] = nearby
+        guess[given] = x[given]
+    return guess
+
+
+def _solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report) -> None:
+    """Put the states into x that meet what is wanted, and say what they do not meet.
+
+    Parameters
+    ----------
+    guess : (n,) where to begin instead in parts whose equations have no solution at x
+    """
     _, jacobian = system.evaluate(x)
     components = split(jacobian, system.hard, len(x))
     start = descend(system, components, x)
+    if not start.finite:
+        rows, columns, values = start.jacobian
+        lost = np.concatenate([rows[~np.isfinite(values)], np.flatnonzero(~np.isfinite(start.residual))])
+        own = columns[components.together(lost)[rows]]
+        x[own] = guess[own]
+        start = descend(system, components, x)
     straight = np.ones(len(system.value), bool)
     if not start.complete:
         straight = straight_rows(system, x)

@@ -83,7 +83,7 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
     reduced = assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
     guards = *reduced.guards, *_regularity(normalized, layout, solution), *_start(selection)
-    return replace(reduced, guards=guards)
+    return replace(reduced, guards=guards, nearby=_nearby(selection, registers))
 
 
 def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
@@ -100,9 +100,17 @@ def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> l
     return [Guard(holds, "the linear equations between massless parts have one solution")]
 
 
+def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
+    """What the states are where the constraints hold, near the start values."""
+    if selection.start is None:
+        return None
+    variable, order = selection.layout.jets()
+    return selection.start.value[order[states], variable[states]]
+
+
 def _start(selection: Selection) -> list[Guard]:
     """The assumption that a motion with these coordinates can start where it is meant to."""
-    changing = not selection.tied.constant.all() and selection.system.flat.starts
+    changing = selection.start is not None and selection.system.flat.starts
     if not changing or not selection.startable(selection.system.normalized.values):
         return []
     return [Guard(selection.startable, "the other coordinates follow from the states at the start")]

@@ -56,6 +56,8 @@ class Reduced:
     guards : what depends on the parameter values
     notes : dropped redundant equations, chosen coordinates that deserve a word
     counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people
+    nearby : (n,) values of the states with which the constraints hold, near the start values: a guess, no start; None
+        where there are no nonlinear constraints
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 
@@ -76,6 +78,7 @@ class Reduced:
     guards: tuple[Guard, ...] = ()
     notes: tuple[Diagnostic, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
+    nearby: np.ndarray | None = None
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
 
     def register_name(self, register: int) -> str:

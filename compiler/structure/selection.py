@@ -25,6 +25,7 @@ class Selection:
     Attributes
     ----------
     c, d : offsets of the Σ-method
+    start : where the scene starts; None where that makes no difference
     tied, choice : the constraint matrix and what was chosen; where ``choice.singular`` is not empty, nothing else
     is_state : (registers,) jets that are integrated
     quadrature : (registers,) those of them that no equation reads
@@ -34,6 +35,7 @@ class Selection:
     c: np.ndarray
     d: np.ndarray
     sample: Sample
+    start: Sample | None
     tied: Tied
     choice: Choice
     layout: Layout | None = None
@@ -56,8 +58,8 @@ class Selection:
         system, normalized = copy(self.system), self.system.normalized
         derived = derived_values(normalized.derived, values)
         system.normalized = replace(normalized, values=values, derived_values=derived)
-        sample = generic(system, len(self.sample.value) - 1)
-        return determined_at_start(constraint_matrix(system, self.c, self.d, sample), self.c, self.d, self.choice)
+        tied, _ = constraint_matrix(system, self.c, self.d, generic(system, len(self.sample.value) - 1))
+        return determined_at_start(tied, self.c, self.d, self.choice)
 
     def derivatives(self) -> np.ndarray:
         """(registers,) the computed jets that are derivatives of states."""
@@ -94,18 +96,18 @@ def select(system: System, match: np.ndarray, wanted: np.ndarray) -> Selection:
 def _select(system: System, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection:
     c, d = preferences.offsets_with_room(system, match, wanted, liked)
     sample = generic(system, int(d.max(initial=0)))
-    tied = constraint_matrix(system, c, d, sample)
+    tied, start = constraint_matrix(system, c, d, sample)
     rank = preferences.preference(system, tied, c, wanted, liked)
     choice = choose(tied, c, d, rank, preferences.wishes(system, wanted))
     if len(choice.singular):
-        return Selection(system, c, d, sample, tied, choice)
+        return Selection(system, c, d, sample, start, tied, choice)
     batches, sums = system.differentiated(c)
     layout = Layout(system, d, system.highest_inputs(batches))
     square = SquareSystem(batches, sums, layout.base, layout.count)
     square.finish(_matching(system, square, layout, match, c, d, choice))
     is_state = _state_mask(system, layout, d, choice)
     quadrature = _quadratures(system, layout, square, c, is_state, wanted)
-    return Selection(system, c, d, sample, tied, choice, layout, square, is_state, quadrature)
+    return Selection(system, c, d, sample, start, tied, choice, layout, square, is_state, quadrature)
 
 
 def _matching(

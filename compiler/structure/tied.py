@@ -72,13 +72,14 @@ def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample, l
     return Tied(row, column, value, value, constant)
 
 
-def constraint_matrix(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -> Tied:
-    """The constraint matrix at the sample point and, where it changes along the motion, at the start."""
+def constraint_matrix(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -> tuple[Tied, Sample | None]:
+    """The constraint matrix at the sample point and, where it changes along the motion, at the start: that point."""
     tied = tied_entries(system, c, d, sample)
     if tied.constant.all():
-        return tied
-    start = tied_entries(system, c, d, start_point(system, c, len(sample.value) - 1)).value
-    return replace(tied, at_start=np.where(np.isfinite(start), start, 0.0))
+        return tied, None
+    start = start_point(system, c, len(sample.value) - 1)
+    value = tied_entries(system, c, d, start).value
+    return replace(tied, at_start=np.where(np.isfinite(value), value, 0.0)), start
 
 
 def largest_in_row(row: np.ndarray, size: np.ndarray) -> np.ndarray:
