@@ -96,6 +96,52 @@ def test_double_pendulum_from_all_right_angles(upper, lower):
     assert run["y2"] == pytest.approx(np.sin(a) + np.sin(b), abs=1e-7)
 
 
+def chain_in_points(lengths, angles, order) -> str:
+    """Unit masses on rods; their coordinates are the unknowns, declared in this order."""
+    x, y = (np.round(np.cumsum(lengths * f(angles)), 12) for f in (np.cos, np.sin))
+    n = len(lengths)
+    names = [f"x{i}(start = {x[i]})" for i in range(n)] + [f"y{i}(start = {y[i]})" for i in range(n)]
+    equations, pulls = "", ""
+    for i in range(n):
+        dx, dy = (f"(x{i} - x{i - 1})", f"(y{i} - y{i - 1})") if i else ("x0", "y0")
+        equations += f"{dx}^2 + {dy}^2 = {lengths[i] ** 2}; fx{i} = s{i}*{dx}; fy{i} = s{i}*{dy};\n"
+        pulls += f", s{i}"
+    return f"model Points Real {', '.join(names[k] for k in order)}{pulls}{masses_of(n)} {equations} end Points;"
+
+
+def chain_in_angles(lengths, angles, order) -> str:
+    n, equations, names = len(lengths), "", ""
+    for i in range(n):
+        x, y = (f"x{i - 1} + ", f"y{i - 1} + ") if i else ("", "")
+        equations += f"x{i} = {x}{lengths[i]}*cos(t{i}); y{i} = {y}{lengths[i]}*sin(t{i});\n"
+        equations += f"sin(t{i})*fx{i} - cos(t{i})*fy{i} = 0;\n"
+        names += f"t{i}(start = {angles[i]}), x{i}, y{i}{',' if i < n - 1 else ''}"
+    return f"model Angles Real {names}{masses_of(n)} {equations} end Angles;"
+
+
+def masses_of(n: int) -> str:
+    """What both have in common: forces of the rods, and Newton's law."""
+    names = "".join(f", u{i} = der(x{i}), v{i} = der(y{i}), fx{i}, fy{i}" for i in range(n))
+    law = ""
+    for i in range(n):
+        fx, fy = (f" + fx{i + 1}", f" + fy{i + 1}") if i < n - 1 else ("", "")
+        law += f"der(u{i}) = -fx{i}{fx}; der(v{i}) = -fy{i}{fy} - 9.81;\n"
+    return f"{names}; equation {law}"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_chains_of_rods_from_eighths_of_a_turn(seed):
+    """Rods of very different lengths, level, upright and askew, whatever is declared first."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 5))
+    angles, lengths = random.integers(0, 8, n) * np.pi / 4, random.choice([0.01, 1.0, 3.0], n)
+    stop = 0.02 * np.sqrt(lengths.min())
+    chains = [f(lengths, angles, random.permutation(2 * n)) for f in (chain_in_points, chain_in_angles)]
+    points, turned = (lmoc.compile_text(text).simulate(stop=stop, points=3, rtol=1e-9) for text in chains)
+    for name in (f"{axis}{i}" for axis in "xy" for i in range(n)):
+        assert points[name] == pytest.approx(turned[name], abs=1e-8)
+
+
 GUIDE = """
     model Guide "A point on a line that turns; when it starts, the line is level or upright"
       Real x(start = {x}), y(start = {y}), vx = der(x), vy = der(y), s, c, n{declared};

@@ -97,15 +97,23 @@ class _Constraints:
         return residual, np.concatenate([*entries, self.coefficient])
 
     def _solve(self, entry: np.ndarray, weight: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """(rows,) the multipliers of the constraints; NaN where they cannot be told."""
         if not (np.isfinite(entry).all() and np.isfinite(right).all()):
             return np.full(self.count, np.nan)
         if self.count <= DENSE:
             jacobian = np.zeros((self.count, len(self.jets)))
             np.add.at(jacobian, (self.row, self.column), entry)
-            return np.linalg.solve(jacobian * weight @ jacobian.T + DAMPING * np.eye(self.count), right)
+            normal = jacobian * weight @ jacobian.T + DAMPING * np.eye(self.count)
+            try:
+                return np.linalg.solve(normal, right)
+            except np.linalg.LinAlgError:
+                return np.full(self.count, np.nan)
         from scipy.sparse import csr_matrix, diags, identity
-        from scipy.sparse.linalg import spsolve
+        from scipy.sparse.linalg import splu
 
         jacobian = csr_matrix((entry, (self.row, self.column)), (self.count, len(self.jets)))
         normal = jacobian @ diags(weight) @ jacobian.T + DAMPING * identity(self.count)
-        return spsolve(normal.tocsc(), right)
+        try:
+            return splu(normal.tocsc()).solve(right)
+        except RuntimeError:  # SuperLU: "Factor is exactly singular"
+            return np.full(self.count, np.nan)
