@@ -211,7 +211,8 @@ def refused_states(
 
 
 def _refuse(report: Report, message: str, reason: str, span) -> None:
-    report.error("E0406", f"{message}: {reason}", span, hint="leave it out of states=[…], or name fewer states")
+    hint = "leave it out of states=[…] (--states), or name fewer states"
+    report.error("E0406", f"{message}: {reason}", span, hint=hint)
 
 
 def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
@@ -228,7 +229,7 @@ def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
     verb = "is the coordinate" if len(chosen) == 1 else "are the coordinates"
     follow = "follows" if len(following) == 1 else "follow"
     message = f"{listed(chosen)} {verb}; {listed(following)} {follow} through constraints"
-    return (Diagnostic("N0407", message, hint="states=[…] or stateSelect chooses others"),)
+    return (Diagnostic("N0407", message, hint="states=[…], --states or stateSelect chooses others"),)
 
 
 def immobile(system: System, columns: np.ndarray, rows: np.ndarray) -> tuple[Diagnostic, ...]:

@@ -38,7 +38,7 @@ STRUCTURE: dict[str, Entry] = {
     "N0407": Entry(
         "coordinates were chosen",
         "Constraints leave fewer coordinates than there are positions; this tells which ones are integrated.\n"
-        "`states=[…]` or the attribute `stateSelect` choose others.",
+        "`states=[…]`, `--states` or the attribute `stateSelect` choose others.",
     ),
     "E0411": Entry(
         "constraints contradict each other",
