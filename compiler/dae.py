@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -12,7 +13,7 @@ import numpy as np
 
 from lmoc import pipeline
 from lmoc.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
-from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed
+from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed, starting_at
 from lmoc.pipeline import Clock, Scene
 from lmoc.report.names import Names
 from lmoc.semantics.flat import FlatDAE, Kind
@@ -83,6 +84,13 @@ def compile_source(
     return DAE(scene, pipeline.flatten(scene, clock), clock)
 
 
+def _ends_at_start(failure: ModelError | SimulationError) -> bool:
+    """Whether a run has failed before it has left its start."""
+    if isinstance(failure, ModelError):
+        return any(d.code == "E0535" for d in failure.diagnostics)
+    return failure.partial is not None and len(failure.partial.time) == 1
+
+
 class DAE(SymbolicMethods):
     """A compiled scene. Made by `lmoc.compile`; parameters can be changed from run to run without compiling again.
 
@@ -105,6 +113,7 @@ class DAE(SymbolicMethods):
         self._reductions = [self.reduced]  # one for each pattern of guards met so far
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
         self._busy = Lock()  # a simulator has one set of buffers
+        self._elsewhere: dict[str, Reduced] = {}  # for starts at which the coordinates of the others do not serve
         self._reshaped: dict[tuple, DAE] = {}  # one for each set of structural values met so far
 
     # ------------------------------------------------------------------------- names
@@ -205,7 +214,30 @@ class DAE(SymbolicMethods):
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
         options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
-        return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
+        try:
+            return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
+        except (ModelError, SimulationError) as failure:
+            other = scene._reduced_at(initial, reduced, values, clock) if _ends_at_start(failure) else None
+            if other is None:
+                raise
+        lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
+        notes = [*notes, Diagnostic("N0631", f"the equations have been reduced anew: {lost}")]
+        return scene._run(other, values, options, initial, inputs, notes, clock, progress)
+
+    def _reduced_at(self, initial: Mapping[str, float] | None, reduced: Reduced, values, clock) -> Reduced | None:
+        """The reduction with other coordinates, chosen for initial values of one run; None where there are no others.
+
+        Where constraints change along the motion, some coordinates serve at one start and not at another.
+        """
+        if not initial or reduced.nearby is None:
+            return None
+        key = repr((sorted(initial.items()), values.tobytes()))
+        if key not in self._elsewhere:
+            flat = starting_at(self.flat, initial)
+            other = replace(pipeline.reduce(flat, values, self._scene.states, clock), flat=self.flat)
+            self._elsewhere = {key: other}  # the last one only: starts are many
+        other = self._elsewhere[key]
+        return None if other.state_names == reduced.state_names else other
 
     def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
         report = Report()

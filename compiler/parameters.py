@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from lmoc.diagnostics import Report
+from lmoc.expression.dag import const
 from lmoc.report.names import Names, hint_for
-from lmoc.semantics.flat import FlatDAE, Kind
+from lmoc.semantics.flat import Assignments, FlatDAE, Kind
 from lmoc.semantics.overrides import other_type
 
 Value = float | bool | Sequence[float] | np.ndarray
@@ -95,3 +97,15 @@ def indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
         found.update(zip(variables.tolist(), numbers.tolist(), strict=True))
     report.check()
     return found
+
+
+def starting_at(flat: FlatDAE, initial: Mapping[str, float]) -> FlatDAE:
+    """The flat model with other values fixed at its start; names that it does not have are left out."""
+    starts, fixed = list(flat.starts), list(flat.fixed)
+    for name, value in initial.items():
+        variables = flat.find(name)
+        if variables is not None:
+            numbers = np.broadcast_to(np.asarray(value, float).ravel(), len(variables))
+            for made, own in ((starts, numbers), (fixed, np.ones(len(variables)))):
+                made.append(Assignments(variables, const(np.nan), np.zeros((len(variables), 0), int), numbers=own))
+    return replace(flat, starts=tuple(starts), fixed=tuple(fixed))
