@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import SPRING
+from conftest import ROOT, SPRING
 from test_dae import CHAIN
 
 import lmoc
@@ -252,3 +252,27 @@ def test_a_callable_moves_the_base_of_a_spring_and_leaves_no_ledger():
     assert run["m.q"] == pytest.approx((4 * np.sin(t) - 2 * np.sin(2 * t)) / 3, abs=1e-7)
     assert run.energy is None and [n.code for n in run.notes] == ["N0523"]
     assert dae.simulate(stop=2, inputs={"u": "sin(time)"}).energy.balance < 1e-4
+
+
+@pytest.mark.parametrize("scene", ["s3_1_cubic_spring", "s3_2_spring_left_of_mass", "ex08_cable_around_cylinder"])
+def test_the_energy_balance_does_not_depend_on_what_is_kept(scene):
+    dae = lmoc.compile(ROOT / f"models/notes/{scene}.lmo")
+    whole, kept = dae.simulate(), dae.simulate(keep=[dae.states[0]])
+    assert kept.energy.exchanged == pytest.approx(whole.energy.exchanged)
+    assert kept.energy.balance == pytest.approx(whole.energy.balance)
+
+
+def test_a_scene_that_only_coasts_is_judged_by_what_it_stores():
+    dae = lmoc.compile_text("model M Inertia d(J = 2, omega(start = 0.331, fixed = true)); end M;")
+    assert dae.simulate(solver="cvode").energy.balance < 1e-6
+
+
+def test_an_input_without_signal_is_an_error_though_no_state_asks_for_it():
+    dae = lmoc.compile_text("""
+        model M input Real u(unit = "m"); Motion M(q = u); Mass m(m = 2); output Real F = M.flange.f;
+        equation connect(M.flange, m.flange); end M;""")
+    with pytest.raises(lmoc.ModelError) as caught:
+        dae.simulate()
+    assert [d.code for d in caught.value.diagnostics] == ["E0520"]
+    assert dae.simulate(inputs={"u": "time^2"})["F"] == pytest.approx(-4)  # that on the part that moves it
+    assert "W0524" in {note.code for note in dae.simulate(inputs={"u": "abs(time - 1)"}).notes}

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.observe import Trajectory
 
 _SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at
+_ROUNDING = 1e-6  # of what is stored: less than this, nothing flows that could be judged
 _VALUES = 2_000_000  # values looked at, where that allows more than the least
 
 
@@ -30,7 +31,8 @@ class Energy:
     lost : J, heat since the start
     exchanged : J, the most that has moved between stores (from potential to kinetic, from one part to another)
     balance : the largest |supplied - lost - Δstored| as a fraction of the largest of supplied, lost, the range of
-        stored, and what the stores have exchanged (an undamped oscillator is judged by the energy that swings)
+        stored, and what the stores have exchanged (an undamped oscillator is judged by the energy that swings); where
+        all these are mere rounding, of what is stored
     """
 
     stored: np.ndarray
@@ -45,7 +47,7 @@ class Energy:
     @property
     def scale(self) -> float:
         sizes = (np.abs(self.supplied).max(), np.abs(self.lost).max(), np.ptp(self.stored), self.exchanged)
-        return float(max(sizes))
+        return float(max(*sizes, _ROUNDING * np.abs(self.stored).max()))
 
     @property
     def balance(self) -> float:
@@ -55,23 +57,23 @@ class Energy:
 
 def measure(run: Trajectory) -> Energy:
     """The ledger of a trajectory, from the variables ``ledger.stored``, ``ledger.work`` and ``ledger.heat``."""
-    exchanged = 0.0 if run.kept is not None else exchanged_energy(run)
     work, heat = run["ledger.work"], run["ledger.heat"]
-    return Energy(run["ledger.stored"], work - work[0], heat - heat[0], exchanged)
+    return Energy(run["ledger.stored"], work - work[0], heat - heat[0], exchanged_energy(run))
 
 
 def exchanged_energy(run: Trajectory) -> float:
     """Half of Σ |term - term at the start| over the terms of all stored energies, at its largest."""
     flat = run.observer.flat
-    samples = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
-    rows = np.arange(0, len(run.time), -(-len(run.time) // samples))
-    total = np.zeros(len(rows))
+    times, states = run.samples
+    most = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
+    rows = np.arange(0, len(times), -(-len(times) // most))
+    times, states, total = times[rows], states[rows], np.zeros(len(rows))
     for group, expression, own in _energy_groups(flat):
         used = distinct(group.slots[own])
-        values = run.observer(used, run.time[rows], run.table[rows])
+        values = run.observer(used, times, states)
         columns = np.searchsorted(used, group.slots[own])
         for term in _terms(expression):
-            value = evaluate(term, lambda k, _: values[:, columns[:, k]], run.time[rows][:, None])  # noqa: B023
+            value = evaluate(term, lambda k, _: values[:, columns[:, k]], times[:, None])  # noqa: B023
             value = np.broadcast_to(value, (len(rows), len(own)))
             total += np.nan_to_num(np.abs(value - value[:1])).sum(axis=1)
     return float(total.max(initial=0.0)) / 2

@@ -17,6 +17,8 @@ from lmoc.numerics.slices import signal_values, slice_of
 from lmoc.semantics.flat import FlatDAE, Kind
 
 _CACHED = 2_000_000  # numbers of the largest result that is kept
+_SAMPLES = 25, 200  # least and most output times whose states are kept in any case …
+_SAMPLED = 2_000_000  # … and numbers in them, where that allows more than the least
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,10 +73,8 @@ class Recorder:
     reached : number of output times taken so far
     table : (times, n) what is kept
     variables : those in the columns of the table, None where they are the states
-    samples : about SAMPLES output times, evenly spread, whose states are at hand in any case
+    samples : some output times, evenly spread, whose states are at hand in any case
     """
-
-    SAMPLES = 200
 
     def __init__(self, observer: Observer, times: np.ndarray, keep: tuple[str, ...] | None) -> None:
         self.observer = observer
@@ -84,8 +84,10 @@ class Recorder:
         self._evaluate = None if keep is None else observer.prepare(self.variables)
         width = len(observer.plan.states) if keep is None else len(self.variables)
         self.table = np.empty((len(times), width))
-        self.samples = np.append(np.arange(0, len(times) - 1, -(-len(times) // self.SAMPLES)), len(times) - 1)
-        self._sampled = None if keep is None else np.empty((len(self.samples), len(observer.plan.states)))
+        n = len(observer.plan.states)
+        most = int(np.clip(_SAMPLED // max(1, n), *_SAMPLES))
+        self.samples = np.append(np.arange(0, len(times) - 1, -(-len(times) // most)), len(times) - 1)
+        self._sampled = None if keep is None else np.empty((len(self.samples), n))
 
     def __call__(self, first: int, states: np.ndarray) -> None:
         last = first + len(states)
@@ -124,6 +126,7 @@ class Trajectory:
     time : (k,) s
     table : states at all times (k, n), or the kept variables where `keep` was given
     kept : flat variables in the columns of `table`, None where these are the states
+    samples : some of the times (s,) and the states there (s, n), whatever is kept
     stats : what it cost: solver, steps, evaluations, seconds, …
     events : empty so far
     notes : what deserves a word about the run
@@ -133,6 +136,7 @@ class Trajectory:
     time: np.ndarray
     table: np.ndarray
     kept: np.ndarray | None
+    samples: tuple[np.ndarray, np.ndarray]
     stats: dict[str, object]
     events: tuple = ()
     notes: tuple[Diagnostic, ...] = ()

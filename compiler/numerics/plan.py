@@ -196,14 +196,16 @@ class _Inputs:
         self.samplers: list[tuple[int, int]] = []
         self.constants: list[tuple[int, int]] = []
         self.absent: list[int] = []
+        self.unbound: set[int] = set()
         self.formulas: dict[Expr, list[tuple[int, tuple[int, ...]]]] = {}
 
     def add(self, register: int, variable: int, order: int, required: bool, signals, report: Report) -> None:
         signal = signals.get(variable)
         if signal is None:
             self.absent.append(register)
-            if required:
+            if variable not in self.unbound:  # even where no state depends on it: what does would be NaN in silence
                 _report_unbound(self.reduced, variable, report)
+            self.unbound.add(variable)
         elif isinstance(signal, Constant):
             self.constants.append((register, variable if order == 0 else -1))
         elif not gives(signal, order):
@@ -211,7 +213,7 @@ class _Inputs:
             _report_rough(self.reduced, variable, order, required, report)
         elif isinstance(signal, Formula):
             self.formulas.setdefault(signal.derivative(order), []).append((register, signal.variables))
-            if order and required and signal.kinked:
+            if order and signal.kinked:
                 _report_kink(self.reduced, variable, order, report)
         else:
             self.sampled.append(register)

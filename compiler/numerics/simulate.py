@@ -248,6 +248,7 @@ class _Run:
             times,
             table,
             self.recorder.variables,
+            self.recorder.sampled(),
             stats
             | {"evaluations": self.system.evaluations}
             | outcome.counts
