@@ -276,3 +276,12 @@ def test_an_input_without_signal_is_an_error_though_no_state_asks_for_it():
     assert [d.code for d in caught.value.diagnostics] == ["E0520"]
     assert dae.simulate(inputs={"u": "time^2"})["F"] == pytest.approx(-4)  # that on the part that moves it
     assert "W0524" in {note.code for note in dae.simulate(inputs={"u": "abs(time - 1)"}).notes}
+
+
+def test_what_follows_from_parameters_alone_and_has_no_value_is_told():
+    dae = lmoc.compile_text("""
+        model M parameter Real a = 0; output Real y = 1/a; Real x(start = 1, fixed = true);
+        equation der(x) = -x; end M;""")
+    [note] = [n for n in dae.simulate(stop=1).notes if n.code == "W0537"]
+    assert note.message == "y has no finite value (inf)"
+    assert not [n for n in dae.simulate(stop=1, parameters={"a": 2}).notes if n.code == "W0537"]

@@ -132,6 +132,16 @@ class Plan:
             used[registers] = True
         return self.known[:, used[self.known[0]]]
 
+    @cached_property
+    def derived(self) -> tuple[np.ndarray, np.ndarray]:
+        """Variables of the flat model that follow from parameters alone, and their registers."""
+        steps = self.reduced.parameter_program
+        filled = np.zeros(self.count + 1, bool)  # the last one stands for "nowhere"
+        for step in steps:
+            filled[written(step)] = True
+        variables = np.flatnonzero(filled[self.reduced.register_of] & (self.reduced.flat.kind == Kind.UNKNOWN))
+        return variables, self.reduced.register_of[variables]
+
     def base(self, values: np.ndarray, signals: Mapping[int, Signal]) -> np.ndarray:
         """The register vector with everything that does not change during a run; NaN elsewhere."""
         from lmoc.numerics.evaluate import Interpreter

@@ -87,6 +87,7 @@ class Simulator:
         base = plan.base(values, signals)
         _check_parameters(plan, base, values, report)
         report.check()
+        _check_derived(plan, base, report)
         run = _Run(plan, system, Observer(plan, values, base, signals), options, times, report, progress)
         return run.go(initial or {}, began, lowered)
 
@@ -303,6 +304,16 @@ def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: 
         hint = f"--set {name}=…, or bind it in the model"
         span = flat.declared_at(variable) if block.part else block.span
         report.error("E0530", f"parameter '{name}' has no value", span, hint=hint)
+
+
+def _check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
+    """What follows from parameters alone has a value, too; nothing that moves depends on it if it has none."""
+    variables, registers = plan.derived
+    lost = variables[~np.isfinite(base[registers])]
+    if len(lost) and not np.isnan(base[plan.known[0]]).any():
+        flat, first = plan.reduced.flat, int(lost[0])
+        name, value = flat.variable_name(first), base[registers[variables == first][0]]
+        report.warning("W0537", f"{name} has no finite value ({value})", flat.declared_at(first))
 
 
 def sources_without_value(flat: FlatDAE, variable: int, values: np.ndarray) -> list[int]:
