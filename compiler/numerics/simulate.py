@@ -312,8 +312,9 @@ def _check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
     lost = variables[~np.isfinite(base[registers])]
     if len(lost) and not np.isnan(base[plan.known[0]]).any():
         flat, first = plan.reduced.flat, int(lost[0])
-        name, value = flat.variable_name(first), base[registers[variables == first][0]]
-        report.warning("W0537", f"{name} has no finite value ({value})", flat.declared_at(first))
+        name, value, block = flat.variable_name(first), base[registers[variables == first][0]], flat.block_at(first)
+        span = flat.declared_at(first) if block.part else block.span
+        report.warning("W0537", f"{name} has no finite value ({value})", span)
 
 
 def sources_without_value(flat: FlatDAE, variable: int, values: np.ndarray) -> list[int]:
