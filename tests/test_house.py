@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "compiler"
-BASE = ("source", "diagnostics", "excerpt", "cache", "distinct")
+BASE = ("source", "diagnostics", "excerpt", "cache", "distinct", "alike")
 ORDER = (*BASE, "expression", "syntax", "semantics", "structure", "numerics", "symbolic", "report")
 
 

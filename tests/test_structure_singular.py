@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from flat_builder import flat_model
 
+import lmoc
 from lmoc.diagnostics import ModelError
 from lmoc.structure.reduce import reduce
 
@@ -115,3 +116,26 @@ def test_an_equation_that_repeats_another_determines_nothing():
 def test_several_mistakes_in_one_run():
     codes = [e.code for e in errors("var x y z\nsin(x) = 1\ncos(x) = time\ncos(z) = z*y")]
     assert codes == ["E0401", "E0403"]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "message"),
+    [
+        ("Damper d[30](each c = 1);", "E0402", "nothing fixes the absolute position of d[1:30]"),
+        ("Fixed f[30]; Spring s[30](each k = 0); Damper d[30](each c = 0);"
+         "equation for i in 1:30 loop connect(f[i].flange, d[i].a); connect(d[i].b, s[i].a); end for;",
+         "E0402", "nothing fixes the absolute position of s[1:30] and d[1:30]"),
+        ("Fixed f[30]; Rod r[30](each L = 1); Rod s[30](each L = 2); equation for i in 1:30 loop"
+         " connect(f[i].flange, r[i].a); connect(f[i].flange, s[i].a); connect(r[i].b, s[i].b); end for;",
+         "E0411", "s[1:30] and r[1:30] contradict each other: no position satisfies all of them"),
+        ("Force f[30](each f = 1);", "E0416",
+         "nothing takes the force of f[1:30]: no mass, spring or support is there to resist it"),
+        ("Gear g[30](each N = 2); Gear h[30](each N = 3); equation for i in 1:30 loop"
+         " connect(g[i].a, h[i].a); connect(g[i].b, h[i].b); end for;",
+         "E0412", "h[1:30] and g[1:30] form a loop whose ratios do not agree: only rest is possible"),
+    ],
+)  # fmt: skip
+def test_the_same_in_every_member_of_an_array_is_said_once(text, code, message):
+    with pytest.raises(ModelError) as caught:
+        lmoc.compile_text(f"model T {text} end T;")
+    assert [(e.code, e.message) for e in caught.value.diagnostics if e.severity == "error"] == [(code, message)]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lmoc.alike import LOOKED_AT, report_alike
 from lmoc.diagnostics import Diagnostic, Label, Report
 from lmoc.distinct import distinct
 from lmoc.semantics.flat import FlatDAE
@@ -27,11 +28,15 @@ def structurally_singular(system: System, report: Report) -> None:
     """Say which equations are too many (E0401) and which unknowns nothing determines (E0402, E0403)."""
     incidence = system.incidence
     parts = decompose(incidence, maximum_matching(incidence))
-    equations = Equations(system.flat)
-    for rows, columns in components(incidence, parts.over_rows, parts.over_columns)[:SHOWN]:
-        _too_many(system, equations, rows, columns, report)
-    for rows, columns in components(incidence, parts.under_rows, parts.under_columns)[:SHOWN]:
-        _too_few(system, equations, rows, columns, len(parts.over_rows) > 0, report)
+    equations, ports = Equations(system.flat), _Ports(system)
+    pieces, found = components(incidence, parts.over_rows, parts.over_columns), Report()
+    for rows, columns in pieces[:LOOKED_AT]:
+        _too_many(system, equations, rows, columns, found)
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(pieces) - LOOKED_AT))
+    pieces, found = components(incidence, parts.under_rows, parts.under_columns), Report()
+    for rows, columns in pieces[:LOOKED_AT]:
+        _too_few(system, equations, ports, rows, columns, len(parts.over_rows) > 0, found)
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(pieces) - LOOKED_AT))
 
 
 def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: np.ndarray, report: Report) -> None:
@@ -52,7 +57,13 @@ def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: n
 
 
 def _too_few(
-    system: System, equations: Equations, rows: np.ndarray, columns: np.ndarray, also_too_many: bool, report: Report
+    system: System,
+    equations: Equations,
+    ports: _Ports,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    also_too_many: bool,
+    report: Report,
 ) -> None:
     flat = system.flat
     # the ledger follows from the rest, and is nothing that the user wrote
@@ -60,7 +71,7 @@ def _too_few(
     if not roots:
         return
     sources = system.source[rows].tolist()
-    positions = _potentials(system, roots)
+    positions = ports.on(roots)
     if len(positions):
         names = _carriers(flat, positions)
         message = f"nothing fixes the absolute position of {listed(names)}"
@@ -84,12 +95,21 @@ def _too_few(
     _at(equations, sources, report, "E0403", message, found=found, hint=hint, fallback=_span(flat, roots[0]))
 
 
-def _potentials(system: System, roots: Sequence[int]) -> np.ndarray:
-    """The positions of connectors that hang on these roots."""
-    mask = system.flat.per_variable(lambda b: b.connector and not b.flow, bool)
-    inside = np.zeros(len(system.kind), bool)
-    inside[roots] = True
-    return np.flatnonzero(mask & inside[system.normalized.root])
+class _Ports:
+    """The positions of connectors, by the roots that they hang on."""
+
+    def __init__(self, system: System) -> None:
+        positions = np.flatnonzero(system.flat.per_variable(lambda b: b.connector and not b.flow, bool))
+        root = system.normalized.root[positions]
+        order = np.argsort(root, kind="stable")
+        self._positions, self._root = positions[order], root[order]
+
+    def on(self, roots: Sequence[int] | np.ndarray) -> np.ndarray:
+        """Those that hang on these roots, ascending."""
+        wanted = np.asarray(roots, int)
+        first, end = (np.searchsorted(self._root, wanted, side) for side in ("left", "right"))
+        own = [self._positions[a:b] for a, b in zip(first, end, strict=True)]
+        return distinct(np.concatenate([self._positions[:0], *own]))
 
 
 def _carriers(flat: FlatDAE, positions: np.ndarray) -> list[str]:
@@ -111,7 +131,9 @@ def dependent_constraints(system: System, jacobian: Tied, rows: np.ndarray, repo
     rows : those in which elimination has found nothing left
     """
     equations = Equations(system.flat)
-    if _says_what_floats(system, equations, jacobian, rows, report):
+    floating = _Floating(system, jacobian).around(int(rows[0]))
+    if len(floating):
+        _floats(system, equations, floating, rows, report)
         return
     sources = system.source[rows].tolist()
     columns = distinct(system.incidence.column[system.incidence.of_rows(rows)])
@@ -133,47 +155,62 @@ def singular_blocks(
     report: Report,
 ) -> None:
     """E0405: linear equations whose matrix is singular for the present parameter values (or E0402)."""
-    equations = Equations(system.flat)
+    equations, found = Equations(system.flat), Report()
+    floating = _Floating(system, jacobian)
     variable, order = layout.jets()
-    for members in list(blocks)[:SHOWN]:
+    for members in blocks[:LOOKED_AT]:
         rows = distinct(np.array([row_of(square, int(e)) for e in members]))
-        if _says_what_floats(system, equations, jacobian, rows, report):
+        positions = floating.around(int(rows[0]))
+        if len(positions):
+            _floats(system, equations, positions, rows, found)
             continue
         sources = system.source[rows].tolist()
         registers = square.match[members]
         jets = [system.flat.jet_name(int(variable[r]), int(order[r])) for r in registers.tolist()]
         message = f"{listed(jets)} cannot be determined: with these parameters their equations depend on each other"
         hint = "a parameter that is zero, or two that cancel; or nothing fixes the position of a massless part"
-        found = "; ".join(equations.text(s) for s in sources[:SHOWN])
-        _at(equations, sources, report, "E0405", message, found=found, hint=hint)
+        texts = "; ".join(equations.text(s) for s in sources[:SHOWN])
+        _at(equations, sources, found, "E0405", message, found=texts, hint=hint)
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(blocks) - LOOKED_AT))
 
 
-def _says_what_floats(system: System, equations: Equations, jacobian: Tied, rows: np.ndarray, report: Report) -> bool:
-    """E0402 where what a singular matrix leaves open are positions that can move together; whether it is so."""
-    tight = Incidence.of(
-        len(system.source), len(system.variable), jacobian.row, jacobian.column, np.zeros(len(jacobian.row), np.int64)
-    )
-    members, columns = next(
-        piece for piece in components(tight, np.arange(tight.rows), np.arange(tight.columns)) if rows[0] in piece[0]
-    )
-    if not 0 < len(columns) <= LARGEST_DENSE:
-        return False
-    inside = np.isin(jacobian.row, members)
-    matrix = np.zeros((len(members), len(columns)))
-    at = np.searchsorted(members, jacobian.row[inside]), np.searchsorted(columns, jacobian.column[inside])
-    matrix[at] = jacobian.value[inside]
-    if not np.isfinite(matrix).all():
-        return False
-    matrix /= np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
-    _, size, right = np.linalg.svd(matrix)
-    free = np.abs(right[size <= 1e-9 * size[0]]).max(axis=0, initial=0) > 1e-6
-    positions = _potentials(system, system.variable[columns[free]])
-    if not len(positions):
-        return False
+class _Floating:
+    """Positions that can move together, where a matrix is singular: looked for in connected pieces of it."""
+
+    def __init__(self, system: System, jacobian: Tied) -> None:
+        self._system, self._ports = system, _Ports(system)
+        row, column = jacobian.row, jacobian.column
+        tight = Incidence.of(len(system.source), len(system.variable), row, column, np.zeros(len(row), np.int64))
+        self._pieces = components(tight, np.arange(tight.rows), np.arange(tight.columns))
+        self._piece = np.empty(tight.rows, np.int64)  # of each row
+        for k, (rows, _) in enumerate(self._pieces):
+            self._piece[rows] = k
+        order = np.argsort(self._piece[row], kind="stable")
+        self._row, self._column, self._value = row[order], column[order], jacobian.value[order]
+        self._start = np.searchsorted(self._piece[self._row], np.arange(len(self._pieces) + 1))
+
+    def around(self, row: int) -> np.ndarray:
+        """What the piece with this row leaves open."""
+        piece = int(self._piece[row])
+        members, columns = self._pieces[piece]
+        if not 0 < len(columns) <= LARGEST_DENSE:
+            return columns[:0]
+        own = slice(*self._start[piece : piece + 2])
+        matrix = np.zeros((len(members), len(columns)))
+        at = np.searchsorted(members, self._row[own]), np.searchsorted(columns, self._column[own])
+        matrix[at] = self._value[own]
+        if not np.isfinite(matrix).all():
+            return columns[:0]
+        matrix /= np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
+        _, size, right = np.linalg.svd(matrix)
+        free = np.abs(right[size <= 1e-9 * size[0]]).max(axis=0, initial=0) > 1e-6
+        return self._ports.on(self._system.variable[columns[free]])
+
+
+def _floats(system: System, equations: Equations, positions: np.ndarray, rows: np.ndarray, report: Report) -> None:
     message = f"nothing fixes the absolute position of {listed(_carriers(system.flat, positions))}"
     hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
     _at(equations, system.source[rows].tolist(), report, "E0402", message, hint=hint)
-    return True
 
 
 def row_of(square: SquareSystem, equation: int) -> int:

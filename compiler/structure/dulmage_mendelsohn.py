@@ -7,6 +7,7 @@ C.-J. Fan, "Computing the block triangular form of a sparse matrix", ACM TOMS 16
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -72,15 +73,17 @@ def components(incidence: Incidence, rows: np.ndarray, columns: np.ndarray) -> l
     order = np.argsort(a, kind="stable")
     start, neighbours = pointers(a[order], count), b[order]
     label = np.full(count, -1, np.int64)
-    pieces = []
+    seeds = []
     for seed in range(count):
         if label[seed] >= 0:
             continue
+        seeds.append(seed)
         new = np.array([seed])
         while len(new):
             label[new] = seed
             new = distinct(neighbours[ranges(start, new)])
             new = new[label[new] < 0]
-        members = np.flatnonzero(label == seed)
-        pieces.append((rows[members[members < part.rows]], columns[members[members >= part.rows] - part.rows]))
-    return pieces
+    order = np.argsort(label, kind="stable")
+    limits = np.searchsorted(label[order], [*seeds, count])
+    members = [order[a:b] for a, b in pairwise(limits.tolist())]
+    return [(rows[m[m < part.rows]], columns[m[m >= part.rows] - part.rows]) for m in members]

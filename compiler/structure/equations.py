@@ -103,6 +103,7 @@ class Loops:
 
     def __init__(self, equations: Equations, count: int):
         self.equations = equations
+        self.walked = 0  # steps from equation to equation so far
         self.parent = np.full(count + 1, -1, np.int64)
         self.source = np.full(count + 1, -1, np.int64)
 
@@ -116,6 +117,7 @@ class Loops:
         while self.parent[variable] >= 0:
             path.append(int(self.source[variable]))
             variable = int(self.parent[variable])
+        self.walked += len(path)
         return variable, path
 
     def around(self, number: int) -> list[int]:

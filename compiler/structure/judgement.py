@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 
 import numpy as np
 
+from lmoc.alike import LOOKED_AT, report_alike
 from lmoc.diagnostics import Diagnostic, Label, Report
+from lmoc.distinct import distinct
 from lmoc.expression.dag import ZERO
 from lmoc.structure.coefficients import UNKNOWN, is_constant
 from lmoc.structure.elimination import Elimination
@@ -16,8 +19,10 @@ from lmoc.structure.redundancy import Constraints
 from lmoc.structure.substitution import Rows
 from lmoc.structure.vanishing import Missing
 
-# of a mistake made in every row of an array, this many are shown
+# of mistakes of one sort, this many are shown; one made in every row of an array counts once
 SHOWN = 3
+# a search that has walked along so many equations ends: what else may be wrong is only counted
+_WALKED = 400_000
 
 
 def closed(work: Elimination, report: Report) -> list[int]:
@@ -29,12 +34,21 @@ def closed(work: Elimination, report: Report) -> list[int]:
         elif is_constant(g.shape, g.kinds):
             zero = work.splitter.vanishing(g, g.shape, Missing.FITTING)
             repeated += g.source[zero].tolist()
-            for row in np.flatnonzero(~zero)[:SHOWN].tolist():
-                _contradiction(work, g, row, report)
+            _judge(work.loops, np.flatnonzero(~zero), partial(_contradiction, work, g), report)
         else:
-            for number in g.source[:SHOWN].tolist():
-                _prescribed_twice(work.loops, number, report)
+            _judge(work.loops, g.source, partial(_prescribed_twice, work.loops), report)
     return repeated
+
+
+def _judge(loops: Loops, members: np.ndarray, judge: Callable[[int, Report], None], report: Report) -> None:
+    """Let `judge` say of each member what is wrong there, and tell once what is the same in all."""
+    found, seen, limit = Report(), 0, loops.walked + _WALKED
+    for member in members[:LOOKED_AT].tolist():
+        if loops.walked > limit and len(found.diagnostics) >= SHOWN:
+            break
+        judge(member, found)
+        seen += 1
+    report_alike(found.diagnostics, report, SHOWN, len(members) - seen)
 
 
 def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None:
@@ -72,34 +86,40 @@ def overdetermined(work: Elimination, report: Report) -> None:
     """Loops whose ratios do not agree: an error among coordinates of a mechanism, an equation elsewhere."""
     if not work.overdetermined:
         return
-    potential = work.marked(lambda b: b.connector and not b.flow)
+    potential = work.marked(lambda b: b.connector and not b.flow) | _over_ports(work)
     loops = work.loops
     for g in work.overdetermined:
         variable = g.slots[:, [k for k, kind in enumerate(g.kinds) if kind == UNKNOWN]][:, 0]
-        for row, v in enumerate(variable[:SHOWN].tolist()):
+
+        def judge(row: int, found: Report, g: Rows = g, variable: np.ndarray = variable) -> None:
+            v = int(variable[row])
             # by now it hangs on the constant that the loop has given it: look at its class as it was
-            if not (work.differentiated[v] or potential[v] or _ports(work, v)):
-                continue
-            around = loops.around(int(g.source[row]))
-            if any(map(loops.equations.is_balance, around)):
-                continue  # the position of a massless point between springs to the ground
-            parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(int(g.source[row]))}'"
-            message = f"{parts} form a loop whose ratios do not agree: only rest is possible"
-            _at_loop(loops, around, report, "E0412", message, found=work.splitter.text(g, g.shape, row) + " = 0")
+            if work.differentiated[v] or potential[v]:
+                _only_rest(work, g, row, found)
+
+        _judge(loops, np.arange(len(variable)), judge, report)
 
 
-def _ports(work: Elimination, variable: int) -> bool:
-    """Whether a position of a connector hangs on this variable."""
-    level = np.array([variable])
-    while len(level):
-        blocks = [work.flat.block_at(v) for v in level.tolist()]
-        if any(block.connector and not block.flow for block in blocks):
-            return True
-        below = np.zeros(work.flat.count + 1, bool)
-        below[level] = True
-        parent = work.loops.parent
-        level = np.flatnonzero(below[parent] & (parent >= 0))
-    return False
+def _only_rest(work: Elimination, g: Rows, row: int, report: Report) -> None:
+    loops, number = work.loops, int(g.source[row])
+    around = loops.around(number)
+    if any(map(loops.equations.is_balance, around)):
+        return  # the position of a massless point between springs to the ground
+    parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
+    message = f"{parts} form a loop whose ratios do not agree: only rest is possible"
+    _at_loop(loops, around, report, "E0412", message, found=work.splitter.text(g, g.shape, row) + " = 0")
+
+
+def _over_ports(work: Elimination) -> np.ndarray:
+    """(variables,) mask of those on which the position of a connector hangs, their own included."""
+    mask = np.zeros(len(work.loops.parent), bool)
+    new = np.flatnonzero(work.flat.per_variable(lambda b: b.connector and not b.flow, bool))
+    while len(new):
+        mask[new] = True
+        above = work.loops.parent[new]
+        above = distinct(above[above >= 0])
+        new = above[~mask[above]]
+    return mask
 
 
 def dependent(work: Elimination, core: Constraints, guards: list[Guard], report: Report) -> dict[int, list[int]]:
@@ -120,14 +140,20 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
         parts = loops.equations.parts(core.source.tolist())
         guards.append(Guard(holds, f"which constraints of {listed(parts) or 'the model'} repeat others"))
     dropped: dict[int, list[int]] = {}
+    contradictory: dict[int, list[int]] = {}
     for number, others, consistent in judged:
         if consistent:
             dropped[number] = others
-            continue
-        around = loops.among([number, *others])
+        else:
+            contradictory[number] = others
+
+    def judge(number: int, found: Report) -> None:
+        around = loops.among([number, *contradictory[number]])
         parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
         message = f"{parts} contradict each other: no position satisfies all of them"
-        _at_loop(loops, around, report, "E0411", message)
+        _at_loop(loops, around, found, "E0411", message)
+
+    _judge(loops, np.array(list(contradictory), int), judge, report)
     if dropped:
         gone = np.zeros(work.flat.equation_count, bool)
         gone[list(dropped)] = True
