@@ -12,7 +12,6 @@ import argparse
 import os
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 
 from benchmarks import chain_peers as peers
 from benchmarks.common import save, table
@@ -58,7 +57,7 @@ def tools(n: int, quick: bool) -> dict[str, Callable[[], Measured]]:
         "C with CVODE": lambda: peers.sundials_c(n),
         "scipy DOP853": lambda: peers.scipy_ivp(n),
     }
-    if find_spec("rumoca") and n <= (10 if quick else 400):
+    if n <= (10 if quick else 400):
         chosen["rumoca"] = lambda: peers.rumoca(n)
     if n <= 10:
         chosen["sympy.mechanics"] = lambda: peers.sympy_lagrange(n)
@@ -76,17 +75,20 @@ def compare(n: int, quick: bool) -> list[dict]:
     for name, call in tools(n, quick).items():
         try:
             built, ran, ends = zip(*(call() for _ in range(tries(n))), strict=True)
-        except Exception as error:  # a rival's failure is a result too
+        except Exception as error:  # a rival's failure, or absence, is a result too
             if name.startswith("lmoc"):
                 raise
+            figures.append({"N": n, "tool": name, "failure": f"{type(error).__name__}: {error}"})
             print(f"  {name} at N = {n}: {type(error).__name__}: {str(error)[:100]}")
             continue
         error = abs(ends[0] - exact) / peers.AMPLITUDE
         figures.append({"N": n, "tool": name, "build": min(built), "run": min(ran), "error": error})
     own = figures[0]
-    by_hand = next((f for f in figures if f["tool"] == "casadi cvodes"), None)
+    by_hand = next((f for f in figures if f["tool"] == "casadi cvodes" and "run" in f), None)
     rows = []
     for f in figures:
+        if "failure" in f:
+            continue
         f["total_ratio"] = (f["build"] + f["run"]) / (own["build"] + own["run"])
         f["run_ratio"] = f["run"] / by_hand["run"] if by_hand else None
         rows.append([f["tool"], f["build"], f["run"], f["error"], f["total_ratio"], f["run_ratio"]])
