@@ -2,6 +2,7 @@
 
 import pytest
 
+import lmoc
 from lmoc.alike import over_range, ranges, report_alike
 from lmoc.diagnostics import Diagnostic, Report
 
@@ -40,3 +41,53 @@ def test_what_is_cut_is_counted():
     assert told(*unlike) == [("a floats", ""), ("b floats | 2 more such mistakes are not shown", "")]
     assert told(*unlike[:2], unseen=1)[-1] == ("b floats | 1 more place was not looked at", "")
     assert told(*unlike, most=4)[-1] == ("d floats", "")
+
+
+def said(body: str, **more: object) -> list[tuple[str, str]]:
+    """Codes and messages of the errors, or else the warnings, of a check and a run of a model."""
+    dae = lmoc.compile_text(f"model T {body} end T;")
+    try:
+        return [(d.code, d.message) for d in dae.simulate(stop=0.1, **more).notes if d.severity == "warning"]
+    except lmoc.ModelError as error:
+        return [(d.code, d.message) for d in error.diagnostics if d.severity == "error"]
+
+
+TWO = """Mass m[30](each m = 1, each q(start = 1, fixed = true));
+Mass n[30](each m = 1, each q(start = 2, fixed = true));
+equation for i in 1:30 loop connect(m[i].flange, n[i].flange); end for;"""
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("Mass m[30];", [("E0530", "parameter 'm[1:30].m' has no value")]),
+        (
+            "parameter Real c[30]; parameter Real e; Mass m[30](m = c + fill(e, 30));",
+            [("E0530", "parameter 'c[1:30]' has no value"), ("E0530", "parameter 'e' has no value")],
+        ),
+        (TWO, [("E0531", "the fixed values m[1:30].q = 1 and n[1:30].q = 2 contradict each other")]),
+        (
+            "Real y[30]; equation for i in 1:30 loop y[i] = log(-i - time); end for;",
+            [("W0537", "y[1:30] has no finite value (nan) at the start")],
+        ),
+        (
+            "Real y[30]; equation for i in 1:30 loop y[i] = sqrt(abs(i - 3) - 1.5 - time); end for;",
+            [("W0537", "y[2:4] has no finite value (nan) at the start")],
+        ),
+        (
+            "parameter Real z = 0; parameter Real c[30] = {1/z for i in 1:30};",
+            [("W0537", "c[1:30] has no finite value (inf)")],
+        ),
+    ],
+)
+def test_arrays_in_runs(body, expected):
+    assert said(body) == expected
+
+
+def test_one_message_for_ten_thousand():
+    assert said("Mass m[10000];") == [("E0530", "parameter 'm[1:10000].m' has no value")]
+
+
+def test_a_value_that_is_not_a_number_is_not_missing():
+    told = said("Mass m(m = 2);", parameters={"m.m": float("nan")})
+    assert told == [("E0530", "the value of parameter 'm.m' is not a number (nan)")]

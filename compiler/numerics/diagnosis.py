@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lmoc.alike import over_range
+from lmoc.distinct import distinct
 from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.observe import Observer
 from lmoc.numerics.plan import walk
@@ -118,14 +120,24 @@ def sentence(
     named = [r for r in bad.tolist() if r < reduced.registers.count and reduced.registers.variable[r] >= 0]
     if not named:
         return "an intermediate result has no finite value", None
-    name = reduced.register_name(named[0])
     variable = int(reduced.registers.variable[named[0]])
+    name = _names(reduced, named)
     if variable in signals and not is_own(signals[variable], reduced.flat, variable):
         return f"the signal given for the input {name} has no finite value ({w[named[0]]})", None
     span = _place(reduced.flat, variable)
     if nonlinear:
         return f"the nonlinear equations for {name} have no solution that Newton's method finds", span
     return f"{name} has no finite value ({w[named[0]]})", span
+
+
+def _names(reduced: Reduced, registers: list[int]) -> str:
+    """The first of some registers, with those of the same array: as a range if they fill one, else their number."""
+    flat, first = reduced.flat, registers[0]
+    block, order = flat.block_at(int(reduced.registers.variable[first])), reduced.registers.order[first]
+    variables, orders = reduced.registers.variable[registers], reduced.registers.order[registers]
+    inside = (variables >= block.offset) & (variables < block.offset + block.size) & (orders == order)
+    names = [flat.jet_name(v, int(order)) for v in distinct(variables[inside]).tolist()]
+    return over_range(names) or f"{reduced.register_name(first)} (and {len(names) - 1} more of its array)"
 
 
 def _place(flat: FlatDAE, variable: int) -> Span | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmoc.alike import LOOKED_AT, report_alike
 from lmoc.diagnostics import Report, nearest
 from lmoc.numerics.gauss_newton import Start, descend, elsewhere, straight_rows
 from lmoc.numerics.lexicographic import split
@@ -155,9 +156,15 @@ def _solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report
         found, span = system.lost(int(lost[0]))
         report.error("E0535", f"{found} at the start", span, hint="look at the start values, and at divisions by zero")
         return
-    for group in components.connected(np.flatnonzero(start.hard))[:SHOWN]:
-        certain = components.excluded(start.jacobian, start.residual, group, straight)
-        (_report_contradiction if certain else _report_nothing_found)(system, group, start, report)
+    groups, found = components.connected(np.flatnonzero(start.hard)), Report()
+    order = np.argsort(start.jacobian[0], kind="stable")
+    by_row = tuple(column[order] for column in start.jacobian)
+    for group in groups[:LOOKED_AT]:
+        first, end = (np.searchsorted(by_row[0], group, side) for side in ("left", "right"))
+        own = np.concatenate([np.arange(a, b) for a, b in zip(first, end, strict=True)])
+        certain = components.excluded(tuple(column[own] for column in by_row), start.residual, group, straight)
+        (_report_contradiction if certain else _report_nothing_found)(system, group, start, found)
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))
     if not start.hard.any():
         _report_missed(system, np.flatnonzero(start.soft), start, report)
 

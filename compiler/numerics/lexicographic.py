@@ -51,8 +51,9 @@ class Components:
 
     def connected(self, rows: np.ndarray) -> list[np.ndarray]:
         """Rows sorted into parts."""
+        rows = rows[np.argsort(self.part_of_row[rows], kind="stable")]
         parts = self.part_of_row[rows]
-        return [rows[parts == p] for p in distinct(parts)]
+        return [part for part in np.split(rows, np.flatnonzero(np.diff(parts)) + 1) if len(part)]
 
     def together(self, rows: np.ndarray) -> np.ndarray:
         """(all rows,) mask of those that share a part with these."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmoc.alike import LOOKED_AT, report_alike
 from lmoc.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError, nearest
 from lmoc.numerics import integrators, kinks
 from lmoc.numerics.checks import run_checks
@@ -21,6 +22,7 @@ from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, gives
 from lmoc.numerics.singular import singular_place
 from lmoc.numerics.system import SegmentedSystem, System, make_system
 from lmoc.semantics.flat import FlatDAE
+from lmoc.structure.equations import SHOWN
 from lmoc.structure.reduced import Reduced
 
 Progress = Callable[[float, float], None]  # (time reached, stop time)
@@ -297,13 +299,18 @@ def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: 
     missing = variables[np.isnan(base[registers])]
     if not len(missing):
         missing = _needed_for_derived(plan, base)
-    unbound = dict.fromkeys(source for v in missing[:10].tolist() for source in sources_without_value(flat, v, values))
-    for variable in unbound:
+    sources, found = sources_without_value(flat, missing, values), Report()
+    bound = np.isin(sources, np.concatenate([np.zeros(0, int), *(a.target for a in flat.bindings)]))
+    for variable, has_binding in list(zip(sources, bound.tolist(), strict=True))[:LOOKED_AT]:
         block = flat.block_at(variable)
         name = flat.variable_name(variable)
-        hint = f"--set {name}=…, or bind it in the model"
+        message, hint = f"parameter '{name}' has no value", f"--set {name}=…, or bind it in the model"
+        if has_binding:
+            message = f"the value of parameter '{name}' is not a number (nan)"
+            hint = "look at what is given for it, and for 0/0 and roots or logarithms of negative numbers"
         span = flat.declared_at(variable) if block.part else block.span
-        report.error("E0530", f"parameter '{name}' has no value", span, hint=hint)
+        found.error("E0530", message, span, hint=hint)
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(sources) - LOOKED_AT))
 
 
 def _check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
@@ -317,14 +324,17 @@ def _check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
         report.warning("W0537", f"{name} has no finite value ({value})", span)
 
 
-def sources_without_value(flat: FlatDAE, variable: int, values: np.ndarray) -> list[int]:
-    """The parameters without value that the binding of one comes from; itself, where nothing else lacks a value."""
-    for binding in flat.bindings:
-        row = np.flatnonzero(binding.target == variable)
-        if len(row):
-            open_ones = [v for v in binding.slots[row[0]].tolist() if np.isnan(values[v])]
-            return [source for v in open_ones for source in sources_without_value(flat, v, values)] or [variable]
-    return [variable]
+def sources_without_value(flat: FlatDAE, variables: np.ndarray | int, values: np.ndarray) -> list[int]:
+    """The parameters without value that the bindings of some come from; themselves where nothing else lacks one."""
+    lacking, wanted = np.isnan(values), np.zeros(flat.count, bool)
+    wanted[variables] = True
+    for binding in reversed(flat.bindings):  # each uses only what stands before it
+        rows = np.flatnonzero(wanted[binding.target])
+        slots = binding.slots[rows]
+        from_others = lacking[slots]
+        wanted[binding.target[rows[from_others.any(axis=1)]]] = False
+        wanted[slots[from_others]] = True
+    return np.flatnonzero(wanted).tolist()
 
 
 def _needed_for_derived(plan: Plan, base: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.alike import over_range
 from lmoc.diagnostics import Report
 from lmoc.expression import dag
 from lmoc.expression.evaluate import evaluate
@@ -44,6 +45,9 @@ def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
             continue
         rows = np.flatnonzero(lost[binding.target] & ~lost[binding.slots].any(axis=1))
         if len(rows):
-            variable = int(binding.target[rows[0]])
-            name, value = flat.variable_name(variable), values[variable]
+            names, value = (
+                [flat.variable_name(v) for v in binding.target[rows].tolist()],
+                values[binding.target[rows[0]]],
+            )
+            name = over_range(names) or f"{names[0]} (and {len(names) - 1} more bound there)"
             report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
