@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from lmoc.cli.arguments import Parser, ordinal
+from lmoc.cli.progress import working
 from lmoc.cli.symbols import add_symbol_arguments, compiled, listed, names
 from lmoc.diagnostics import Diagnostic, ModelError
 
@@ -30,10 +31,11 @@ def configure(parser: Parser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
-    found = dae.equations(forces=arguments.with_forces)
     deviations = arguments.about_equilibrium or arguments.equilibrium is not None
-    if deviations:
-        found = about_equilibrium(dae, found, arguments.equilibrium)
+    with working("equations"):
+        found = dae.equations(forces=arguments.with_forces)
+        if deviations:
+            found = about_equilibrium(dae, found, arguments.equilibrium)
     if arguments.json:
         print(json.dumps(found.to_dict(), indent=2, ensure_ascii=False))
     elif arguments.latex:

@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from lmoc.cli.arguments import Parser, assignment, number
+from lmoc.cli.progress import working
 from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_numbers
 
 if TYPE_CHECKING:
@@ -26,7 +27,8 @@ def configure(parser: Parser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
-    found = dae.equilibria(inputs=dict(arguments.input))
+    with working("equilibria"):
+        found = dae.equilibria(inputs=dict(arguments.input))
     if arguments.json:
         print(json.dumps([as_data(e) for e in found], indent=2, ensure_ascii=False))
         return 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lmoc.cli import terminal
 from lmoc.cli.arguments import Parser, add_model_arguments
+from lmoc.cli.progress import Progress, working
 
 if TYPE_CHECKING:
     from lmoc.symbolic.equivalent import Equivalent
@@ -29,12 +30,14 @@ def execute(arguments: argparse.Namespace) -> int:
     from lmoc.pipeline import Clock, Scene, flatten, parse, read_source
     from lmoc.symbolic.equivalent import equivalent
 
-    clock = Clock()
-    scene = Scene(parse([read_source(arguments.file)], clock), arguments.model, dict(arguments.set))
-    flat = flatten(scene, clock)
+    with Progress() as progress:
+        clock = Clock(progress.stage)
+        scene = Scene(parse([read_source(arguments.file)], clock), arguments.model, dict(arguments.set))
+        flat = flatten(scene, clock)
     terminal.show((d for d in flat.notes if d.code != OPEN_END), ("warning",))
     values = flat.parameter_values(indexed(flat, flat.overrides))
-    found = equivalent(flat, values, arguments.port, arguments.other)
+    with working("equivalent"):
+        found = equivalent(flat, values, arguments.port, arguments.other)
     print(json.dumps(as_data(found), indent=2, ensure_ascii=False) if arguments.json else found)
     return 0
 

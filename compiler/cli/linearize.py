@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.cli.arguments import Parser, UsageError, assignment, number
+from lmoc.cli.progress import working
 from lmoc.cli.symbols import (
     add_place_arguments,
     add_symbol_arguments,
@@ -48,10 +49,11 @@ def execute(arguments: argparse.Namespace) -> int:
     _check_targets(arguments)
     dae = compiled(arguments)
     inputs = dict(arguments.input)
-    at = place(dae, arguments, inputs)
-    model = dae.linearize(at, arguments.symbolic, inputs, arguments.output or None)
-    shifted = arguments.realization and any(np.any(B) for B in model.Bs[1:])
-    model = model.realization() if arguments.realization else model
+    with working("linearize"):
+        at = place(dae, arguments, inputs)
+        model = dae.linearize(at, arguments.symbolic, inputs, arguments.output or None)
+        shifted = arguments.realization and any(np.any(B) for B in model.Bs[1:])
+        model = model.realization() if arguments.realization else model
     _write(model, dae.name, arguments)
     if arguments.json:
         print(json.dumps(as_data(model), indent=2, ensure_ascii=False))

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 WAIT = 1.0  # seconds without a word
+BEFORE = {"simulate": "lower and start"}  # what a stage does until simulated time advances
 
 
 class Progress:
@@ -32,12 +35,12 @@ class Progress:
 
     def stage(self, name: str) -> None:
         """A stage begins."""
-        self._stage, self._done = name, None
+        self._stage, self._done = BEFORE.get(name, name), None
 
     def reached(self, simulated: float, stop: float) -> None:
         """The simulation has come to this time on its way to the stop."""
         if self._done is None:
-            self._start = simulated
+            self._stage, self._start = "simulate", simulated
         self._done = (simulated - self._start) / (stop - self._start) if stop > self._start else 1.0
 
     def _draw(self) -> None:
@@ -52,3 +55,11 @@ class Progress:
             while not self._end.wait(0.1):
                 known = self._done is not None
                 bar.update(task, description=self._stage, total=1.0 if known else None, completed=self._done or 0.0)
+
+
+@contextmanager
+def working(stage: str) -> Iterator[None]:
+    """One stage that takes its time."""
+    with Progress() as progress:
+        progress.stage(stage)
+        yield

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 
 from lmoc.cli.arguments import Parser, add_model_arguments, add_states_argument, choice
+from lmoc.cli.progress import Progress
 from lmoc.source import Span
 
 STAGES = ("parse", "instantiate", "flatten", "reduce", "lower")
@@ -20,28 +21,31 @@ def configure(parser: Parser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    print(_text(arguments))
+    with Progress() as progress:
+        text = _text(arguments, progress)
+    print(text)
     return 0
 
 
-def _text(arguments: argparse.Namespace) -> str:
+def _text(arguments: argparse.Namespace, progress: Progress) -> str:
     from lmoc.pipeline import Clock, Scene, flatten, parse, read_source
     from lmoc.report import listing
 
-    clock = Clock()
+    clock = Clock(progress.stage)
     files = parse([read_source(arguments.file)], clock)
     if arguments.stage == "parse":
+        progress.stage("show")
         return "\n".join(line for file in files for line in _tree(file))
     states = None if arguments.states is None else tuple(arguments.states)
     scene = Scene(files, arguments.model, dict(arguments.set), states)
     flat = flatten(scene, clock)
-    if arguments.stage == "instantiate":
-        return listing.instance_text(flat)
-    if arguments.stage == "flatten":
-        return listing.flat_text(flat)
+    if arguments.stage in ("instantiate", "flatten"):
+        progress.stage("show")
+        return (listing.instance_text if arguments.stage == "instantiate" else listing.flat_text)(flat)
     from lmoc.dae import DAE
 
     dae = DAE(scene, flat, clock)
+    progress.stage("show")
     return (listing.reduced_text if arguments.stage == "reduce" else listing.numeric_text)(dae.reduced)
 
 
