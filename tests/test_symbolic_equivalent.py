@@ -146,6 +146,49 @@ def test_a_shaft_and_a_flange_are_tied_by_no_one_law():
         found(flat_model(PARTS), "lever.pivot", "load.flange")
 
 
+OUTER = """
+model Held "a part with a port of its own"
+  parameter Real k = 2, m = 3;
+  Flange p; Spring s(k = k); Mass mass(m = m); Fixed w;
+equation
+  connect(s.a, w.flange); connect(s.b, p); connect(mass.flange, p);
+end Held;
+model Scene
+  parameter Real k = 2, k1 = 1, k2 = 1, m = 3, J = 4, c = 5, N = 2;
+  Flange p, q; Shaft shaft;
+  Held alone(k = k, m = m), wired(k = k, m = m);
+  Mass load(m = m);
+  Spring s(k = k), s1(k = k1), s2(k = k2);
+  Damper d(c = c);
+  Gear gear(N = N); Inertia rotor(J = J); Fixed w;
+equation
+  connect(wired.p, load.flange);
+  connect(w.flange, s.a); connect(s.b, p);
+  connect(p, s1.a); connect(s1.b, s2.a); connect(s2.b, q); connect(d.a, p); connect(q, d.b);
+  connect(shaft, gear.a); connect(gear.b, rotor.shaft);
+end Scene;
+"""
+
+
+@pytest.mark.parametrize(
+    ("ports", "constants"),
+    [
+        (("alone.p",), (k, 0, m)),
+        (("alone.s.b",), (k, 0, m)),
+        (("wired.p",), (k, 0, 2 * m)),
+        (("load.flange",), (k, 0, 2 * m)),
+        (("p",), (k, 0, 0)),
+        (("p", "q"), (k1 * k2 / (k1 + k2), c, 0)),
+        (("q", "p"), (k1 * k2 / (k1 + k2), c, 0)),
+        (("s1.a", "q"), (k1 * k2 / (k1 + k2), c, 0)),
+        (("shaft",), (0, 0, J / N**2)),
+    ],
+)
+def test_ports_that_are_connected_from_inside(ports, constants):
+    result = found(flat_model(OUTER), *ports)
+    assert all(equal(*pair) for pair in zip((result.stiffness, result.damping, result.inertia), constants, strict=True))
+
+
 def test_command_for_a_network_that_nothing_holds(lmoc, tmp_path):
     file = tmp_path / "series.lmo"
     file.write_text(

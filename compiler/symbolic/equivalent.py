@@ -144,7 +144,12 @@ class _Network:
         self.parameters = parameters
 
     def rows(self, load: list[tuple[tuple[int, int], int]]) -> tuple[list[Row], dict[int, int]]:
-        """Coefficients of each equation, and the load on those that balance the ports' flows."""
+        """Coefficients of each equation, and the load on those that balance the ports' flows.
+
+        The load acts on a port from outside its part. There the flow into the part stands with a plus, in the sum of a
+        connection or alone where nothing is connected; the port of a part with connections of its own stands in a
+        second sum, seen from inside, with a minus (Modelica specification, 9.2).
+        """
         flat = self.flat
         rows: list[Row] = []
         balance_of: dict[int, int] = {}
@@ -154,18 +159,19 @@ class _Network:
             for r in range(group.rows):
                 row = self._row(group, r)
                 if row:
-                    if group.origin in ("unconnected", "connection"):
-                        balance_of |= {v: len(rows) for v in row if flat.block_at(v).flow}
+                    if group.origin == "unconnected":
+                        balance_of |= {v: len(rows) for v in row}
                     rows.append(row)
         for i in range(flat.sums.rows):
             part = slice(flat.sums.start[i], flat.sums.start[i + 1])
             row = {int(v): _number(sign) for v, sign in zip(flat.sums.index[part], flat.sums.sign[part], strict=True)}
-            balance_of |= {v: len(rows) for v in row}
+            if all(flat.block_at(v).flow for v in row):
+                balance_of |= {v: len(rows) for v, sign in row.items() if sign > 0}
             rows.append(row)
         forced: dict[int, int] = {}
         for (_, flow), sign in load:
             i = balance_of[flow]
-            forced[i] = forced.get(i, 0) + sign * int(rows[i][flow])
+            forced[i] = forced.get(i, 0) + sign
         return rows, forced
 
     def _row(self, group, r: int) -> Row:
