@@ -78,6 +78,10 @@ equation for i in 1:30 loop connect(m[i].flange, n[i].flange); end for;"""
             "parameter Real z = 0; parameter Real c[30] = {1/z for i in 1:30};",
             [("W0537", "c[1:30] has no finite value (inf)")],
         ),
+        (
+            "parameter Real z[30] = fill(0, 30); Real c[30] = {1/z[i] for i in 1:30}; equation",
+            [("W0537", "c[1:30] has no finite value (inf)")],
+        ),
     ],
 )
 def test_arrays_in_runs(body, expected):
@@ -90,4 +94,22 @@ def test_one_message_for_ten_thousand():
 
 def test_a_value_that_is_not_a_number_is_not_missing():
     told = said("Mass m(m = 2);", parameters={"m.m": float("nan")})
+    assert told == [("E0530", "the value given for parameter 'm.m' is not a number (nan)")]
+    told = said("parameter Real z = 0; Mass m(m = z/z);")
     assert told == [("E0530", "the value of parameter 'm.m' is not a number (nan)")]
+
+
+def test_the_place_of_a_value_from_elsewhere_is_not_in_the_model():
+    with pytest.raises(lmoc.ModelError) as caught:
+        lmoc.compile_text("model T Mass m(m = 2); end T;").simulate(parameters={"m.m": float("nan")})
+    assert [(d.code, d.span) for d in caught.value.diagnostics if d.code != "W0312"] == [
+        ("W0537", None),
+        ("E0530", None),
+    ]
+
+
+def test_an_input_without_signal_is_told_once():
+    """Also where its derivatives are needed."""
+    parts = "input Real u; Motion M(q = u); Spring s(k = 3); Damper d(c = 1); Mass m(m = 2);"
+    wires = "connect(M.flange, s.a); connect(s.b, m.flange); connect(M.flange, d.a); connect(d.b, m.flange);"
+    assert said(f"{parts} equation {wires}") == [("E0520", "input 'u' has no signal")]

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.alike import LOOKED_AT, report_alike
+from lmoc.alike import LOOKED_AT, over_range, report_alike
 from lmoc.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError, nearest
+from lmoc.distinct import distinct
 from lmoc.numerics import integrators, kinks
 from lmoc.numerics.checks import run_checks
 from lmoc.numerics.diagnosis import first_not_finite, lost_ahead, suspects
@@ -22,6 +23,7 @@ from lmoc.numerics.signals import Constant, Formula, Signal, bind_signals, gives
 from lmoc.numerics.singular import singular_place
 from lmoc.numerics.system import SegmentedSystem, System, make_system
 from lmoc.semantics.flat import FlatDAE
+from lmoc.semantics.parameter_checks import given_without_value
 from lmoc.structure.equations import SHOWN
 from lmoc.structure.reduced import Reduced
 
@@ -43,7 +45,10 @@ class Simulator:
         """The plan and the system for signals of these kinds."""
         key = energy, tuple(sorted((v, _kind_key(s)) for v, s in signals.items()))
         if key not in self._systems:
-            plan = build_plan(self.reduced, signals, energy, report)
+            found = Report()
+            plan = build_plan(self.reduced, signals, energy, found)
+            report.diagnostics += [d for d in found.diagnostics if d.severity != "error"]
+            report_alike(dict.fromkeys(found.errors), report, SHOWN)  # an input and its derivative lack one signal
             report.check()
             self._systems[key] = plan, make_system(plan)
         return self._systems[key]
@@ -300,15 +305,18 @@ def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: 
     if not len(missing):
         missing = _needed_for_derived(plan, base)
     sources, found = sources_without_value(flat, missing, values), Report()
-    bound = np.isin(sources, np.concatenate([np.zeros(0, int), *(a.target for a in flat.bindings)]))
-    for variable, has_binding in list(zip(sources, bound.tolist(), strict=True))[:LOOKED_AT]:
+    bound = np.isin(sources, np.concatenate([np.zeros(0, int), *(a.target for a in flat.bindings)])).tolist()
+    given = given_without_value(flat, values)
+    for variable, has_binding in list(zip(sources, bound, strict=True))[:LOOKED_AT]:
         block = flat.block_at(variable)
         name = flat.variable_name(variable)
-        message, hint = f"parameter '{name}' has no value", f"--set {name}=…, or bind it in the model"
-        if has_binding:
-            message = f"the value of parameter '{name}' is not a number (nan)"
-            hint = "look at what is given for it, and for 0/0 and roots or logarithms of negative numbers"
         span = flat.declared_at(variable) if block.part else block.span
+        message, hint = f"parameter '{name}' has no value", f"--set {name}=…, or bind it in the model"
+        if given[variable]:
+            message, span, hint = f"the value given for parameter '{name}' is not a number (nan)", None, ""
+        elif has_binding:
+            message = f"the value of parameter '{name}' is not a number (nan)"
+            hint = "look for 0/0, and for roots or logarithms of negative numbers"
         found.error("E0530", message, span, hint=hint)
     report_alike(found.diagnostics, report, SHOWN, max(0, len(sources) - LOOKED_AT))
 
@@ -319,7 +327,9 @@ def _check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
     lost = variables[~np.isfinite(base[registers])]
     if len(lost) and not np.isnan(base[plan.known[0]]).any():
         flat, first = plan.reduced.flat, int(lost[0])
-        name, value, block = flat.variable_name(first), base[registers[variables == first][0]], flat.block_at(first)
+        value, block = base[registers[variables == first][0]], flat.block_at(first)
+        names = [flat.variable_name(v) for v in distinct(lost).tolist() if flat.block_at(v) is block]
+        name = over_range(names) or f"{flat.variable_name(first)} (and {len(names) - 1} more of its array)"
         span = flat.declared_at(first) if block.part else block.span
         report.warning("W0537", f"{name} has no finite value ({value})", span)
 

@@ -40,14 +40,26 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
 def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
     """A binding without a finite value, though everything in it has one: 1/0, the root of a negative number."""
     lost = ~np.isfinite(values) & (flat.kind <= Kind.PARAMETER)
-    for binding in flat.bindings if lost.any() else ():
+    if not lost.any():
+        return
+    given = given_without_value(flat, values)
+    for binding in flat.bindings:
         if binding.numbers is not None:
             continue
         rows = np.flatnonzero(lost[binding.target] & ~lost[binding.slots].any(axis=1))
         if len(rows):
-            names, value = (
-                [flat.variable_name(v) for v in binding.target[rows].tolist()],
-                values[binding.target[rows[0]]],
-            )
+            variables = binding.target[rows]
+            names, value = [flat.variable_name(v) for v in variables.tolist()], values[variables[0]]
             name = over_range(names) or f"{names[0]} (and {len(names) - 1} more bound there)"
-            report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
+            if given[variables[0]]:
+                report.warning("W0537", f"the value given for {name} is not finite ({value})")
+            else:
+                report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
+
+
+def given_without_value(flat: FlatDAE, values: np.ndarray) -> np.ndarray:
+    """(variables,) mask of those without finite value that have one in the model: the caller has given another."""
+    mask = np.zeros(flat.count, bool)
+    for binding in flat.bindings:
+        mask[binding.target] = np.isfinite(binding.values(values)) & ~np.isfinite(values[binding.target])
+    return mask & (flat.kind <= Kind.PARAMETER)
