@@ -73,7 +73,7 @@ def _rows(line: str, pieces: Sequence[_Piece]) -> list[str]:
     places = [(_column(edges, piece.start), _column(edges, piece.end)) for piece in pieces]
     left, right = 0, len(cells)
     if edges[-1] > _WIDTH:
-        first = max(0, min(min(start for start, _ in places) - _CONTEXT, edges[-1] - _WIDTH))
+        first = max(0, min(_anchor(pieces, places) - _CONTEXT, edges[-1] - _WIDTH))
         left = bisect_left(edges, first)
         right = bisect_right(edges, edges[left] + _WIDTH) - 1
     begin, end = edges[left], edges[right]
@@ -83,10 +83,19 @@ def _rows(line: str, pieces: Sequence[_Piece]) -> list[str]:
     if right < len(cells):
         shown[-1] = "…" + " " * (_width(shown[-1]) - 1)
     rows = ["".join(shown)]
+    beyond = end + 1 if right == len(cells) else end  # behind the end of a line is a place, behind dots is none
     for piece, (start, stop) in zip(pieces, places, strict=True):
-        start, stop = min(start, end) - begin, min(stop, end + 1) - begin
-        rows.append(f"{' ' * start}{piece.sign * max(1, stop - start)} {piece.text}")
+        start = max(begin, min(start, beyond - 1)) - begin
+        stop = max(start + 1, min(stop, beyond) - begin)
+        rows.append(f"{' ' * start}{piece.sign * (stop - start)} {piece.text}")
     return rows
+
+
+def _anchor(pieces: Sequence[_Piece], places: Sequence[tuple[int, int]]) -> int:
+    """The column from which a long line is shown: where the first mark begins, unless the main one is far from it."""
+    first = min(start for start, _ in places)
+    main = min((start for piece, (start, _) in zip(pieces, places, strict=True) if piece.sign == "^"), default=first)
+    return first if main - first < _WIDTH - 2 * _CONTEXT else main
 
 
 def _spread(line: str) -> Iterator[str]:

@@ -82,6 +82,28 @@ def test_long_lines_are_shown_around_the_mark() -> None:
     assert line[mark.index("^") : mark.rindex("^") + 1] == "HERE"
 
 
+LONG = "abcdefghi " * 40
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "marked", "labels"),
+    [
+        (200, 390, LONG[200:289] + "…", []),  # the mark is cut with the text
+        (5, 15, LONG[5:15], [(300, 320, "…")]),  # below the dots: it is there somewhere
+        (5, 15, LONG[5:15], [(100, 200, LONG[100:119] + "…")]),
+        (300, 320, LONG[300:320], [(5, 10, "…")]),  # the main mark is seen
+        (80, 90, LONG[80:90], [(40, 50, LONG[40:50])]),
+        (395, 400, LONG[395:400], []),
+        (400, 401, "", []),  # behind the end of the line
+    ],
+)
+def test_marks_do_not_run_past_a_line_that_is_cut(start, end, marked, labels) -> None:
+    line, *marks = show(LONG, start, end, labels=[(a, b, "") for a, b, _ in labels]).splitlines()[3:]
+    below = [line[min(row.index(sign) for sign in "^-" if sign in row) : len(row)].rstrip() for row in marks]
+    assert below == [marked.rstrip(), *(text.rstrip() for _, _, text in labels)]
+    assert all(len(row) <= len(line) + (start == len(LONG)) for row in marks)
+
+
 @pytest.mark.parametrize("text", ["", "x", "x\n", "\n\n", "x\r\ny\r\n"])
 def test_the_end_of_a_text(text: str) -> None:
     shown = show(text, len(text), len(text))
