@@ -285,3 +285,15 @@ def test_what_follows_from_parameters_alone_and_has_no_value_is_told():
     [note] = [n for n in dae.simulate(stop=1).notes if n.code == "W0537"]
     assert note.message == "y has no finite value (inf)"
     assert not [n for n in dae.simulate(stop=1, parameters={"a": 2}).notes if n.code == "W0537"]
+
+
+def test_the_table_of_last_values_tells_of_those_left_out():
+    """24 rows are shown; the others stand beside their number: 30 outputs are the positions, 30 velocities are left."""
+    text = "model M Mass m[30](each m = 1); output Real y[30] = m.q; end M;"
+    lines = summary.summary(lmoc.compile_text(text).simulate(stop=1)).splitlines()
+    assert [line.split()[0] for line in lines[-25:-1]] == [f"y[{i}]" for i in range(1, 25)]
+    assert lines[-1] == "  … and 36 more: y[25:30], m[1:30].v"
+    plain = lmoc.compile_text("model M Mass m[13](each m = 1); end M;").simulate(stop=1)
+    assert summary.summary(plain).splitlines()[-1] == "  … and 2 more: m[13].q, m[13].v"
+    small = lmoc.compile_text("model M Mass m[12](each m = 1); end M;").simulate(stop=1)
+    assert "more" not in summary.summary(small)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from lmoc.report.names import patterns
 from lmoc.report.run import Run
 from lmoc.semantics.flat import Block
@@ -24,6 +26,7 @@ def summary(run: Run) -> str:
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
     lines += ["", f"at t = {run.time[-1]:g} s{_broke_off(run)}", *_table(final_rows(run))]
+    lines += [f"  {line}" for line in [_final_names(run)[1]] if line]
     return "\n".join(lines)
 
 
@@ -152,15 +155,36 @@ def energy_text(run: Run) -> str:
 
 def final_rows(run: Run) -> list[tuple[str, float, str, str]]:
     """(name, value, unit, description) of the outputs, then of the states that are not outputs already; or of what was
-    kept."""
+    kept. Of very many only the first."""
+    return [_final_row(run, name) for name in _final_names(run)[0]]
+
+
+def _final_names(run: Run) -> tuple[list[str], str]:
+    """Names of the values that are shown, and the line that tells of the others."""
+    variables, orders = _final_jets(run)
+    count = len(variables)
+    if count <= _MOST_ROWS:
+        shown = count
+    else:  # outputs, or outputs and states: states only where they all fit, or where there is nothing else
+        outputs = sum(b.size for b in run.flat.blocks if b.output) if run.kept is None else 0
+        shown = min(outputs or count, _MOST_ROWS)
+    names = [run.flat.jet_name(int(v), int(n)) for v, n in zip(variables[:shown], orders[:shown], strict=True)]
+    if shown == count:
+        return names, ""
+    left = ", ".join(patterns(run.flat, variables[shown:], orders[shown:]))
+    return names, f"… and {_number(count - shown)} more: {left}"
+
+
+def _final_jets(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Variables and orders of derivatives whose last values are worth showing, the most important first."""
     if run.kept is not None:
-        return [_final_row(run, name) for name in run.kept[:_MOST_ROWS]]
-    names = list(run.outputs)
-    if len(names) + len(run.reduced.states) <= _MOST_ROWS or not names:
-        shown = {int(run.reduced.register_of[b.offset + i]) for b in run.flat.blocks if b.output for i in range(b.size)}
-        fitting = run.reduced.states[:_MOST_ROWS].tolist()
-        names += [run.reduced.register_name(r) for r in fitting if r not in shown]
-    return [_final_row(run, name) for name in names[:_MOST_ROWS]]
+        kept = np.array([int(run.flat.find(name)[0]) for name in run.kept], int)
+        return kept, np.zeros(len(kept), int)
+    table, blocks = run.reduced.registers, [b for b in run.flat.blocks if b.output]
+    outputs = np.concatenate([np.zeros(0, int), *(b.offset + np.arange(b.size) for b in blocks)])
+    states = run.reduced.states[~np.isin(run.reduced.states, run.reduced.register_of[outputs])]
+    orders = np.concatenate([np.zeros(len(outputs), int), table.order[states]])
+    return np.concatenate([outputs, table.variable[states]]), orders
 
 
 def _final_row(run: Run, name: str) -> tuple[str, float, str, str]:
