@@ -33,7 +33,14 @@ def told(*found: tuple[str, str], most: int = 2, unseen: int = 0) -> list[tuple[
 def test_one_for_all_members():
     assert told(("r[1] floats", "x[1] = 0"), ("r[2] floats", "x[2] = 0")) == [("r[1:2] floats", "x[1:2] = 0")]
     assert told(("r[1] floats", "1"), ("r[2] floats", "2")) == [("r[1:2] floats", "of the first: 1")]
-    assert told(("r[1] floats", ""), ("r[5] floats", "")) == [("r[1] floats, and 1 more like it", "")]
+    assert told(("r[1] floats", ""), ("r[5] floats", "")) == [("r[1] floats", ""), ("r[5] floats", "")]
+
+
+def test_members_that_are_not_all_side_by_side():
+    floating = [(f"r[{i}] floats", "") for i in (1, 2, 3, 5, 6, 8, 10)]
+    assert told(*floating) == [("r[1:3] floats", ""), ("r[5:6] floats, and 2 more like it", "")]
+    grid = [(f"r[{i},{j}] floats", "") for i in (1, 2) for j in (1, 2, 3)][:-1]
+    assert told(*grid) == [("r[1,1:3] floats", ""), ("r[2,1:2] floats", "")]
 
 
 def test_what_is_cut_is_counted():

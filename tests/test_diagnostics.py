@@ -82,7 +82,7 @@ def test_long_lines_are_shown_around_the_mark() -> None:
     assert line[mark.index("^") : mark.rindex("^") + 1] == "HERE"
 
 
-LONG = "abcdefghi " * 40
+LONG = "abcdefghij" * 40
 
 
 @pytest.mark.parametrize(
