@@ -46,7 +46,7 @@ def test_equations_with_forces(lmoc):
 
 def test_gravity_disappears_about_the_equilibrium(lmoc):
     out = lmoc("equations", NOTES / "ex05_suspension.lmo", "--about-equilibrium").out
-    equations = [line for line in out.splitlines() if " = " in line]
+    equations = [line for line in out.splitlines()[1:] if " = " in line]
     assert len(equations) == 2 and not any("g·" in line for line in equations)
 
 
@@ -211,3 +211,41 @@ def test_deviations_from_one_of_several_equilibria(lmoc):
     standing = lmoc("equations", LEVER, "--equilibrium", "3").out
     assert "- k·l2²·" in standing and "δθ" in standing
     assert lmoc("equations", LEVER, "--equilibrium", "5").code == 2
+
+
+WELL = """
+model Well
+  parameter Real m = 1, a = 2, b = 3;
+  input Real u = 0; output Real y = mass.q;
+  Mass mass(m = m); Spring s(k = -a); CubicSpring cs(k = b); Force f(f = u); Fixed w;
+equation
+  connect(w.flange, s.a); connect(w.flange, cs.a);
+  connect(s.b, mass.flange); connect(cs.b, mass.flange); connect(f.flange, mass.flange);
+end Well;
+"""
+HEAVY = """
+model Heavy
+  parameter Real k = 3, m = 2, g = 9;
+  Fixed w; CubicSpring s(k = k); Mass b(m = m, g = g);
+equation
+  connect(w.flange, s.a); connect(s.b, b.flange);
+end Heavy;
+"""
+
+
+def test_deviations_have_no_constants(lmoc, tmp_path):
+    """(δ + e)³ with b·e² = a: the constants cancel, the linear term is that of the linear model."""
+    (tmp_path / "well.lmo").write_text(WELL)
+    lines = lmoc("equations", tmp_path / "well.lmo", "--equilibrium", "3").out.splitlines()
+    assert lines[0] == "Well: 1 equation of motion in deviations from the equilibrium y = sqrt(a/b)"
+    assert lines[2] == "m·δÿ + 2·a·δy + 3·b·sqrt(a/b)·δy² + b·δy³ = u"
+    assert "δy  deviation of mass.q" in lines[-1]
+    (tmp_path / "heavy.lmo").write_text(HEAVY)
+    lines = lmoc("equations", tmp_path / "heavy.lmo", "--about-equilibrium").out.splitlines()
+    assert lines[2].startswith("m·δq̈ + ") and lines[2].endswith("3·k·∛(g·m/k)·δq² + k·δq³ = 0")
+
+
+def test_an_input_that_is_none_is_told_before_anything_else(lmoc, tmp_path):
+    (tmp_path / "well.lmo").write_text(WELL)
+    answer = lmoc("transfer", tmp_path / "well.lmo", "y", "u")
+    assert answer.code != 0 and "there is no input 'y'" in answer.err and "equilibrium" not in answer.err

@@ -13,7 +13,7 @@ from lmoc.diagnostics import Diagnostic, ModelError
 
 if TYPE_CHECKING:
     from lmoc.dae import DAE
-    from lmoc.symbolic.equations import EquationsOfMotion
+    from lmoc.symbolic.equilibria import Equilibrium
 
 
 def configure(parser: Parser) -> None:
@@ -31,11 +31,12 @@ def configure(parser: Parser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
-    deviations = arguments.about_equilibrium or arguments.equilibrium is not None
+    rest = None
     with working("equations"):
         found = dae.equations(forces=arguments.with_forces)
-        if deviations:
-            found = about_equilibrium(dae, found, arguments.equilibrium)
+        if arguments.about_equilibrium or arguments.equilibrium is not None:
+            rest = equilibrium(dae, arguments.equilibrium)
+            found = found.about(rest)
     if arguments.json:
         print(json.dumps(found.to_dict(), indent=2, ensure_ascii=False))
     elif arguments.latex:
@@ -45,15 +46,15 @@ def execute(arguments: argparse.Namespace) -> int:
 
         print(page(f"Equations of motion: {dae.name}", found.html()))
     else:
-        given = "deviations from rest" if deviations else names(found.coordinates)
+        given = f"deviations from {_rest(dae, rest)}" if rest is not None else names(found.coordinates)
         print(f"{dae.name}: {_counted(len(found.equations))}" + (f" in {given}" if given else ""))
         print()
         print(found.text(ascii=arguments.ascii))
     return 0
 
 
-def about_equilibrium(dae: DAE, found: EquationsOfMotion, n: int | None) -> EquationsOfMotion:
-    """The equations in deviations from an equilibrium without inputs, the n-th or the only one.
+def equilibrium(dae: DAE, n: int | None) -> Equilibrium:
+    """An equilibrium without inputs, the n-th or the only one.
 
     Raises
     ------
@@ -61,13 +62,23 @@ def about_equilibrium(dae: DAE, found: EquationsOfMotion, n: int | None) -> Equa
         E0663 where there is no such one.
     """
     if n is not None:
-        return found.about(listed(dae, n, {}))
+        return listed(dae, n, {})
     rests = dae.equilibria(inputs={u: 0 for u in dae.inputs})
     if len(rests) != 1:
         message = f"there are {len(rests)} equilibria, not one to count deviations from"
         hint = "choose one by `--equilibrium N`; `lmoc equilibria` lists them" if rests else ""
         raise ModelError([Diagnostic("E0663", message, hint=hint)])
-    return found.about(rests[0])
+    return rests[0]
+
+
+def _rest(dae: DAE, rest: Equilibrium) -> str:
+    """Where the deviations are counted from: the coordinates that are not zero there."""
+    from lmoc.symbolic.notation import Notation
+
+    away = {name: value for name, value in rest.items() if value != 0}
+    notation = Notation.of(*away.values(), names=list(away), given=rest.own_names)
+    places = (f"{notation.name(name)} = {notation.text(value)}" for name, value in away.items())
+    return f"the equilibrium {names(places) or 'at zero'}"
 
 
 def _counted(n: int) -> str:

@@ -176,9 +176,10 @@ class SymbolicMethods:
             nonlinear scene is taken. By default its equilibrium without inputs.
         """
         from lmoc.symbolic.linearize import linearize
-        from lmoc.symbolic.transfer import transfer_function, transfer_function_of_numbers
+        from lmoc.symbolic.transfer import index_of, transfer_function, transfer_function_of_numbers
 
-        _, reduced, _, _ = self.prepared(parameters or {})
+        scene, reduced, _, _ = self.prepared(parameters or {})
+        index_of(scene.inputs, u, "input")
         _check_output(reduced, y)
         try:
             system = self.symbolic((y,), parameters)

@@ -196,7 +196,7 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     import sympy as sp
 
     s = sp.Symbol("s")
-    column, row = _index(model.inputs, u, "input"), _index(model.outputs, y, "output")
+    column, row = index_of(model.inputs, u, "input"), index_of(model.outputs, y, "output")
     pencil, scale = _pencil(model)
     drive = [
         scale[i] * sum((B[i, column] * s**k for k, B in enumerate(model.Bs)), sp.S.Zero) for i in range(len(scale))
@@ -228,7 +228,7 @@ def transfer_function_of_numbers(model: LinearModel, u: str, y: str) -> Transfer
     """
     import sympy as sp
 
-    column, row = _index(model.inputs, u, "input"), _index(model.outputs, y, "output")
+    column, row = index_of(model.inputs, u, "input"), index_of(model.outputs, y, "output")
     _check_states(len(model.states))
     proper = model.realization()
     A, b, c = proper.A, proper.B[:, [column]], proper.C[[row]]
@@ -255,7 +255,8 @@ def _check_states(n: int) -> None:
         raise refuse(f"{n} states are too many for a transfer function", hint="`lmoc linearize` has no such limit")
 
 
-def _index(names: list[str], name: str, what: str) -> int:
+def index_of(names: list[str], name: str, what: str) -> int:
+    """Place of a name; E0661 for one that is not there."""
     from lmoc.diagnostics import Diagnostic, ModelError, nearest
 
     if name in names:
