@@ -190,6 +190,20 @@ def test_every_stage_can_be_shown(lmoc, scene, stage):
     assert "Oscillator" in answer.out
 
 
+def test_the_jacobian_of_a_chain_is_shown_as_it_is_stored(lmoc, tmp_path):
+    """Sorted by reverse Cuthill–McKee, a chain has a narrow band whatever the order of its states."""
+    (tmp_path / "chain.lmo").write_text(
+        "model Chain Fixed w; Mass m[200](each m = 1); Spring s[200](each k = 1); equation connect(w.flange, s[1].a); "
+        "for i in 1:199 loop connect(m[i].flange, s[i+1].a); end for; "
+        "for i in 1:200 loop connect(s[i].b, m[i].flange); end for; end Chain;"
+    )
+    (line,) = [x for x in lmoc("show", "chain.lmo", "--stage", "lower").out.splitlines() if "Jacobian" in x]
+    from lmoc import compile
+
+    stored = compile(tmp_path / "chain.lmo").simulate(stop=0.01, solver="cvode").stats["matrix"]
+    assert stored == "band of 2 + 1 + 2, reverse Cuthill–McKee" and line.endswith(stored)
+
+
 def test_show_puts_arrays_together(lmoc, tmp_path):
     (tmp_path / "chain.lmo").write_text(
         "model Chain\n  Fixed wall;\n  Mass m[100](each m = 1);\n  Spring s[100](each k = 1);\nequation\n"

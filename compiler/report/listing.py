@@ -288,13 +288,13 @@ def _rows(program: Program) -> int:
 def numeric_text(reduced: Reduced) -> str:
     """How a run with the model's own signals evaluates the derivatives, and the shape of their Jacobian."""
     from lmoc.diagnostics import Report
+    from lmoc.numerics.integrators.matrices import layout_of
     from lmoc.numerics.signals import default_signals
     from lmoc.numerics.simulate import Simulator
 
     report = Report()
     plan, system = Simulator(reduced).system(default_signals(reduced.flat), True, report)
-    indptr, indices = system.pattern()
-    columns = np.repeat(np.arange(system.n), np.diff(indptr))
+    _, indices = system.pattern()
     names = register_patterns(reduced, plan.states)
     rows = [
         ("evaluated by", system.kind),
@@ -302,7 +302,7 @@ def numeric_text(reduced: Reduced) -> str:
         ("of which", f"{plan.state_count} states, {system.n - plan.state_count} quadratures"),
         ("parameters", str(len(plan.parameters))),
         ("operations", f"{plan.row_count} scalar equations in {len(plan.program)} steps"),
-        ("Jacobian", f"{len(indices)} entries, bandwidth {int(np.abs(indices - columns).max(initial=0))}"),
+        ("Jacobian", f"{len(indices)} entries; stored by an implicit method as {layout_of(system).text}"),
     ]
     function = getattr(system, "function", None)
     if function is None or plan.row_count > 500:
