@@ -155,3 +155,11 @@ def test_contact_force_between_gears():
     accelerations = {jet_symbol("gear2.theta", 2): by_hand("S8").derivatives[1]}
     expected = by_hand("S8").outputs["F"]
     assert equal(value.xreplace(accelerations), expected)
+
+
+def test_the_page_counts_operations_of_the_shortest_forms_by_hand():
+    """``m·a + k·(q + L - d0)³ = f`` has 6; nowhere do lmoc and a person differ by much."""
+    rows = [line.split("|") for line in (ROOT / "docs/notes.md").read_text().splitlines() if line.startswith("| [")]
+    counts = {row[1].partition("]")[0].strip(" ["): (int(row[-3]), int(row[-2])) for row in rows}
+    assert counts[NOTES["S3.1-cubic"]["title"]] == (6, 6)
+    assert len(counts) == len(NOTES) and all(abs(ours - theirs) <= 2 for ours, theirs in counts.values())
