@@ -283,3 +283,16 @@ def test_a_scene_without_closed_form_has_a_transfer_function_in_numbers():
     tf = lmoc.compile_text(text).transfer_function("u", "x")
     assert str(tf.input_output_equation) == "(p² + 0.5·p + 2.5) x = u"
     assert tf.coefficients[1] == pytest.approx([1, 0.5, 3 / 1.2]) and tf.gain == pytest.approx(0.4)
+
+
+def test_a_root_found_in_numbers_comes_with_numbers_only():
+    """A spring between two cubic ones has no closed form: what follows linearly from the root is no symbol either."""
+    scene = lmoc.compile_text(
+        "model T Mass m(m = 1, g = 9.81); CubicSpring a(k = 3, d0 = 0.1); Spring b(k = 2); Mass m2(m = 3); "
+        "CubicSpring c(k = 1); Fixed w; equation connect(w.flange, a.a); connect(a.b, m.flange); "
+        "connect(m.flange, b.a); connect(b.b, m2.flange); connect(m2.flange, c.a); connect(c.b, w.flange); end T;"
+    )
+    (rest,) = scene.equilibria()
+    q, r = float(rest["m.q"]), float(rest["m2.q"])
+    assert 9.81 - 3 * (q - 0.1) ** 3 + 2 * (r - q) == pytest.approx(0, abs=1e-9)
+    assert -2 * (r - q) - r**3 == pytest.approx(0, abs=1e-9)

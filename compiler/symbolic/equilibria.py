@@ -266,7 +266,7 @@ def _with_explicit(roots: list[Root], explicit: dict, zero: dict, system: Symbol
         return [float(v) if v.is_real else 0.0 for v in values]
 
     explicit = {x: v.xreplace(zero) for x, v in explicit.items()}
-    return [root.extended(explicit) for root in sorted(roots, key=place)]
+    return [root.extended(explicit, system.numbers) for root in sorted(roots, key=place)]
 
 
 def _core(equations: list, unknowns: list) -> tuple[list, list, dict]:

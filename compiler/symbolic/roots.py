@@ -29,10 +29,12 @@ class Root:
     conditions: tuple[sympy.Expr, ...] = field(default_factory=tuple)
     how: str = "exact"
 
-    def extended(self, explicit: Mapping[sympy.Symbol, sympy.Expr]) -> Root:
-        """With the unknowns that follow from the others."""
+    def extended(self, explicit: Mapping[sympy.Symbol, sympy.Expr], numbers: Mapping) -> Root:
+        """With the unknowns that follow from the others: in symbols, or all in numbers where one is a number."""
         import sympy as sp
 
+        if any(v.has(sp.Float) for v in self.values.values()):
+            explicit = {x: v.xreplace(numbers) for x, v in explicit.items()}
         more = {x: sp.simplify(v.subs(self.values)) for x, v in explicit.items()}
         return replace(self, values={**self.values, **more})
 
