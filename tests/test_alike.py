@@ -72,6 +72,11 @@ equation for i in 1:30 loop connect(m[i].flange, n[i].flange); end for;"""
             "parameter Real c[30]; parameter Real e; Mass m[30](m = c + fill(e, 30));",
             [("E0530", "parameter 'c[1:30]' has no value"), ("E0530", "parameter 'e' has no value")],
         ),
+        (
+            "Mass m[30](each m = 1, each q(start = 1, fixed = true)); Rod r[29](each L = 1); equation"
+            " for i in 1:29 loop connect(m[i].flange, r[i].a); connect(r[i].b, m[i+1].flange); end for;",
+            [("E0531", "the fixed values m[1:30].q = 1 contradict each other")],
+        ),
         (TWO, [("E0531", "the fixed values m[1:30].q = 1 and n[1:30].q = 2 contradict each other")]),
         (
             "Real y[30]; equation for i in 1:30 loop y[i] = log(-i - time); end for;",

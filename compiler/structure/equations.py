@@ -8,6 +8,7 @@ from itertools import accumulate
 
 import numpy as np
 
+from lmoc.alike import ranges
 from lmoc.semantics.flat import FlatDAE, Kind
 from lmoc.source import Span
 
@@ -16,8 +17,10 @@ SHOWN = 5
 
 
 def listed(names: Sequence[str]) -> str:
-    """``a, b and c``; of many the first few."""
+    """``a, b and c``; of many the first few, members of an array as one."""
     names = list(names)
+    if len(names) > SHOWN + 1:
+        names = ranges(names)
     if len(names) > SHOWN + 1:
         return ", ".join(names[:SHOWN]) + f" and {len(names) - SHOWN} more"
     return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else "".join(names)
