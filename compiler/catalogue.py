@@ -88,7 +88,8 @@ CATALOGUE: dict[str, Entry] = {
         "no single equilibrium",
         "A nonlinear scene is linear about a point. By default that is its only equilibrium; where there are several "
         "or none, say which: `--equilibrium N` of those that `lmoc equilibria` lists, `--at name=value`, or "
-        "`--at TIME`.",
+        "`--at TIME`. A quantity may have no derivative at a point: the share of each of two cubic springs in a row "
+        "where both are relaxed.",
     ),
     "E0662": Entry(
         "a parameter without a value",

@@ -2,7 +2,8 @@
 
 Each step's shape is differentiated once for each of its slots. The pattern is found when the object is made; a
 later evaluation is products and segment sums over index arrays, as in the assembly of finite elements. Through a
-Solve the implicit function theorem is applied: ``∂u/∂x = -(∂r/∂u)⁻¹ ∂r/∂x`` for each instance.
+Solve the implicit function theorem is applied: ``∂u/∂x = -(∂r/∂u)⁻¹ ∂r/∂x`` for each instance. Where the matrix is
+singular, the unknowns that it still determines have derivatives, the others have none (NaN).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import ZERO, Expr, slot, slots
 from lmoc.expression.evaluate import evaluate
-from lmoc.numerics.newton import dense_solve
+from lmoc.numerics.newton import dense_solve, shortest_solution
 from lmoc.structure.program import Apply, Program, Solve, Total
 
 
@@ -206,6 +207,9 @@ def _imply(stage: _Implicit, v: np.ndarray) -> None:
     if tail:
         a, b = np.moveaxis(a, 3, 1), np.moveaxis(b, 3, 1)
     x = -dense_solve(a, b)
+    for k in map(tuple, np.argwhere(~np.isfinite(x).all(axis=(-2, -1)))):
+        solution, determined = shortest_solution(a[k], b[k])
+        x[k] = np.where(determined[:, None], -solution, np.nan)
     if tail:
         x = np.moveaxis(x, 1, 3)
     v[stage.first : stage.stop] = x[stage.result]

@@ -2,6 +2,8 @@
 
 The damping follows Deuflhard, Newton Methods for Nonlinear Problems (2004), section 3.3: a step is halved until the
 next simplified Newton correction is shorter, a test that does not depend on how the equations are scaled.
+
+At a solution the matrix may be singular: two cubic springs in a row at their own zero. There the residual alone tells.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ _LOOSE = 1e-8  # good enough where the corrections do not shrink any more
 _ITERATIONS = 50
 _FEW = 10  # enough from nearby
 _HALVINGS = 12
+_ROUNDING = 1e-15  # of the terms of an equation: what their sum may miss zero by
 _NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
 
 
@@ -37,6 +40,45 @@ def dense_solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
             except np.linalg.LinAlgError:
                 x[index] = np.nan
         return x
+
+
+def vanishes(a: np.ndarray, r: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Which instances are solved to rounding: (instances,), from matrix, residual and unknowns."""
+    terms = (np.abs(a) @ np.abs(u)[..., None])[..., 0]
+    return (np.abs(r) <= _ROUNDING * terms).all(axis=-1)
+
+
+def correction(a: np.ndarray, r: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Newton's correction (instances, size): none where the residual vanishes, the shortest where `a` is singular.
+
+    NaN where a singular `a` has none.
+    """
+    step = -dense_solve(a, r[..., None])[..., 0]
+    far = ~(np.abs(step).max(axis=1) <= _LOOSE * (1.0 + np.abs(u).max(axis=1)))
+    if far.any():
+        step[far & vanishes(a, r, u)] = 0.0
+        for k in np.flatnonzero(~np.isfinite(step).all(axis=1)):
+            step[k] = -shortest_solution(a[k], r[k])[0]
+    return step
+
+
+def shortest_solution(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The shortest x with ``a x = b`` for a singular matrix, and which rows of x the equations determine.
+
+    NaN where there is none. By the singular value decomposition (Golub and Van Loan, Matrix Computations, 5.5) of the
+    matrix with columns of one size, so that unknowns which count little count.
+    """
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        return np.full(b.shape, np.nan), np.zeros(len(a), bool)
+    size = np.abs(a).max(axis=0)
+    size[size == 0] = 1.0
+    left, singular, right = np.linalg.svd(a / size)
+    rank = int(np.count_nonzero(singular > _TIGHT * singular.max(initial=0.0)))
+    x = (right[:rank] / size).T @ ((left[:, :rank].T @ b).T / singular[:rank]).T
+    reach = np.multiply.outer(np.abs(a).sum(axis=1), np.abs(x).max(axis=0))
+    missed = np.abs(a @ x - b) > _TIGHT * (reach + np.abs(b))
+    determined = np.abs(right[rank:]).max(axis=0, initial=0.0) < _LOOSE
+    return np.where(missed.any(axis=0), np.nan, x), determined
 
 
 class Newton:
@@ -94,7 +136,7 @@ def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray,
     before = np.full(len(u), np.inf)
     for iteration in range(most):
         a = matrix(u)
-        step = -dense_solve(a, r[..., None])[..., 0]
+        step = correction(a, r, u)
         target = target if iteration else u + step
         size = 1.0 + np.abs(u).max(axis=1)
         length = np.abs(step).max(axis=1)
@@ -111,14 +153,18 @@ def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray,
 
 
 def _damped(residual, a, u, step, length):
-    """The longest of the halved steps after which the simplified correction is shorter than the one before."""
+    """The longest of the halved steps after which the simplified correction is shorter than the one before.
+
+    A singular matrix does not tell how far to go: the whole step is taken as long as there are residuals.
+    """
     factor = np.ones(len(u))
     for _ in range(_HALVINGS):
         new = u + factor[:, None] * step
         r = residual(new)
-        after = np.abs(dense_solve(a, r[..., None])[..., 0]).max(axis=1)
+        after = np.abs(correction(a, r, new)).max(axis=1)
         small = after <= _LOOSE * (1 + np.abs(new).max(axis=1))
-        bad = ~(after <= (1.0 - factor / 4.0) * length) & (length > 0) & ~small
+        told = np.isfinite(after) | ~np.isfinite(r).all(axis=1)
+        bad = ~(after <= (1.0 - factor / 4.0) * length) & (length > 0) & ~small & told
         if not bad.any():
             return new, r
         factor[bad] *= 0.5
@@ -127,5 +173,5 @@ def _damped(residual, a, u, step, length):
 
 def _converged(residual, matrix, u: np.ndarray) -> np.ndarray:
     r = residual(u)
-    step = dense_solve(matrix(u), r[..., None])[..., 0]
+    step = correction(matrix(u), r, u)
     return np.abs(step).max(axis=1) <= _LOOSE * (1.0 + np.abs(u).max(axis=1))

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from lmoc.numerics.casadi_system import Buffered, Lowered, can_lower
-from lmoc.numerics.newton import Newton, dense_solve
+from lmoc.numerics.newton import Newton, dense_solve, vanishes
 from lmoc.numerics.plan import LARGE_BLOCK
 from lmoc.structure.program import Program, Solve, read, written
 
@@ -168,20 +168,14 @@ class _Block:
         before = math.inf
         for iteration in range(_QUICK):
             self.call()
-            if self.scalar:
-                slope = float(self.j[0])
-                change = -float(self.r[0]) / slope if slope else math.nan
-                length = abs(change)
-                self.x[0] += change
-                size = 1.0 + abs(float(self.x[0]))
-            else:
-                change = self._correction()
-                length = float(np.abs(change).max())
-                self.x += change
-                size = 1.0 + float(np.abs(self.x).max())
+            change = self._correction()
+            length = float(np.abs(change).max())
+            if not (self.step.linear or length <= 0.5 * before) and self._solved():
+                change = length = 0.0
+            self.x += change
             if not iteration:
                 self.newton.target = self.x.reshape(self.newton.shape).copy()
-            if self.step.linear or length <= _EXACT * size:
+            if self.step.linear or length <= _EXACT * (1.0 + float(np.abs(self.x).max())):
                 return math.isfinite(length)
             if not length <= 0.5 * before:
                 return False
@@ -193,7 +187,14 @@ class _Block:
         self.a[self.place] = self.j
         return self.a
 
-    def _correction(self) -> np.ndarray:
+    def _solved(self) -> bool:
+        shape = self.newton.shape
+        return bool(vanishes(self.matrix(), self.r.reshape(shape), self.x.reshape(shape)).all())
+
+    def _correction(self) -> np.ndarray | float:
+        if self.scalar:
+            slope = float(self.j[0])
+            return -float(self.r[0]) / slope if slope else math.nan
         return -dense_solve(self.matrix(), self.r.reshape(*self.step.unknowns.shape, 1)).ravel()
 
     def _residual(self, u: np.ndarray) -> np.ndarray:

@@ -193,7 +193,7 @@ def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearM
     try:
         return about({x.name: float(v) for x, v in point.items()})
     except ModelError as error:
-        if {d.code for d in error.diagnostics} != {"E0662"}:  # no value for a parameter
+        if not {d.code for d in error.diagnostics} <= {"E0662", "E0663"}:  # no value for a parameter, no derivative
             raise
         return None
 

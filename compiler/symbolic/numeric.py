@@ -13,7 +13,8 @@ from lmoc.numerics.evaluate import Interpreter
 from lmoc.numerics.jacobian import Jacobian
 from lmoc.numerics.simulate import sources_without_value
 from lmoc.semantics.flat import Kind
-from lmoc.structure.program import Apply, Program, Solve, needed_steps, read
+from lmoc.structure.equations import listed
+from lmoc.structure.program import Apply, Program, Solve, needed_steps, read, written
 from lmoc.structure.reduced import Reduced
 from lmoc.symbolic.linearize import LinearModel, no_value
 from lmoc.symbolic.system import coordinates_of, time_stands_in_it
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibria
 
 NEWTON_STEPS = 60
+STARTS = 10  # of a search where none is found from zero
 
 
 class NumericSystem:
@@ -57,6 +59,7 @@ class NumericSystem:
         self._sources = np.concatenate([reduced.states, self.jets[0]]).astype(int)
         self._jacobian = Jacobian(program, self._sources, self.targets, count)
         self._w = np.full(count, np.nan)
+        self._filled = np.concatenate([np.zeros(0, int), *(written(step) for step in program)])
         self._w[reduced.known[0]] = values[reduced.known[1]]
         self._check_values(values)
         Interpreter(reduced.parameter_program, count).run(self._w, np.nan)
@@ -112,8 +115,14 @@ class NumericSystem:
         points = [generator.uniform(-1, 1, len(self.states) + len(self.inputs)) for _ in range(2)]
         n = len(self.states)
         first, second = (self.matrices(p[:n], p[n:], time)[1] for p, time in zip(points, (0.3, 0.7), strict=True))
+        self._forget()
         size = max(1.0, float(np.abs(first).max(initial=0.0)))
         return bool(np.allclose(first, second, rtol=1e-9, atol=1e-12 * size))
+
+    def _forget(self) -> None:
+        """Let nonlinear blocks be solved from their first guess again, not from a point that is not meant."""
+        self._interpreter.reset()
+        self._w[self._filled] = np.nan
 
     def rest(self, u: np.ndarray, start: np.ndarray | None = None) -> np.ndarray | None:
         """A state of rest by Newton's method, the shortest step where there is a choice; None where none is found."""
@@ -121,7 +130,7 @@ class NumericSystem:
         n = len(x)
         for _ in range(NEWTON_STEPS):
             values, jacobian = self.matrices(x, u)
-            if not np.all(np.isfinite(values[:n])):
+            if not (np.isfinite(values[:n]).all() and np.isfinite(jacobian[:n, :n]).all()):
                 return None
             step = _newton_step(jacobian[:n, :n], values[:n])
             x = x - step
@@ -163,13 +172,14 @@ def linearize_numerically(
     Raises
     ------
     ModelError
-        E0662 a parameter without a value.
+        E0662 a parameter without a value, E0663 a point where something has no derivative.
     """
     system = system or NumericSystem(reduced, values, [variable(reduced, name) for name in outputs])
     n, p = len(system.states), len(outputs)
     x = np.array([float(point.get(name, 0.0)) for name in system.states])
     u = np.array([float(point.get(name, 0.0)) for name in system.inputs])
     found, jacobian = system.matrices(x, u, time)
+    _check_derivatives(system, outputs, jacobian)
     orders = system.jets[2]
     highest = int(orders.max(initial=0)) + 1
     Bs = [np.zeros((n, len(u))) for _ in range(highest)]
@@ -195,8 +205,23 @@ def linearize_numerically(
     )
 
 
+def _check_derivatives(system: NumericSystem, outputs: Sequence[str], jacobian: np.ndarray) -> None:
+    """At a singular point of implicit equations not everything has a derivative: say what has none."""
+    n, told = len(system.states), ~np.isin(system.outputs, system.reduced.undetermined)
+    names = [f"der({name})" for name in system.states] + list(outputs)
+    lost = ~np.isfinite(jacobian).all(axis=1) & np.concatenate([np.ones(n, bool), told])
+    if lost.any():
+        who = listed([f"'{names[k]}'" for k in np.flatnonzero(lost)[:6].tolist()])
+        message = f"no linear model of {who}: there is no derivative at this point"
+        hint = "the implicit equations are singular there: take another point, or other outputs"
+        raise ModelError([Diagnostic("E0663", message, hint=hint)])
+
+
 def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> Equilibria:
-    """The state of rest that Newton's method finds from the state zero, if any; inputs not given are zero."""
+    """The state of rest that Newton's method finds from the state zero or, failing that, from random ones, if any.
+
+    Inputs not given are zero.
+    """
     import sympy as sp
 
     from lmoc.symbolic.equilibria import Equilibria, Equilibrium
@@ -205,8 +230,13 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
         raise time_stands_in_it()
     system = NumericSystem(reduced, values, ())
     u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
-    found = system.rest(u)
-    how = "Newton's method from the state zero"
+    found, how = system.rest(u), "Newton's method from the state zero"
+    generator = np.random.default_rng(1)
+    for _ in range(0 if system.is_linear() else STARTS):
+        if found is not None:
+            break
+        found = system.rest(u, generator.uniform(-1, 1, len(system.states)))
+        how = f"Newton's method from the state zero and {STARTS} others"
     if found is None:
         return Equilibria((), how)
     model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)) | dict(inputs), ())
