@@ -304,6 +304,11 @@ def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: 
     missing = variables[np.isnan(base[registers])]
     if not len(missing):
         missing = _needed_for_derived(plan, base)
+    if len(missing):
+        _report_missing(flat, missing, values, report)
+
+
+def _report_missing(flat: FlatDAE, missing: np.ndarray, values: np.ndarray, report: Report) -> None:
     sources, found = sources_without_value(flat, missing, values), Report()
     bound = np.isin(sources, np.concatenate([np.zeros(0, int), *(a.target for a in flat.bindings)])).tolist()
     given = given_without_value(flat, values)
