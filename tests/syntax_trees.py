@@ -14,8 +14,17 @@ def here() -> Span:
 
 
 def make(kind: type, **fields: st.SearchStrategy) -> st.SearchStrategy:
-    """Nodes of a kind, with a place."""
-    return st.builds(lambda **values: kind(**values, span=here()), **fields)
+    """Nodes of a kind, with a place.
+
+    Drawn by a function, because a strategy made of strategies is spelled out with all of them, level by level, and
+    that text grows without bound.
+    """
+
+    @st.composite
+    def node(draw: st.DrawFn):
+        return kind(**{name: draw(field) for name, field in fields.items()}, span=here())
+
+    return node()
 
 
 def ref(name: str) -> tree.Ref:
