@@ -11,21 +11,13 @@ ORDER = (*BASE, "expression", "syntax", "semantics", "structure", "numerics", "s
 
 
 def imported(file: Path) -> set[str]:
-    """First parts below `lmoc` of all that a file imports, wherever it does, but for annotations."""
+    """First parts below `lmoc` of all that a file imports, wherever it does."""
     found = set()
-    for node in _statements(ast.parse(file.read_text())):
+    for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "lmoc":
             parts = node.module.split(".")[1:]
             found |= {parts[0]} if parts else {alias.name for alias in node.names}
     return found
-
-
-def _statements(node: ast.AST):
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
-            continue
-        yield child
-        yield from _statements(child)
 
 
 @pytest.mark.parametrize("place", ORDER)

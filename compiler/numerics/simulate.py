@@ -197,7 +197,8 @@ class _Run:
         if not isinstance(system, SegmentedSystem):
             return outcome
         count = system.evaluations
-        found = singular_place(system, *self.recorder.sampled())
+        times, states = self.recorder.sampled()
+        found = singular_place(system, times, states)
         system.evaluations = count
         if found is None:
             return outcome
@@ -207,7 +208,8 @@ class _Run:
             f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
             "after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
         )
-        return replace(outcome, time=time, reached=self.recorder.reached, failure=failure)
+        last = states[np.searchsorted(times, time)]
+        return replace(outcome, time=time, x=last, reached=self.recorder.reached, failure=failure)
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):

@@ -28,8 +28,8 @@ def singular_place(system: SegmentedSystem, t: np.ndarray, x: np.ndarray) -> tup
     ----------
     t, x : times (k,) and states (k, n) of a run that this system has just made
     """
-    dependent = any(note.code == "N0407" for note in system.plan.reduced.notes)  # through constraints
-    if len(t) < 2 or not (system.follower.newtons and dependent):
+    constrained = system.plan.reduced.nearby is not None  # other blocks, as those of springs, say nothing of places
+    if len(t) < 2 or not (system.follower.newtons and constrained):
         return None
     system.restart()
     gaps = np.diff(t)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from lmoc.diagnostics import Diagnostic, ModelError, nearest
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     import sympy
 
-    from lmoc.report.run import Run
+    from lmoc.numerics.observe import Trajectory
     from lmoc.structure.reduced import Reduced
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria, Equilibrium
@@ -24,6 +24,16 @@ if TYPE_CHECKING:
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
 
 Point = Mapping[str, Any]
+
+
+class Run(Protocol):
+    """What is asked of the result of a simulation here; `lmoc.Run` offers it, and more."""
+
+    reduced: Reduced
+    trajectory: Trajectory
+    time: np.ndarray
+
+    def __getitem__(self, name: str) -> np.ndarray: ...
 
 
 class SymbolicMethods:
