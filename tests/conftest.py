@@ -1,12 +1,19 @@
 """What the tests of the command share."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+
+# the same examples in every run of the suite; HYPOTHESIS_PROFILE=random searches further
+settings.register_profile("same", derandomize=True)
+settings.register_profile("random")
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 SPRING = """\
 model Oscillator "A mass on a spring"
