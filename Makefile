@@ -28,7 +28,7 @@ lint: $(VENV)/.installed-test
 	@$(BIN)/ruff check .
 
 docs: $(VENV)/.installed
-	@$(BIN)/python -m lmoc.catalogue > docs/diagnostics.md
+	@$(BIN)/python docs/make_diagnostics.py
 	@$(BIN)/python docs/make_library.py
 	@$(BIN)/lmoc run $(DEMO) --quiet --plot docs/suspension.png
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from lmoc import library
+from lmoc.sources import library
 from lmoc.syntax import tree
 
 PAGE = Path(__file__).with_name("library.md")

@@ -16,7 +16,7 @@ import sympy as sp
 import lmoc
 from lmoc.cli.equilibria import lines as equilibrium_lines
 from lmoc.cli.symbols import complex_numbers
-from lmoc.diagnostics import ModelError
+from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.styles import LATEX
 from lmoc.symbolic.system import jet_symbol

@@ -1,28 +1,127 @@
-"""The order of the folders: each imports only those before it."""
+"""The order of the rooms: each imports only those before it, and no files import each other in a circle.
+
+Imports inside functions and those for types count as well.
+"""
 
 import ast
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "compiler"
-BASE = ("source", "diagnostics", "excerpt", "cache", "distinct", "alike")
-ORDER = (*BASE, "expression", "syntax", "semantics", "structure", "numerics", "symbolic", "report")
+PACKAGE = Path(__file__).parents[1] / "compiler" / "lmoc"
+ORDER = (
+    "support",
+    "messages",
+    "expression",
+    "ir",
+    "syntax",
+    "sources",
+    "semantics",
+    "structure",
+    "numerics",
+    "symbolic",
+    "parameters",
+    "pipeline",
+    "report",
+    "dae",
+    "cli",
+)
+# Circles that are still to be opened.
+KNOWN = {
+    frozenset({"lmoc.expression.dag", "lmoc.expression.text"}),
+    frozenset({"lmoc.numerics.plan", "lmoc.numerics.signals.kinks"}),
+    frozenset(
+        {
+            "lmoc.numerics.evaluate.native.kernel",
+            "lmoc.numerics.evaluate.native.system",
+            "lmoc.numerics.evaluate.opened",
+            "lmoc.numerics.evaluate.system",
+            "lmoc.numerics.integrate.base",
+            "lmoc.numerics.integrate.stepper",
+            "lmoc.numerics.integrate.sundials.sundials",
+        }
+    ),
+    frozenset({"lmoc.numerics.observe.energy", "lmoc.numerics.observe.trajectory"}),
+    frozenset(
+        {"lmoc.numerics.start.gauss_newton", "lmoc.numerics.start.initialization", "lmoc.numerics.start.start_system"}
+    ),
+    frozenset({"lmoc.semantics.classes.resolve", "lmoc.semantics.classes.scope"}),
+    frozenset({"lmoc.semantics.classes.modification", "lmoc.semantics.instances.instance"}),
+    frozenset(
+        {
+            "lmoc.semantics.draft",
+            "lmoc.semantics.instances.elaboration",
+            "lmoc.semantics.instances.known",
+            "lmoc.semantics.values.context",
+            "lmoc.semantics.values.long_sums",
+            "lmoc.semantics.values.translate",
+        }
+    ),
+    frozenset({"lmoc.report.files", "lmoc.report.plots", "lmoc.report.run", "lmoc.report.summary"}),
+    frozenset({"lmoc.symbolic.linearize", "lmoc.symbolic.notebook"}),
+    frozenset({"lmoc.symbolic.local", "lmoc.symbolic.motion"}),
+}
+FILES = {".".join(("lmoc", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in sorted(PACKAGE.rglob("*.py"))}
 
 
-def imported(file: Path) -> set[str]:
-    """First parts below `lmoc` of all that a file imports, wherever it does."""
+def imports_of(name: str) -> set[str]:
+    """The files of the package that a file imports, wherever it does."""
     found = set()
-    for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "lmoc":
-            parts = node.module.split(".")[1:]
-            found |= {parts[0]} if parts else {alias.name for alias in node.names}
+    for node in ast.walk(ast.parse(FILES[name].read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return {f for f in found if f in FILES}
+
+
+GRAPH = {name: imports_of(name) for name in FILES}
+
+
+def room(name: str) -> str:
+    return name.split(".")[1]
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Strongly connected components of more than one file (Tarjan, SIAM J. Comput. 1, 1972)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found = []
+
+    def visit(v: str) -> None:
+        index[v] = low[v] = len(index)
+        stack.append(v)
+        for w in sorted(graph[v]):
+            if w not in index:
+                visit(w)
+            if w in stack:
+                low[v] = min(low[v], low[w])
+        if low[v] == index[v]:
+            k = stack.index(v)
+            if len(stack) - k > 1:
+                found.append(sorted(stack[k:]))
+            del stack[k:]
+
+    for v in graph:
+        if v not in index:
+            visit(v)
     return found
 
 
 @pytest.mark.parametrize("place", ORDER)
 def test_imports_come_from_before(place):
-    rank = len(BASE) - 1 if place in BASE else ORDER.index(place)
-    files = [PACKAGE / f"{place}.py"] if place in BASE else sorted((PACKAGE / place).rglob("*.py"))
-    later = {str(f.relative_to(PACKAGE)): imported(f) - set(ORDER[: rank + 1]) for f in files}
-    assert files and not {name: found for name, found in later.items() if found}
+    here = [name for name in FILES if room(name + ".") == place]
+    allowed = set(ORDER[: ORDER.index(place) + 1])
+    later = {name: {i for i in GRAPH[name] if room(i) not in allowed} for name in here}
+    assert here and not {name: found for name, found in later.items() if found}
+
+
+def test_every_room_has_its_place_in_the_order():
+    top = {p.stem for p in PACKAGE.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
+    assert top - {"__init__", "__main__"} == set(ORDER)
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert [c for c in circles(GRAPH) if frozenset(c) not in KNOWN] == []
+    assert {frozenset(c) for c in circles(GRAPH)} >= KNOWN, "a circle is gone: take it from the list"

@@ -21,7 +21,7 @@ def _name(requirement: str) -> str:
 
 def test_every_folder_of_the_compiler_is_a_package_of_the_wheel():
     folders = {p.parent.relative_to(ROOT / "compiler") for p in (ROOT / "compiler").rglob("__init__.py")}
-    names = {".".join(("lmoc", *folder.parts)) for folder in folders}
+    names = {".".join(folder.parts) for folder in folders}
     assert names | {"lmoc.stdlib", "lmoc.grammar"} == set(PROJECT["tool"]["setuptools"]["packages"])
 
 

@@ -1,0 +1,40 @@
+"""lmoc: from an acausal scene to the smallest system of equations, solved and trusted.
+
+>>> import lmoc
+>>> dae = lmoc.compile("suspension.lmo")
+>>> run = dae.simulate(stop=5)
+>>> run["body.q"]
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lmoc.dae import DAE, compile, compile_text
+    from lmoc.messages.diagnostics import ModelError, SimulationError
+    from lmoc.report.run import Run
+
+__version__ = "0.1.0"
+__all__ = ["DAE", "ModelError", "Run", "SimulationError", "compile", "compile_text"]
+
+# Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
+_HOME = {
+    "DAE": "lmoc.dae",
+    "compile": "lmoc.dae",
+    "compile_text": "lmoc.dae",
+    "ModelError": "lmoc.messages.diagnostics",
+    "SimulationError": "lmoc.messages.diagnostics",
+    "Run": "lmoc.report.run",
+}
+
+
+def __getattr__(name: str):
+    if name in _HOME:
+        return getattr(import_module(_HOME[name]), name)
+    raise AttributeError(f"module 'lmoc' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

@@ -1,0 +1,153 @@
+"""Arguments of the command: argparse, with mistakes told as diagnostics."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+
+
+class UsageError(ModelError):
+    """The command is wrong."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An ArgumentParser that never exits and never abbreviates; names the nearest option for a typo."""
+
+    def __init__(self, **settings):
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
+
+    def understand(self, argv: Sequence[str]) -> argparse.Namespace:
+        """The arguments.
+
+        Raises
+        ------
+        UsageError
+            E0620 unknown option or missing argument, E0621 a value of the wrong kind.
+        """
+        arguments, rest = self.parse_known_args(argv)
+        if rest:
+            options = [self._superfluous(word) for word in rest if word.startswith("-")]
+            raise UsageError(options or [self._too_many(rest)])
+        return arguments
+
+    def error(self, message: str) -> NoReturn:
+        option = re.match(r"argument (?:-\w[\w ]*/)?([^:]+): (.*)", message, re.DOTALL)
+        options = self._unknown_options()
+        if option:
+            diagnostic = Diagnostic("E0621", f"{option[1].split()[0]}: {option[2]}", hint=options)
+        else:
+            diagnostic = Diagnostic("E0620", f"{self.prog}: {message}", hint=options or f"see `{self.prog} --help`")
+        raise UsageError([diagnostic])
+
+    def parse_known_args(self, args=None, namespace=None):
+        self._given = list(args or ())
+        return super().parse_known_args(args, namespace)
+
+    def _unknown_options(self) -> str:
+        """A hint for the first option given that does not exist: it may be why an argument seems to be missing."""
+        words = [w.split("=")[0] for w in getattr(self, "_given", []) if re.match(r"--[a-z]", w)]
+        return next((self._superfluous(w).hint for w in words if w not in self._option_string_actions), "")
+
+    def _superfluous(self, word: str) -> Diagnostic:
+        option = word.split("=")[0]
+        known = [o for o in self._option_string_actions if o.startswith("--")]
+        hint = nearest(option, known) or f"`{self.prog} --help` lists the options"
+        return Diagnostic("E0620", f"{self.prog} has no option '{option}'", hint=hint)
+
+    def _too_many(self, words: Sequence[str]) -> Diagnostic:
+        message = f"{self.prog}: '{words[0]}' is one argument too many"
+        return Diagnostic("E0620", message, hint=f"see `{self.prog} --help`")
+
+
+def add_model_arguments(parser: Parser) -> None:
+    """FILE, --model and --set, which most verbs share."""
+    parser.add_argument("file", metavar="FILE", help="the scene, a .lmo file")
+    parser.add_argument("--model", metavar="NAME", help="which model, where the file holds several")
+    parser.add_argument(
+        "--set", metavar="NAME=VALUE", type=assignment(value), action="append", default=[],
+        help="value of a parameter; may be repeated",
+    )  # fmt: skip
+
+
+def add_states_argument(parser: Parser) -> None:
+    """--states, of the verbs for which it matters what is solved."""
+    parser.add_argument(
+        "--states", metavar="NAME,…", help="coordinates to prefer, separated by commas", default=None,
+        type=lambda text: [name.strip() for name in text.split(",") if name.strip()],
+    )  # fmt: skip
+
+
+def number(text: str) -> float:
+    try:
+        result = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
+    if not math.isfinite(result):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
+    return result
+
+
+def positive(text: str) -> float:
+    result = number(text)
+    if result <= 0:
+        raise argparse.ArgumentTypeError(f"expected a number above zero, found {text}")
+    return result
+
+
+def count(text: str) -> int:
+    return _whole_number(text, 2)
+
+
+def ordinal(text: str) -> int:
+    return _whole_number(text, 1)
+
+
+def _whole_number(text: str, least: int) -> int:
+    try:
+        result = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number") from None
+    if result < least:
+        raise argparse.ArgumentTypeError(f"expected at least {least}, found {text}")
+    return result
+
+
+def value(text: str) -> float | bool | list[float]:
+    """A number, ``true`` or ``false``, or a list of numbers ``{1, 2, 3}``."""
+    if text in ("true", "false"):
+        return text == "true"
+    if text.startswith("{") and text.endswith("}"):
+        return [number(item.strip()) for item in text[1:-1].split(",")]
+    return number(text)
+
+
+def assignment(kind: Callable[[str], object]) -> Callable[[str], tuple[str, object]]:
+    """The type of ``name=value``."""
+
+    def convert(text: str) -> tuple[str, object]:
+        name, equals, right = (part.strip() for part in text.partition("="))
+        if not (name and equals and right):
+            raise argparse.ArgumentTypeError(f"expected name=value, found '{text}'")
+        try:
+            return name, kind(right)
+        except argparse.ArgumentTypeError as error:
+            raise argparse.ArgumentTypeError(f"{name}: {error}") from None
+
+    return convert
+
+
+def choice(names: Sequence[str]) -> Callable[[str], str]:
+    """The type of a word out of a list."""
+
+    def convert(text: str) -> str:
+        if text not in names:
+            message = f"expected one of {', '.join(names)}; found '{text}'"
+            raise argparse.ArgumentTypeError("; ".join(filter(None, [message, nearest(text, names)])))
+        return text
+
+    return convert

@@ -1,0 +1,107 @@
+"""The command `lmoc`: finds the verb, understands the arguments, and turns every outcome into words and an exit code.
+
+Exit codes: 0 done, 1 the model is wrong, 2 the command is wrong, 3 the run failed, 70 the compiler itself failed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from lmoc.cli import terminal
+from lmoc.cli.arguments import Parser, UsageError
+from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
+
+DONE, WRONG_MODEL, WRONG_COMMAND, FAILED_RUN, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
+
+# verb → what it does; each is a module of this package with `configure(parser)` and `execute(arguments) -> exit code`
+VERBS = {
+    "run": "simulate a scene",
+    "check": "look for mistakes, up to a consistent start",
+    "show": "print what a stage of the compiler has made of a scene",
+    "equations": "derive the equations of motion",
+    "equilibria": "find the states of rest and their stability",
+    "linearize": "linear state-space model with its modes",
+    "transfer": "transfer function from an input to an output",
+    "equivalent": "equivalent stiffness, damping and inertia between two ports",
+    "fmt": "put a file into the standard layout",
+    "explain": "what a diagnostic code means",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with the given arguments (default: those of the process); returns the exit code."""
+    terminal.tolerate_narrow_encodings()
+    try:
+        code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+        return code
+    except ModelError as error:
+        terminal.show(error.diagnostics)
+        return exit_code(error)
+    except SimulationError as error:
+        terminal.failure(str(error))
+        return FAILED_RUN
+    except KeyboardInterrupt:
+        terminal.failure("interrupted")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except Exception as error:
+        terminal.internal_error(error)
+        return INTERNAL
+
+
+# states to prefer, signals, solver, times, what to keep: options whose mistakes are found later
+_OPTIONS = frozenset({"E0414", "E0521", "E0540", "E0541", "E0542"})
+
+
+def exit_code(error: ModelError) -> int:
+    """2 where everything wrong is about files, options and the choice of the model, else 1."""
+    wrong = [d for d in error.diagnostics if d.severity == "error"]
+    command = all(d.code.startswith("E06") or d.code in _OPTIONS for d in wrong)
+    return WRONG_COMMAND if command else WRONG_MODEL
+
+
+def _dispatch(argv: list[str]) -> int:
+    if not argv or argv[0] in ("-h", "--help", "help"):
+        print(_overview())
+        return DONE
+    if argv[0] in ("--version", "-V"):
+        from lmoc import __version__
+
+        print(f"lmoc {__version__}")
+        return DONE
+    verb = argv[0]
+    if verb not in VERBS:
+        raise UsageError([_unknown_verb(verb)])
+    module = import_module(f"lmoc.cli.{verb}")
+    parser = Parser(prog=f"lmoc {verb}", description=VERBS[verb].capitalize() + ".")
+    module.configure(parser)
+    return module.execute(parser.understand(argv[1:]))
+
+
+def _overview() -> str:
+    verbs = "\n".join(f"  {verb:<12}{text}" for verb, text in VERBS.items())
+    return (
+        "usage: lmoc VERB FILE [options]\n\nFrom a mechanical scene to its equations and its motion.\n\n"
+        f"verbs:\n{verbs}\n\n`lmoc VERB --help` tells the options of one; `lmoc --version` the version.\n"
+        "A first step: lmoc run models/notes/ex05_suspension.lmo"
+    )
+
+
+def _unknown_verb(word: str) -> Diagnostic:
+    if word.startswith("-"):
+        hint = f"put the verb first: lmoc run FILE {word} …"
+    elif word.endswith(".lmo") or os.path.exists(word):
+        hint = f"to simulate it: lmoc run {word}"
+    else:
+        hint = nearest(word, VERBS)
+    return Diagnostic("E0620", f"'{word}' is not a verb of lmoc", expected=", ".join(VERBS), hint=hint)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,362 @@
+"""What a user holds of a compiled scene: names, values, simulation, and the door to symbolic results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc import pipeline
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.names import Names
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
+from lmoc.messages.source import Source
+from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed, starting_at
+from lmoc.pipeline import Clock, Scene
+from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
+from lmoc.symbolic.interface import SymbolicMethods
+
+if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.functions import Functions
+    from lmoc.numerics.simulate import Simulator
+    from lmoc.report.run import Run
+
+
+def compile(
+    path: str | Path,
+    model: str | None = None,
+    parameters: Mapping[str, Value] | None = None,
+    states: Sequence[str] | None = None,
+    *,
+    listener: Callable[[str], None] | None = None,
+) -> DAE:
+    """Compile the scene in a file.
+
+    Parameters
+    ----------
+    path : the `.lmo` file
+    model : which model, where the file holds several that could be meant
+    parameters : {dotted name: value}, overriding what the file says
+    states : variables to prefer as states
+    listener : called with the name of each stage as it begins
+
+    Raises
+    ------
+    ModelError
+        The model is wrong, or the file cannot be read; `.diagnostics` say what and where.
+    """
+    return compile_source(pipeline.read_source(path), model, parameters, states, listener)
+
+
+def compile_text(
+    text: str,
+    name: str = "model.lmo",
+    model: str | None = None,
+    parameters: Mapping[str, Value] | None = None,
+    states: Sequence[str] | None = None,
+) -> DAE:
+    """Compile a scene given as text; `name` stands for the file's name in messages. Otherwise as `compile`."""
+    return compile_source(Source(name, text), model, parameters, states)
+
+
+def compile_source(
+    source: Source,
+    model: str | None = None,
+    parameters: Mapping[str, Value] | None = None,
+    states: Sequence[str] | None = None,
+    listener: Callable[[str], None] | None = None,
+) -> DAE:
+    """Compile one source; otherwise as `compile`."""
+    if not isinstance(source.text, str):
+        raise TypeError(f"a model is a text (str), not {type(source.text).__name__}")
+    if isinstance(states, str):
+        raise TypeError("states is a sequence of names, such as ['mass.q'], not one text")
+    check_mappings(parameters=parameters)
+    clock = Clock(listener)
+    files = pipeline.parse([source], clock)
+    scene = Scene(files, model, dict(parameters or {}), None if states is None else tuple(states))
+    return DAE(scene, pipeline.flatten(scene, clock), clock)
+
+
+def _ends_at_start(failure: ModelError | SimulationError) -> bool:
+    """Whether a run has failed before it has left its start."""
+    if isinstance(failure, ModelError):
+        return any(d.code == "E0535" for d in failure.diagnostics)
+    return failure.partial is not None and len(failure.partial.time) == 1
+
+
+class DAE(SymbolicMethods):
+    """A compiled scene. Made by `lmoc.compile`; parameters can be changed from run to run without compiling again.
+
+    Attributes
+    ----------
+    flat : FlatDAE
+        The flat model: every variable and equation of the scene.
+    reduced : Reduced
+        The smallest system of equations, for the parameter values of the model.
+    timings : {stage: seconds}
+    """
+
+    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None):
+        clock = clock or Clock()
+        self.flat = flat
+        self.values = flat.parameter_values(indexed(flat, flat.overrides))
+        self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
+        self.timings: dict[str, float] = clock.seconds
+        self._scene = scene
+        self._reductions = [self.reduced]  # one for each pattern of guards met so far
+        self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
+        self._busy = Lock()  # a simulator has one set of buffers
+        self._elsewhere: dict[str, Reduced] = {}  # for starts at which the coordinates of the others do not serve
+        self._reshaped: dict[tuple, DAE] = {}  # one for each set of structural values met so far
+
+    # ------------------------------------------------------------------------- names
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.flat.name
+
+    @cached_property
+    def states(self) -> list[str]:
+        """Names of the solved states, in their order."""
+        return self.reduced.state_names
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """{name: value}; NaN where the model gives no value."""
+        return Parameters(self.flat, self.values)
+
+    @cached_property
+    def inputs(self) -> list[str]:
+        """Names of the top-level inputs."""
+        return list(Names(self.flat, np.flatnonzero(self.flat.kind == Kind.INPUT)))
+
+    @cached_property
+    def outputs(self) -> list[str]:
+        """Names of the top-level outputs."""
+        return list(Names(self.flat, np.flatnonzero(self.flat.per_variable(lambda b: b.output, bool))))
+
+    @cached_property
+    def variables(self) -> Names:
+        """Names of everything that changes in time: a sequence, its names made on demand."""
+        return Names(self.flat, np.flatnonzero(self.flat.kind >= Kind.INPUT))
+
+    @property
+    def notes(self) -> tuple[Diagnostic, ...]:
+        """Warnings and notes of the compilation."""
+        report = Report()
+        warn_of_lost(self.flat, self.values, report)
+        return tuple(dict.fromkeys((*self.flat.notes, *self.reduced.notes, *report.diagnostics)))
+
+    # -------------------------------------------------------------------- simulation
+
+    def simulate(
+        self,
+        start: float | None = None,
+        stop: float | None = None,
+        points: int | None = None,
+        times: Sequence[float] | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        solver: str = "auto",
+        formulation: str = "reduced",
+        parameters: Mapping[str, Value] | None = None,
+        initial: Mapping[str, float] | None = None,
+        inputs: Mapping[str, object] | None = None,
+        *,
+        energy: bool = True,
+        keep: Sequence[str] | None = None,
+        listener: Callable[[str], None] | None = None,
+        progress: Callable[[float, float], None] | None = None,
+    ) -> Run:
+        """Simulate the scene.
+
+        Parameters
+        ----------
+        start, stop : s; from the model's `experiment`, else 0 and 10
+        points : number of output times, evenly spread; from the `experiment`, else 501
+        times : the output times themselves
+        rtol, atol : tolerances; 1e-6, and rtol·1e-3·nominal
+        solver : one of `lmoc.numerics.options.SOLVERS`
+        formulation : "reduced"
+        parameters : {name: value} for this run only
+        initial : {name: value}, fixing any variable at the start
+        inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
+        energy : integrate work and heat along, for `run.energy`
+        keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
+        listener : called with the name of each stage as it begins
+        progress : called now and then with the time reached and the stop time
+
+        Threads that run one scene take turns; for runs side by side give processes the scene itself (it can be
+        pickled).
+
+        Raises
+        ------
+        ModelError
+            Unknown names, missing values, contradictory or impossible starts.
+        SimulationError
+            The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
+        RunInterrupted
+            A KeyboardInterrupt with the same attributes.
+        """
+        from lmoc.numerics.options import RunOptions
+
+        check_mappings(parameters=parameters, initial=initial, inputs=inputs)
+        check_initial(initial or {})
+        keep = (keep,) if isinstance(keep, str) else keep
+        clock = Clock(listener)
+        scene, reduced, values, notes = self.prepared(parameters or {}, clock)
+        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
+        try:
+            return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
+        except (ModelError, SimulationError) as failure:
+            other = scene._reduced_at(initial, reduced, values, clock) if _ends_at_start(failure) else None
+            if other is None:
+                raise
+        lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
+        notes = [*notes, Diagnostic("N0631", f"the equations have been reduced anew: {lost}")]
+        return scene._run(other, values, options, initial, inputs, notes, clock, progress)
+
+    def _reduced_at(self, initial: Mapping[str, float] | None, reduced: Reduced, values, clock) -> Reduced | None:
+        """The reduction with other coordinates, chosen for initial values of one run; None where there are no others.
+
+        Where constraints change along the motion, some coordinates serve at one start and not at another.
+        """
+        if not initial or reduced.nearby is None:
+            return None
+        key = repr((sorted(initial.items()), values.tobytes()))
+        if key not in self._elsewhere:
+            flat = starting_at(self.flat, initial)
+            other = replace(pipeline.reduce(flat, values, self._scene.states, clock), flat=self.flat)
+            self._elsewhere = {key: other}  # the last one only: starts are many
+        other = self._elsewhere[key]
+        return None if other.state_names == reduced.state_names else other
+
+    def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
+        report = Report()
+        check_parameters(self.flat, values, report)
+        report.check()
+        with clock.stage("lower"):
+            from lmoc.numerics.simulate import Simulator
+            from lmoc.report.run import Run
+
+            simulator = self._simulators.setdefault(id(reduced), Simulator(reduced))
+
+        def result(trajectory, broke_off: float | None = None) -> Run:
+            said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *report.diagnostics, *trajectory.notes))
+            lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
+            spent = {**self.timings, **clock.seconds}
+            spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
+            return Run(reduced, trajectory, tuple(said), spent, broke_off)
+
+        try:
+            with self._busy, clock.stage("simulate"):
+                trajectory = simulator.run(values, options, inputs, initial, progress)
+        except ModelError as error:
+            raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
+        except (SimulationError, RunInterrupted) as failure:
+            if failure.partial is not None:
+                failure.partial = result(failure.partial, failure.time)
+            raise
+        return result(trajectory)
+
+    def check(self, listener: Callable[[str], None] | None = None) -> tuple[Diagnostic, ...]:
+        """Look for a consistent start with the default values, where `simulate` would begin; returns all notes.
+
+        Raises
+        ------
+        ModelError
+            There is none, or something has no value.
+        """
+        from lmoc.numerics.options import RunOptions
+
+        only_start = RunOptions(times=[self.flat.experiment.start or 0.0])
+        return self._run(self.reduced, self.values, only_start, None, None, (), Clock(listener), None).notes
+
+    @cached_property
+    def functions(self) -> Functions:
+        """The solved system as casadi functions: `ode`, `output`, `jacobian`, with the names of their arguments.
+
+        Raises
+        ------
+        ModelError
+            E0626 where the system is too large, or implicit and not linear.
+        """
+        from lmoc.numerics.evaluate.functions import casadi_functions
+
+        return casadi_functions(self.reduced, self.values)
+
+    def prepared(
+        self, parameters: Mapping[str, Value], clock: Clock | None = None
+    ) -> tuple[DAE, Reduced, np.ndarray, list[Diagnostic]]:
+        """The scene, its reduction and its parameter values for a run with other parameters, and what had to be redone.
+
+        A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
+        """
+        if not parameters:
+            return self, self.reduced, self.values, []
+        clock = clock or Clock()
+        overrides = indexed(self.flat, parameters)
+        structural = {name: value for name, value in parameters.items() if self._reshapes(name, value)}
+        if structural:
+            scene = self._reshape(structural, clock)
+            rest = {n: v for n, v in parameters.items() if n not in structural}
+            shape = "shapes" if len(structural) == 1 else "shape"
+            note = Diagnostic("N0630", f"{', '.join(structural)} {shape} the model: it has been flattened again")
+            scene, reduced, values, notes = scene.prepared(rest, clock)
+            return scene, reduced, values, [note, *notes]
+        values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})
+        reduced, notes = self._reduction(values, clock)
+        return self, reduced, values, notes
+
+    def _reshapes(self, name: str, value: Value) -> bool:
+        """Whether a value shapes the flat model and differs from the one that has shaped it."""
+        variables = self.flat.find(name)
+        return self.flat.block_at(int(variables[0])).structural and bool(np.any(self.values[variables] != value))
+
+    def _reshape(self, structural: Mapping[str, Value], clock: Clock) -> DAE:
+        key = tuple(sorted((name, np.asarray(value, float).tobytes()) for name, value in structural.items()))
+        if key not in self._reshaped:
+            scene = self._scene.with_parameters(structural)
+            self._reshaped[key] = DAE(scene, pipeline.flatten(scene, clock), clock)
+        return self._reshaped[key]
+
+    def _reduction(self, values: np.ndarray, clock: Clock) -> tuple[Reduced, list[Diagnostic]]:
+        broken = self.reduced.broken_guard(values)
+        if broken is None:
+            return self.reduced, []
+        note = Diagnostic("N0631", f"the equations have been reduced anew: it no longer holds that {broken}")
+        for known in self._reductions[1:]:
+            if known.broken_guard(values) is None:
+                return known, [note]
+        reduced = pipeline.reduce(self.flat, values, self._scene.states, clock)
+        self._reductions.append(reduced)
+        return reduced, [note]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy begins with: the solvers' functions belong to this process and are made again when needed."""
+        kept = {name: value for name, value in self.__dict__.items() if name not in ("_busy", "functions")}
+        return kept | {"_simulators": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ = state | {"_busy": Lock()}
+
+    def __repr__(self) -> str:
+        return (
+            f"<DAE {self.name}: {self.reduced.counts['parts']} parts, {self.flat.equation_count} flat equations, "
+            f"{len(self.reduced.states)} states>"
+        )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the scene, and what can be asked of it."""
+        from lmoc.report.page import named_lists
+
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
+        return named_lists(repr(self).strip("<>"), names)

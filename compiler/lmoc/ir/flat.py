@@ -1,0 +1,382 @@
+"""The flat DAE: one table of variables and groups of equations that share a shape.
+
+Nothing here is made per variable or per equation: a chain of 10⁵ masses has as many blocks and groups as a
+chain of three. Names are made when somebody asks.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.expression.dag import Expr
+from lmoc.expression.evaluate import evaluate
+from lmoc.expression.text import to_text
+from lmoc.messages.diagnostics import Diagnostic
+from lmoc.messages.source import Span
+
+
+class Kind(IntEnum):
+    """What a variable is to the solver."""
+
+    CONSTANT = 0
+    PARAMETER = 1
+    INPUT = 2  # a signal from outside: a top-level `input`
+    UNKNOWN = 3  # to be found: potentials, flows, coordinates, forces, energies
+    DISCRETE = 4  # changes at events only
+
+
+class StateSelect(IntEnum):
+    """Modelica's stateSelect, 4.9.7.1, in the order of preference."""
+
+    never = 0
+    avoid = 1
+    default = 2
+    prefer = 3
+    always = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A declared name: the variables ``offset … offset+size-1``, in row-major order of all dimensions of its path.
+
+    ``seg[3].m[2].q`` belongs to the block with path ``(("seg", (N,)), ("m", (M,)), ("q", ()))``.
+    """
+
+    path: tuple[tuple[str, tuple[int, ...]], ...]
+    offset: int
+    size: int
+    kind: Kind
+    unit: str = ""  # as written; "" is unknown
+    quantity: str = "Real"  # Real, Integer, Boolean, String, or the enumeration's name
+    description: str = ""
+    flow: bool = False
+    connector: bool = False  # declared in a connector
+    output: bool = False  # a top-level `output`
+    protected: bool = False
+    final: bool = False  # a parameter that cannot be set: it is declared so, or follows from others
+    structural: bool = False  # a parameter whose value has shaped the flat model: changing it means flattening again
+    state_select: StateSelect = StateSelect.default
+    part: int = 0  # index into FlatDAE.parts
+    span: Span | None = None
+
+    @property
+    def dims(self) -> tuple[int, ...]:
+        return tuple(n for _, dims in self.path for n in dims)
+
+    def name(self, position: int) -> str:
+        """Dotted name of one of its variables (`position` counted from 0 within the block)."""
+        indices = np.unravel_index(position, self.dims) if self.dims else ()
+        return self._format(tuple(int(i) + 1 for i in indices))
+
+    @property
+    def pattern(self) -> str:
+        """Name of the block as a whole: ``m[1:10000].q``."""
+        return self._format(tuple(f"1:{n}" if n != 1 else "1" for n in self.dims))
+
+    def _format(self, indices: tuple) -> str:
+        text, at = [], 0
+        for name, dims in self.path:
+            own = indices[at : at + len(dims)]
+            at += len(dims)
+            text.append(f"{name}[{','.join(map(str, own))}]" if own else name)
+        return ".".join(text)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A component instance (or array of them) of a class with equations or connectors; part 0 is the whole model.
+
+    Attributes
+    ----------
+    path : as of Block
+    class_name : str
+    ports : pairs (potential, flow) of block indices, one for each potential/flow pair of its own connectors
+    leaf : bool
+        No part below it has ports: an element of the scene, not an assembly.
+    """
+
+    path: tuple[tuple[str, tuple[int, ...]], ...]
+    class_name: str
+    description: str
+    ports: tuple[tuple[int, int], ...]
+    leaf: bool
+    span: Span | None = None  # of the declaration
+    parent: int = 0
+
+    @property
+    def pattern(self) -> str:
+        return Block(self.path, 0, 0, Kind.CONSTANT).pattern
+
+
+@dataclass(frozen=True, eq=False)
+class Assignments:
+    """``target[i] := shape(slots[i])`` for all rows: bindings and attributes of parameters and variables."""
+
+    target: np.ndarray  # (n,) variable indices
+    shape: Expr  # over constants, parameters, and (defaults of inputs) time
+    slots: np.ndarray  # (n, columns) variable indices
+    span: Span | None = None
+    numbers: np.ndarray | None = None  # (n,) the right-hand sides where they are plain numbers; the shape is then NaN
+
+    def values(self, known: np.ndarray, time: float = np.nan) -> np.ndarray:
+        """The right-hand sides as an array (n,), given the values of all variables."""
+        if self.numbers is not None:
+            return self.numbers
+        result = np.asarray(evaluate(self.shape, lambda k, _: known[self.slots[:, k]], time), float)
+        return result if result.ndim else np.full(self.target.shape, result)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Equations ``left(slots[i]) = right(slots[i])``, one a row.
+
+    Every column holds variables of one `Kind` only.
+    """
+
+    left: Expr
+    right: Expr
+    slots: np.ndarray  # (n, columns) variable indices
+    span: Span | None  # the equation as the user wrote it
+    part: int = 0  # whose equation it is
+    origin: str = "equation"  # equation, binding, connection, unconnected, sum, ledger
+
+    @property
+    def rows(self) -> int:
+        return len(self.slots)
+
+    @cached_property
+    def residual(self) -> Expr:
+        return self.left - self.right
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Segmented sums ``Σ sign[j]·variable[index[j]] = 0`` over ``j`` in ``start[i] … start[i+1]-1``.
+
+    One row a connection set, a total of the ledger, or a sum over a long array.
+    """
+
+    start: np.ndarray  # (n+1,)
+    index: np.ndarray  # (nnz,) variable indices
+    sign: np.ndarray  # (nnz,) ±1.0
+    spans: tuple[Span | None, ...] = ()  # places of the connects, deduplicated
+    span_of: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # (n,) index into spans, -1: none
+
+    @property
+    def rows(self) -> int:
+        return len(self.start) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """``assert(condition, message, level)`` for all rows; `condition` is a shape with logical value."""
+
+    condition: Expr
+    message: str
+    error: bool  # AssertionLevel.error or .warning
+    slots: np.ndarray
+    span: Span | None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What a model asks of its runs; None where it says nothing."""
+
+    start: float | None = None
+    stop: float | None = None
+    tolerance: float | None = None
+    interval: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FlatDAE:
+    """The flat model.
+
+    `bindings`, `starts`, `fixed`, `nominals` are in an order in which each uses only what stands before it
+    (bindings first). A parameter without a row in `bindings` has no value. `starts` has a row only where a start
+    value was written (explicitly, or in a type); `fixed` likewise.
+    """
+
+    name: str
+    description: str
+    blocks: tuple[Block, ...]
+    parts: tuple[Part, ...]
+    groups: tuple[Group, ...]
+    sums: Sums
+    initial_groups: tuple[Group, ...] = ()
+    bindings: tuple[Assignments, ...] = ()  # constants, parameters; default signals of inputs
+    starts: tuple[Assignments, ...] = ()
+    fixed: tuple[Assignments, ...] = ()
+    nominals: tuple[Assignments, ...] = ()
+    checks: tuple[Check, ...] = ()
+    laws: tuple = ()  # set-valued laws: a seam, empty so far
+    experiment: Experiment = Experiment()
+    overrides: Mapping[str, float] = field(default_factory=dict)  # values the caller gave before flattening
+    notes: tuple[Diagnostic, ...] = ()  # warnings and notes of the stages so far
+
+    # ------------------------------------------------------------ counts and kinds
+
+    @cached_property
+    def count(self) -> int:
+        return self.blocks[-1].offset + self.blocks[-1].size if self.blocks else 0
+
+    @cached_property
+    def kind(self) -> np.ndarray:
+        return self.per_variable(lambda b: b.kind, np.uint8)
+
+    @cached_property
+    def input_bindings(self) -> tuple[Assignments, ...]:
+        """The default signals of inputs."""
+        return tuple(a for a in self.bindings if self.kind[a.target[0]] == Kind.INPUT)
+
+    def per_variable(self, value, dtype) -> np.ndarray:
+        """An array over all variables with ``value(block)`` repeated over each block."""
+        return np.repeat(np.array([value(b) for b in self.blocks], dtype), [b.size for b in self.blocks])
+
+    @property
+    def equation_count(self) -> int:
+        return sum(g.rows for g in self.groups) + self.sums.rows
+
+    @cached_property
+    def block_of(self) -> np.ndarray:
+        """Index of the block of each variable."""
+        return np.repeat(np.arange(len(self.blocks)), [b.size for b in self.blocks])
+
+    # ------------------------------------------------------------------------ names
+
+    @cached_property
+    def _offsets(self) -> list[int]:
+        return [b.offset for b in self.blocks]
+
+    def block_at(self, variable: int) -> Block:
+        """The block of a variable; blocks of size 0 are never returned."""
+        return self.blocks[bisect_right(self._offsets, variable) - 1]
+
+    def declared_at(self, variable: int) -> Span | None:
+        """Where the part that a variable belongs to is declared; for one of the model itself, its own declaration."""
+        block = self.block_at(variable)
+        return self.parts[block.part].span or block.span
+
+    def variable_name(self, variable: int) -> str:
+        block = self.block_at(variable)
+        return block.name(variable - block.offset)
+
+    def jet_name(self, variable: int, order: int) -> str:
+        name = self.variable_name(variable)
+        for _ in range(order):
+            name = f"der({name})"
+        return name
+
+    @cached_property
+    def _by_path(self) -> dict[tuple[str, ...], Block]:
+        return {tuple(n for n, _ in b.path): b for b in self.blocks}
+
+    def find(self, name: str) -> np.ndarray | None:
+        """Indices of the variables a dotted name means (one, or a whole array), None where there is no such name.
+
+        ``m[3].q`` is one variable; ``m.q`` and ``m[:].q`` are all of them; ``m[2:4].q`` a range.
+        """
+        parsed = parse_name(name)
+        block = None if parsed is None else self._by_path.get(tuple(n for n, _ in parsed))
+        if block is None:
+            return None
+        positions = np.arange(block.size).reshape(block.dims)
+        key: list[int | slice] = []
+        for (_, given), (_, dims) in zip(parsed, block.path, strict=False):
+            if given and len(given) != len(dims):
+                return None
+            for item, n in zip(given or ((1, None),) * len(dims), dims, strict=False):
+                low, high = item if isinstance(item, tuple) else (item, item)
+                high = n if high is None else high
+                if not (1 <= low and high <= n):
+                    return None
+                key.append(slice(low - 1, high) if isinstance(item, tuple) else item - 1)
+        return block.offset + np.atleast_1d(positions[tuple(key)]).ravel()
+
+    def names(self) -> Iterable[str]:
+        """All dotted names, in the order of the table."""
+        for block in self.blocks:
+            for i in range(block.size):
+                yield block.name(i)
+
+    # --------------------------------------------------------------------- values
+
+    @cached_property
+    def _parameter_bindings(self) -> tuple[np.ndarray, tuple[Assignments, ...]]:
+        """Values of what is bound to numbers, NaN elsewhere; and the bindings that depend on others, in order."""
+        values, dependent = np.full(self.count, np.nan), []
+        for a in self.bindings:
+            if len(a.target) and self.kind[a.target[0]] <= Kind.PARAMETER:
+                if not a.slots.shape[1]:
+                    values[a.target] = a.values(values) if a.numbers is None else a.numbers
+                else:
+                    dependent.append(a)
+        return values, tuple(dependent)
+
+    def parameter_values(self, overrides: Mapping[int, float] | None = None) -> np.ndarray:
+        """Values of constants and parameters, NaN elsewhere and where none is given.
+
+        Parameters
+        ----------
+        overrides : {variable index: value}
+            Replace the bindings of these parameters; what is bound to them follows.
+        """
+        literal, dependent = self._parameter_bindings
+        values = literal.copy()
+        overrides = overrides or {}
+        given = np.fromiter(overrides.keys(), int, len(overrides))
+        numbers = np.fromiter(overrides.values(), float, len(overrides))
+        values[given] = numbers
+        for a in dependent:
+            values[a.target] = a.values(values)
+            values[given] = numbers
+        return values
+
+    def row_text(self, group: Group, row: int) -> str:
+        """One equation in the user's names."""
+        names = group.slots[row]
+
+        def name(column: int, order: int) -> str:
+            return self.jet_name(int(names[column]), order)
+
+        return f"{to_text(group.left, name)} = {to_text(group.right, name)}"
+
+    def sum_text(self, row: int) -> str:
+        """One balance of flows in the user's names."""
+        s = self.sums
+        terms = []
+        for j in range(s.start[row], s.start[row + 1]):
+            name = self.variable_name(int(s.index[j]))
+            lead = " - " if s.sign[j] < 0 else " + "
+            terms.append(lead + name if terms else ("-" if s.sign[j] < 0 else "") + name)
+        return "".join(terms) + " = 0"
+
+
+def parse_name(name: str) -> list[tuple[str, tuple]] | None:
+    """Split ``a.b[2].c[1:3]`` into names and subscripts; a range is a pair, ``:`` is (1, None). None if no name."""
+    if not isinstance(name, str):
+        return None
+    result = []
+    for part in name.split("."):
+        base, bracket, rest = part.partition("[")
+        items: list[int | tuple[int, int | None]] = []
+        if bracket:
+            if not rest.endswith("]"):
+                return None
+            for text in rest[:-1].split(","):
+                low, colon, high = (s.strip() for s in text.partition(":"))
+                try:
+                    if not colon:
+                        items.append(int(low))
+                    else:
+                        items.append((int(low) if low else 1, int(high) if high else None))
+                except ValueError:
+                    return None
+        result.append((base.strip(), tuple(items)))
+    return result

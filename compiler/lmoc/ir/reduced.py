@@ -1,0 +1,98 @@
+"""The reduced system: the smallest set of states, and the programs that fill every register from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.program import Program, Registers
+from lmoc.messages.diagnostics import Diagnostic
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A decision that depends on parameter values: re-check it for another parameter set.
+
+    `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed, such as
+    ``wheel.J = 0``. Where it is about many rows, `broken(values)` says it of the first one that has changed.
+    """
+
+    holds: Callable[[np.ndarray], bool]
+    text: str
+    broken: Callable[[np.ndarray], str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What reduction leaves.
+
+    Attributes
+    ----------
+    flat : FlatDAE
+        Where it comes from.
+    values : (flat.count,)
+        The parameter values for which the guards were decided.
+    registers : Registers
+    known : (registers, variables)
+        ``w[known[0]] = parameter_values[known[1]]``.
+    inputs : (3, n)
+        Rows: register, flat variable, order of the derivative. `required_inputs` marks those without which the run
+        cannot go (the others serve the energy ledger or observed variables only).
+    parameter_program : Program
+        Fills the DERIVED registers from the KNOWN ones; run once for each parameter set.
+    states, derivatives : (n,) registers
+        ``d w[states[i]] / dt = w[derivatives[i]]``. A derivative may be a state (q̇ of a second-order coordinate).
+    quadratures, quadrature_derivatives : (m,) registers
+        Integrated along, read by no equation.
+    rhs : Program
+        Fills `derivatives` from states, inputs, parameters and time; nothing that they do not need.
+    observe : Program
+        Fills everything else, given states, quadratures, inputs and what `rhs` has filled.
+    register_of : (flat.count,)
+        Where the value of each flat variable stands after `rhs` and `observe` (-1: nowhere, see `unavailable`).
+    guards : what depends on the parameter values
+    notes : dropped redundant equations, chosen coordinates that deserve a word
+    counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people
+    nearby : (n,) values of the states with which the constraints hold, near the start values: a guess, no start; None
+        where there are no nonlinear constraints
+    undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
+    """
+
+    flat: FlatDAE
+    values: np.ndarray
+    registers: Registers
+    known: np.ndarray
+    inputs: np.ndarray
+    required_inputs: np.ndarray
+    parameter_program: Program
+    states: np.ndarray
+    derivatives: np.ndarray
+    quadratures: np.ndarray
+    quadrature_derivatives: np.ndarray
+    rhs: Program
+    observe: Program
+    register_of: np.ndarray
+    guards: tuple[Guard, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+    nearby: np.ndarray | None = None
+    undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+
+    def register_name(self, register: int) -> str:
+        """A register in the user's names; helpers are ``#n``."""
+        variable = int(self.registers.variable[register])
+        if variable < 0:
+            return f"#{register}"
+        return self.flat.jet_name(variable, int(self.registers.order[register]))
+
+    @property
+    def state_names(self) -> list[str]:
+        return [self.register_name(int(r)) for r in self.states]
+
+    def broken_guard(self, values: np.ndarray) -> str | None:
+        """The first assumption that does not hold for another parameter set, None where all hold."""
+        guard = next((g for g in self.guards if not g.holds(values)), None)
+        return None if guard is None else guard.text if guard.broken is None else guard.broken(values)

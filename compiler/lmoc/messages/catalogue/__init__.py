@@ -1,0 +1,109 @@
+"""The catalogue of diagnostics: what each code means.
+
+Codes: 01xx syntax, 02xx names, classes and modifications, 03xx types, units and connections, 04xx structure,
+05xx start, inputs and running, 06xx files and commands. The letter is the severity: Error, Warning, Note. Each room
+that can say something has a file of its entries here.
+
+``lmoc explain E0312`` prints an entry, ``docs/make_diagnostics.py`` writes them all into a page.
+"""
+
+from __future__ import annotations
+
+from lmoc.messages.catalogue.numerics import NUMERICS
+from lmoc.messages.catalogue.semantics import SEMANTICS
+from lmoc.messages.catalogue.structure import STRUCTURE
+from lmoc.messages.catalogue.syntax import SYNTAX
+from lmoc.messages.diagnostics import Entry
+
+CATALOGUE: dict[str, Entry] = {
+    **SYNTAX,
+    **SEMANTICS,
+    **STRUCTURE,
+    **NUMERICS,
+    # -------------------------------------------------- 06xx files, commands
+    "E0601": Entry("no such model", "The model asked for is not in the file, or it is not something that can run."),
+    "E0602": Entry("nothing to run", "The file defines no model, or only partial ones."),
+    "E0603": Entry(
+        "several models",
+        "More than one model in the file is used by no other. Say which is meant: `--model NAME`, or\n"
+        "`model=` in Python.",
+    ),
+    "E0610": Entry(
+        "file not found",
+        "There is no file of that name. Paths are relative to the folder in which the command is run.",
+    ),
+    "E0611": Entry(
+        "file cannot be read",
+        "The path is a folder, or the file may not be read by this user. A scene is one text file, usually `*.lmo`.",
+    ),
+    "E0612": Entry(
+        "not a text file",
+        "A model is text in UTF-8. The file holds bytes that are not: it may be binary, or saved in another encoding\n"
+        "(in an editor: save with encoding UTF-8).",
+    ),
+    "E0620": Entry(
+        "the command is not understood",
+        "The verb or an option does not exist, or an argument is missing. `lmoc --help` lists the verbs,\n"
+        "`lmoc VERB --help` the options of one.",
+    ),
+    "E0621": Entry(
+        "the value of an option is not usable",
+        "The option wants another kind of value: a number, a positive number, a pair `name=value`.\n"
+        "Example: `lmoc run scene.lmo --stop 5 --set body.m=2.5`.",
+    ),
+    "E0622": Entry(
+        "no such parameter, variable or input",
+        "A name given on the command line or to `simulate` is not in the model. Names are dotted paths of the flat\n"
+        "model: `body.m`, `spring[3].k`. `lmoc show --stage flatten` lists them.",
+    ),
+    "E0623": Entry(
+        "the result cannot be written",
+        "The folder does not exist or may not be written to, or a package that writes this format is missing.",
+    ),
+    "E0624": Entry(
+        "unknown type of file",
+        "The ending of the name decides about the format. Results: .csv, .npz, .parquet, .mat.\n"
+        "Pictures: .png, .svg, .pdf.",
+    ),
+    "E0625": Entry(
+        "the table cannot be used",
+        "A table for an input is a CSV file with a header line. One column is named `time`, another like the input\n"
+        "(or there is just one other column). All entries are numbers and time increases.",
+    ),
+    "E0626": Entry(
+        "not available",
+        "The option exists in the design of lmoc, but the value asked for is not in this version.",
+    ),
+    # ------------------------------------------------- 066x what a person reads
+    "E0660": Entry(
+        "no answer in symbols",
+        "Equations of motion, equilibria and transfer functions in symbols are for scenes of up to a few hundred "
+        "equations whose implicit parts have a solution in closed form. For others there is the numeric form.",
+    ),
+    "E0661": Entry(
+        "no such input, output or variable",
+        "Linear models and transfer functions go from a top-level input to a variable of the flat model.",
+    ),
+    "E0663": Entry(
+        "no single equilibrium",
+        "A nonlinear scene is linear about a point. By default that is its only equilibrium; where there are several "
+        "or none, say which: `--equilibrium N` of those that `lmoc equilibria` lists, `--at name=value`, or "
+        "`--at TIME`. A quantity may have no derivative at a point: the share of each of two cubic springs in a row "
+        "where both are relaxed.",
+    ),
+    "E0662": Entry(
+        "a parameter without a value",
+        "Numbers (poles, eigenvalues, a numeric linear model) need a value for every parameter that occurs.",
+    ),
+    "N0630": Entry(
+        "flattened again",
+        "A parameter given to this run decides about the structure of the model (the length of an array, a\n"
+        "condition), so the scene has been flattened and reduced anew. The result is kept for further runs with the\n"
+        "same value.",
+    ),
+    "N0631": Entry(
+        "reduced anew",
+        "The smallest system of equations rested on an assumption about parameter values, such as `J = 0`, which does\n"
+        "not hold for the values of this run. The reduction has been redone, and is kept for further runs.",
+    ),
+}

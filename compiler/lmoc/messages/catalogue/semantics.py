@@ -1,0 +1,221 @@
+"""What the catalogue of diagnostics says about names, classes and modifications (02xx), and about types, units and
+connections (03xx).
+"""
+
+from __future__ import annotations
+
+from lmoc.messages.diagnostics import Entry
+
+SEMANTICS: dict[str, Entry] = {
+    "E0201": Entry(
+        "unknown name",
+        "There is no variable, parameter or part of that name where it is used. A name is looked up in its own\n"
+        "class and in what that class inherits, then among its imports, then in the classes around it (only\n"
+        "constants there).",
+    ),
+    "E0202": Entry(
+        "unknown class",
+        "There is no class of that name: neither in the file, nor imported, nor in the library, whose parts\n"
+        "docs/library.md lists.",
+    ),
+    "E0203": Entry(
+        "unknown function",
+        "There is no function of that name, or the name means something else than a function.",
+    ),
+    "E0204": Entry(
+        "declared twice",
+        "One name stands for two things in the same class. Something inherited counts as well, unless both\n"
+        "declarations read the same.",
+    ),
+    "E0205": Entry(
+        "nothing of that name to modify",
+        "A modification such as `Mass m(mass = 2)` names an element that the class does not have. A variable has\n"
+        "the attributes start, fixed, nominal, min, max, unit, displayUnit, quantity, stateSelect.",
+    ),
+    "E0206": Entry(
+        "final",
+        "The element was declared `final` (or is not `replaceable`), so that it cannot be changed from outside.\n"
+        "Example: the moment of inertia of a `Disk` follows from m and r and cannot be given.",
+    ),
+    "E0207": Entry(
+        "a value depends on itself",
+        "Following the bindings of parameters, or what the size of an array needs, leads back to where it began.",
+    ),
+    "E0208": Entry(
+        "a class contains or extends itself",
+        "A class cannot have itself as a part or as a base, directly or through others.",
+    ),
+    "E0209": Entry(
+        "partial class",
+        "A `partial` class is meant to be extended: equations are missing in it. Use a model that extends it.",
+    ),
+    "E0210": Entry(
+        "protected",
+        "What stands under `protected` belongs to the class alone: it can neither be read nor modified from\n"
+        "outside.",
+    ),
+    "E0211": Entry(
+        "must be known when compiling",
+        "The number of parts, the range of a loop, the condition of a part or of an if-equation, a subscript: these\n"
+        "shape the model and may use parameters, constants and literals only.",
+    ),
+    "E0212": Entry(
+        "a value is missing that shapes the model",
+        "The size of an array or a condition depends on this parameter: give it a value, in the model or with\n"
+        "`--set name=value`.",
+    ),
+    "E0213": Entry(
+        "one value for many parts",
+        "`Mass m[3](m = 2)` gives one value to three masses. Either `each m = 2` for all the same, or `m = {1, 2,\n"
+        "3}`.",
+    ),
+    "E0214": Entry(
+        "outer without inner",
+        "`outer` refers to a declaration `inner` of the same name in one of the parts around. There is none.",
+    ),
+    "E0215": Entry(
+        "index out of range",
+        "Subscripts count from 1 to the size of the array.",
+    ),
+    "E0216": Entry(
+        "wrong number of subscripts",
+        "An array needs as many subscripts as it has dimensions, or none for all of it.",
+    ),
+    "E0217": Entry(
+        "wrong arguments",
+        "A function is called with too many or too few arguments, or with a name it does not have.",
+    ),
+    "E0218": Entry(
+        "absent part",
+        "The part has a condition that is false here. Connections to it vanish with it, but it cannot be used\n"
+        "otherwise.",
+    ),
+    "E0220": Entry(
+        "structure differs within an array",
+        "All elements of an array of parts have the same structure: sizes and conditions cannot differ among them.\n"
+        "(If-equations may.) Declare the different ones separately.",
+    ),
+    "E0221": Entry(
+        "modified twice",
+        "One modification gives the same element two values.",
+    ),
+    "E0222": Entry(
+        "a function without result",
+        "The algorithm gives an output no value, assigns an input, or does not come to an end.",
+    ),
+    "E0223": Entry(
+        "wrong kind of class",
+        "A function or package cannot be a part, and a part is no class.",
+    ),
+    "E0225": Entry(
+        "an array too large",
+        "An array of parts or numbers, or a range, has more elements than a machine could hold; look at the\n"
+        "parameter that sizes it.",
+    ),
+    "E0224": Entry(
+        "a value that would have to change",
+        "Parameters, constants, and start, nominal and fixed values are known before the run: they depend on\n"
+        "parameters and constants only. The default signal of an input may use time as well.",
+    ),
+    "E0226": Entry(
+        "not possible in this place",
+        "A connector, a record and a package have no equations, a function has an algorithm instead. A declaration\n"
+        "`outer` stands for another one and can be given nothing itself.",
+    ),
+    "E0227": Entry(
+        "a model nested too deeply",
+        "Parts in parts, classes that extend each other, functions that call each other or values that use each other\n"
+        "make a chain of some hundred links.",
+    ),
+    "E0228": Entry(
+        "an experiment that cannot be run",
+        "The annotation `experiment` gives a run its defaults: it ends after it begins, its interval is positive and\n"
+        "not shorter than makes sense, and its tolerance lies between 1e-14 and 1.",
+    ),
+    "W0229": Entry(
+        "an assertion in a function",
+        "An assertion in a function is looked at where its condition is known when compiling. Where it depends on\n"
+        "variables or parameters it is left out: write it in the model that calls the function.",
+    ),
+    "E0230": Entry(
+        "not available yet",
+        "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"
+        "mainly events (`when`, `pre`, `sample`, `reinit`, `terminate`) and discrete variables.",
+    ),
+    "W0231": Entry(
+        "unknown entry of an annotation",
+        "It is ignored.",
+    ),
+    "E0301": Entry(
+        "wrong type",
+        "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"
+        "Integer cannot be given a Real.",
+    ),
+    "E0302": Entry(
+        "sizes do not fit",
+        "The two sides of an equation, the operands of + and -, and a value and what it is given to have the same\n"
+        "dimensions. To add a number to every element write `.+`.",
+    ),
+    "E0303": Entry(
+        "units do not fit",
+        "What is added, compared or equated has one unit. Units of products follow from those of the factors; a\n"
+        "literal and a variable without unit fit everything. Arguments of sin, exp, ... have the unit 1 (rad is 1).",
+    ),
+    "E0304": Entry(
+        "unknown unit",
+        "Units are products of SI symbols: `N.m/rad`, `kg.m2`, `m/s2`, `1/s`, with prefixes as in `kN`. Factors are\n"
+        "joined by dots, there is one `/`, exponents follow the symbol.",
+    ),
+    "E0305": Entry(
+        "not a connector",
+        "`connect` joins ports: instances of connectors, or signals declared `input` or `output`.",
+    ),
+    "E0306": Entry(
+        "different connectors",
+        "Two connectors can be connected when they have the same variables, with the same `flow` marks. A flange\n"
+        "moves along a line, a shaft turns: a Drum, an Arm or a Lever stands between them.",
+    ),
+    "E0307": Entry(
+        "too few or too many equations",
+        "A class has as many equations as unknowns. Its unknowns are its own variables and those of its own\n"
+        "connectors; a flow of a connector is given from outside, by the connections, everything else by the class.\n"
+        "An input of a part inside counts as unknown.",
+    ),
+    "E0308": Entry(
+        "unbalanced connector",
+        "A connector has as many flows as potentials: only then do connections give as many equations as they need.",
+    ),
+    "E0309": Entry(
+        "no derivative",
+        "A parameter or constant does not change in time.",
+    ),
+    "E0310": Entry(
+        "input without value",
+        "An input of a part is a signal that someone must give: `Force push(f = 10)`, an equation `push.f =\n"
+        "3*time`, or a connection to an output.",
+    ),
+    "W0311": Entry(
+        "kink",
+        "abs, sign, min, max and if-expressions of a variable have a kink or a jump. It is integrated over without\n"
+        "being located, which costs accuracy and steps. `noEvent(...)` or `smooth(0, ...)` say that this is meant.",
+    ),
+    "W0312": Entry(
+        "connected to nothing",
+        "A port of a part is not connected. Its flow is zero: nothing holds or drives that end. Often a forgotten\n"
+        "connect.",
+    ),
+    "E0313": Entry(
+        "connector too deep inside",
+        "A connect reaches the ports of the parts declared in the same class, and the class's own ports. To reach\n"
+        "further inside, the part needs a port of its own.",
+    ),
+    "E0314": Entry(
+        "connected to itself",
+        "Both ends of a connect are the same port. One of them is probably meant to be another one.",
+    ),
+    "E0315": Entry(
+        "two signals in one connection",
+        "A connection of signals has one source: the output of a part, or an input of the class itself. Everything\n"
+        "else in it takes the signal.",
+    ),
+}

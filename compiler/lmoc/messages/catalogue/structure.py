@@ -1,0 +1,80 @@
+"""What the catalogue of diagnostics says about the structure of a model (04xx)."""
+
+from __future__ import annotations
+
+from lmoc.messages.diagnostics import Entry
+
+STRUCTURE: dict[str, Entry] = {
+    "E0401": Entry(
+        "too many equations",
+        "More equations than unknowns: something is prescribed twice, for instance the motion of one point by two\n"
+        "parts. The equations and what they have in common are named (the over-determined part of Dulmage and\n"
+        "Mendelsohn). Take one away, or make one of the prescribed values an unknown.",
+    ),
+    "E0402": Entry(
+        "nothing fixes a position",
+        "Only differences of some positions stand in the equations, so the whole group can be anywhere. Connect\n"
+        "one of its parts to a `Fixed`, or give one a mass or an inertia.",
+    ),
+    "E0403": Entry(
+        "too few equations",
+        "Fewer equations than unknowns: what is named is not determined by anything. Often a connection or a\n"
+        "binding is missing.",
+    ),
+    "E0404": Entry(
+        "constraints that cannot be solved near the start",
+        "The positions of a mechanism do not follow from its coordinates where it starts: it stands at a dead\n"
+        "centre, or one constraint repeats others. Start elsewhere, or take the constraint away.",
+    ),
+    "E0405": Entry(
+        "equations that depend on each other",
+        "There are as many equations as unknowns, but with these parameter values they say the same thing twice.\n"
+        "Look for a parameter that is zero, or for two that cancel.",
+    ),
+    "E0406": Entry(
+        "not possible as a state",
+        "A variable asked for as a state is prescribed, or follows from others that were asked for as well.",
+    ),
+    "N0407": Entry(
+        "coordinates were chosen",
+        "Constraints leave fewer coordinates than there are positions; this tells which ones are integrated.\n"
+        "`states=[…]`, `--states` or the attribute `stateSelect` choose others.",
+    ),
+    "E0411": Entry(
+        "constraints contradict each other",
+        "Rigid connections form a loop, or end at places that are fixed, and their lengths and offsets do not add up: "
+        "two rods of different lengths side by side, a rod between two walls that are further apart. Every place on "
+        "the loop is listed. Change one of them, or put a spring where the real thing gives way.",
+    ),
+    "E0412": Entry(
+        "a loop that cannot move",
+        "Two ways through ideal gears, drums or levers lead from one coordinate to the same other one with different "
+        "ratios: only rest satisfies both. Where the ratios are meant to be equal, give them the same value.",
+    ),
+    "E0413": Entry(
+        "a motion is prescribed twice",
+        "Two given functions of time (an input, a prescribed motion, a fixed place) act on the same coordinate through "
+        "rigid connections. Prescribe it once, or put a spring between them.",
+    ),
+    "E0414": Entry(
+        "unknown state",
+        "A name given as a preferred state is not a variable of the model.",
+    ),
+    "E0416": Entry(
+        "a force that nothing takes",
+        "A given force or weight acts on connections without mass that no spring, damper or support holds: the forces "
+        "there cannot balance. Connect the force to a part with mass, or to something that holds it.",
+        "model A\n  Force push(f = 2);\n  Rod rod;\nequation\n  connect(push.flange, rod.a);\nend A;",
+    ),
+    "N0415": Entry(
+        "a constraint repeats others",
+        "A loop of rigid connections gives one constraint more than there are coordinates, and they agree. It is left "
+        "out: the motion is the same, but the forces inside the loop are not unique. They are reported as undetermined "
+        "(NaN); what they do together to the bodies is right.",
+    ),
+    "W0417": Entry(
+        "something that cannot move",
+        "Constraints that are not linear hold a mass or an inertia in one place: an arm of another length beside the "
+        "first, a linkage with a rod too many. It stays at rest. Linear constraints of this kind are an error (E0412).",
+    ),
+}

@@ -1,0 +1,199 @@
+"""Programs as casadi functions, called through buffers: the way of small scenes.
+
+A casadi function costs microseconds where a step of numpy costs tens, but each row becomes nodes of its own, so large
+programs are evaluated elsewhere. Nonlinear blocks are not lowered: they are solved by `numerics.newton`, which
+knows the last solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from lmoc.expression.arithmetic import ARITHMETIC
+from lmoc.expression.dag import Expr, postorder
+from lmoc.ir.program import Apply, Program, Solve, Total
+
+CASADI_ROWS = 10_000  # programs with more rows are evaluated faster by numpy
+_LARGEST_BLOCK = 8  # a linear block with more unknowns makes too long a function
+
+
+def can_lower(program: Program) -> bool:
+    """Whether all steps can be written as one explicit casadi function."""
+    blocks = [step for step in program if isinstance(step, Solve)]
+    return all(b.linear and b.unknowns.shape[1] <= _LARGEST_BLOCK and can_lower(b.inner) for b in blocks)
+
+
+@lru_cache(maxsize=1)
+def _operations() -> dict:
+    import casadi as ca
+
+    # fmin and fmax of C would drop an argument that is not a number
+    smaller = lambda a, b: ca.if_else(a < b, a, ca.if_else(a >= b, b, ca.SX.nan()))  # noqa: E731
+    larger = lambda a, b: ca.if_else(a > b, a, ca.if_else(a <= b, b, ca.SX.nan()))  # noqa: E731
+    quotient = lambda a, b: ca.sign(a / b) * ca.floor(ca.fabs(a / b))  # noqa: E731
+    names = "sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2 sign"
+    table = {name: getattr(ca, name) for name in names.split()}
+    return (
+        table
+        | ARITHMETIC
+        | {
+            "abs": ca.fabs,
+            "integer": ca.floor,
+            "min": smaller,
+            "max": larger,
+            "mod": lambda a, b: a - b * ca.floor(a / b),
+            "rem": lambda a, b: a - b * quotient(a, b),
+            "div_integer": quotient,
+            "lt": lambda a, b: a < b,
+            "le": lambda a, b: a <= b,
+            "gt": lambda a, b: a > b,
+            "ge": lambda a, b: a >= b,
+            "eq": lambda a, b: a == b,
+            "ne": lambda a, b: a != b,
+            "and": ca.logic_and,
+            "or": ca.logic_or,
+            "not": ca.logic_not,
+            "if": ca.if_else,
+        }
+    )
+
+
+def lower_shape(shape: Expr, columns, time):
+    """A shape with casadi values in its slots; ``columns(k)`` gives that of column k."""
+    table = _operations()
+    values: dict[int, object] = {}
+    for node in postorder(shape):
+        if node.op == "const":
+            value = _constant(node.value)
+        elif node.op == "slot":
+            value = columns(node.value[0])
+        elif node.op == "time":
+            value = time
+        else:
+            value = table[node.op](*(values[id(a)] for a in node.args))
+        values[id(node)] = value
+    return values[id(shape)]
+
+
+@lru_cache(maxsize=1024)
+def _constant(value: float):
+    import casadi as ca
+
+    return ca.SX(value)
+
+
+def lower_steps(program: Program, w: list, time) -> None:
+    """Run a program symbolically: `w` is a list of scalar casadi values, None where nothing stands yet."""
+    for step in program:
+        if isinstance(step, Apply):
+            _lower_apply(step, w, time)
+        elif isinstance(step, Total):
+            _lower_total(step, w)
+        else:
+            _lower_linear(step, w, time)
+
+
+def _lower_apply(step: Apply, w: list, time) -> None:
+    import casadi as ca
+
+    slots, out = step.slots.tolist(), step.out.tolist()
+    if len(out) <= 3:
+        for row, target in zip(slots, out, strict=True):
+            w[target] = lower_shape(step.shape, lambda k, row=row: w[row[k]], time)
+        return
+    result = lower_shape(step.shape, lambda k: ca.vertcat(*[w[row[k]] for row in slots]), time)
+    if result.numel() == 1:
+        result = ca.repmat(result, len(out), 1)
+    for target, value in zip(out, ca.vertsplit(result), strict=True):
+        w[target] = value
+
+
+def _lower_total(step: Total, w: list) -> None:
+    start, index, coefficient = step.start.tolist(), step.index.tolist(), step.coefficient.tolist()
+    for i, target in enumerate(step.out.tolist()):
+        total = _constant(0.0)
+        for j in range(start[i], start[i + 1]):
+            c, value = coefficient[j], w[index[j]]
+            total = total + value if c == 1.0 else total - value if c == -1.0 else total + c * value
+        w[target] = total
+
+
+def _lower_linear(step: Solve, w: list, time) -> None:
+    """The matrix by symbolic differentiation of the residuals, then elimination (Cramer's rule up to two unknowns)."""
+    import casadi as ca
+
+    unknowns = step.unknowns.ravel().tolist()
+    symbols = ca.SX.sym("u", len(unknowns))
+    for register, symbol in zip(unknowns, ca.vertsplit(symbols), strict=True):
+        w[register] = symbol
+    lower_steps(step.inner, w, time)
+    for own, residual in zip(step.unknowns.tolist(), step.residuals.tolist(), strict=True):
+        u = ca.vertcat(*[w[r] for r in own])
+        r = ca.vertcat(*[w[k] for k in residual])
+        matrix = ca.densify(ca.jacobian(r, u))
+        rest = ca.densify(ca.substitute(r, u, ca.SX.zeros(len(own), 1)))
+        for register, value in zip(own, _eliminate(matrix, -rest), strict=True):
+            w[register] = value
+    lower_steps(step.inner, w, time)
+
+
+def _eliminate(a, b) -> list:
+    import casadi as ca
+
+    if b.numel() == 1:
+        return [b[0] / a[0, 0]]
+    if b.numel() == 2:
+        determinant = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+        return [(a[1, 1] * b[0] - a[0, 1] * b[1]) / determinant, (a[0, 0] * b[1] - a[1, 0] * b[0]) / determinant]
+    return ca.vertsplit(ca.solve(a, b))
+
+
+class Lowered:
+    """The derivatives of a plan as casadi expressions in time, states, parameters and sampled inputs."""
+
+    def __init__(self, program: Program, count: int, states, parameters, sampled, outputs: Sequence[int]) -> None:
+        import casadi as ca
+
+        self.time = ca.SX.sym("t")
+        self.x = ca.SX.sym("x", len(states))
+        self.p = ca.SX.sym("p", len(parameters))
+        self.u = ca.SX.sym("u", len(sampled))
+        w: list = [None] * count
+        for registers, symbols in ((parameters, self.p), (sampled, self.u), (states, self.x)):
+            if len(registers):
+                for register, symbol in zip(np.asarray(registers).tolist(), ca.vertsplit(symbols), strict=True):
+                    w[register] = symbol
+        lower_steps(program, w, self.time)
+        self.out = ca.densify(ca.vertcat(ca.SX(0, 1), *[w[r] for r in np.asarray(outputs).tolist()]))
+
+    def function(self, name: str = "rhs"):
+        """``(t, x, p, u) -> outputs``."""
+        import casadi as ca
+
+        return ca.Function(name, [self.time, self.x, self.p, self.u], [self.out])
+
+    def jacobian(self):
+        """``(t, x, p, u) -> ∂outputs/∂x``, sparse."""
+        import casadi as ca
+
+        return ca.Function("jacobian", [self.time, self.x, self.p, self.u], [ca.jacobian(self.out, self.x)])
+
+
+class Buffered:
+    """A casadi function on fixed arrays: fill the arrays in `arguments`, call, read those in `results`."""
+
+    def __init__(self, function, arguments: Sequence[np.ndarray]) -> None:
+        self.function = function
+        self.arguments = list(arguments)
+        self.results = [np.zeros(function.nnz_out(i)) for i in range(function.n_out())]
+        self._buffer, self._call = function.buffer()
+        for i, array in enumerate(self.arguments):
+            self._buffer.set_arg(i, memoryview(array))
+        for i, array in enumerate(self.results):
+            self._buffer.set_res(i, memoryview(array))
+
+    def __call__(self) -> None:
+        self._call()

@@ -1,0 +1,115 @@
+"""A C compiler where there is one, and a cache of what it has made, keyed by the text."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import zlib
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+
+from lmoc.support import cache
+
+FLAGS = ("-march=native", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
+
+
+@lru_cache(maxsize=1)
+def find_compiler() -> str | None:
+    """Path of a C compiler: ``$LMOC_CC`` (empty: none wanted), else gcc, clang, cc or tcc, or None."""
+    wanted = os.environ.get("LMOC_CC")
+    if wanted is not None:
+        return shutil.which(wanted) if wanted else None
+    return next((path for name in ("gcc", "clang", "cc", "tcc") if (path := shutil.which(name))), None)
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept between runs."""
+    return Path(cache.folder()) / "kernels"
+
+
+def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
+    """Compile a C text, or take it from the cache.
+
+    Parameters
+    ----------
+    optimization : the compiler's option
+
+    Returns
+    -------
+    The loaded library, or None where there is no compiler or it refuses (the caller then takes another way of
+    evaluating, and says so).
+    """
+    compiler = find_compiler()
+    if compiler is None:
+        return None
+    # -march=native ties the file to this processor, so its name is part of the key
+    key = hashlib.sha256("\0".join([text, compiler, optimization, *FLAGS, _processor()]).encode()).hexdigest()[:32]
+    return _load_kept(key) or _make(compiler, text, optimization, key)
+
+
+def _load_kept(key: str) -> ctypes.CDLL | None:
+    """A library from the cache. Its name ends in its checksum: loading a damaged one could end the process."""
+    for path in cache_folder().glob(f"{key}-*.so"):
+        try:
+            if path.name == _name(key, path.read_bytes()):
+                return ctypes.CDLL(str(path))
+            path.unlink()
+        except OSError:
+            continue  # gone meanwhile, or of another system
+    return None
+
+
+def _make(compiler: str, text: str, optimization: str, key: str) -> ctypes.CDLL | None:
+    """Compile in a folder of this process alone, never one that others could fill; keep what comes out if possible."""
+    with tempfile.TemporaryDirectory(prefix="lmoc-", ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "kernel.so"
+        try:
+            if not _compile(compiler, text, path, optimization):
+                return None
+            return ctypes.CDLL(str(_keep(path, key) or path))
+        except OSError:
+            return None
+
+
+def _keep(path: Path, key: str) -> Path | None:
+    """Copy a library into the cache; None where that cannot be written."""
+    content, folder = path.read_bytes(), cache_folder()
+    kept = folder / _name(key, content)
+    partial = kept.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(content)
+        os.replace(partial, kept)  # atomic: two processes may compile the same text at once
+        return kept
+    except OSError:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        return None
+
+
+def _name(key: str, content: bytes) -> str:
+    return f"{key}-{zlib.crc32(content):08x}.so"
+
+
+@lru_cache(maxsize=1)
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line for line in lines if line.startswith("flags"))
+    except (OSError, StopIteration):
+        return sys.platform
+
+
+def _compile(compiler: str, text: str, path: Path, optimization: str) -> bool:
+    source = path.with_name("kernel.c")
+    source.write_text(text)
+    flags = [f for f in FLAGS if not (compiler.endswith("tcc") and f.startswith(("-march", "-ff", "-fno")))]
+    command = [compiler, optimization, *flags, str(source), "-o", str(path), "-lm"]
+    return subprocess.run(command, capture_output=True).returncode == 0

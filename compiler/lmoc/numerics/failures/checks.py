@@ -1,0 +1,54 @@
+"""The model's own assertions, looked at over the output times."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.expression.evaluate import evaluate
+from lmoc.ir.flat import Check
+from lmoc.messages.diagnostics import Report, SimulationError
+from lmoc.numerics.observe.trajectory import Trajectory
+
+
+def run_checks(run: Trajectory) -> Trajectory:
+    """Evaluate the assertions; warnings become notes of the run.
+
+    Raises
+    ------
+    SimulationError
+        At the first output time at which an assertion of level error does not hold; the partial result ends there.
+    """
+    flat = run.observer.flat
+    if not flat.checks:
+        return run
+    report = Report()
+    failures: list[tuple[int, Check, int]] = []
+    for check in flat.checks:
+        holds = _holds(run, check)
+        times, rows = np.nonzero(~holds.T) if holds.size else (np.zeros(0, int), np.zeros(0, int))
+        if not len(times):
+            continue
+        if check.error:
+            failures.append((int(times[0]), check, int(rows[0])))
+        else:
+            report.warning("W0551", f"{check.message} (from t = {run.time[times[0]]:.6g} s)", check.span)
+    if failures:
+        k, check, _ = min(failures, key=lambda f: f[0])
+        partial = replace(run, time=run.time[: k + 1], table=run.table[: k + 1], _cache={})
+        place = f" ({check.span})" if check.span is not None else ""
+        message = f"an assertion does not hold at t = {run.time[k]:.6g} s: {check.message}{place}"
+        raise SimulationError(message, float(run.time[k]), partial)
+    return replace(run, notes=run.notes + tuple(report.diagnostics), _cache={}) if report.diagnostics else run
+
+
+def _holds(run: Trajectory, check: Check) -> np.ndarray:
+    """(rows, times) of logical values; what has no value is not judged."""
+    used, place = np.unique(check.slots, return_inverse=True)
+    place = place.reshape(check.slots.shape)
+    values = run.of(used).T
+    result = evaluate(check.condition, lambda k, _: values[place[:, k]], run.time)
+    result = np.asarray(np.broadcast_to(result, (len(check.slots), len(run.time))), float)
+    known = np.isfinite(values)[place].all(axis=1) if place.size else np.ones(result.shape, bool)
+    return (result != 0) | ~known

@@ -1,0 +1,147 @@
+"""Which variable lost its value first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.program import Program, Solve, written
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.ranges import over_range
+from lmoc.messages.source import Span
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.observe.slices import Slice
+from lmoc.numerics.observe.trajectory import Observer
+from lmoc.numerics.plan import walk
+from lmoc.numerics.signals.signals import Signal, is_own, sample
+from lmoc.support.distinct import distinct
+
+_AHEAD = 40  # halvings of the distance at which a lost value is looked for
+_LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger scene not every time is looked at
+_SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
+
+
+@np.errstate(all="ignore")
+def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, stop: float) -> str:
+    """What has no finite value at (time, x), or else a little further on along the motion; empty where nothing."""
+    found = first_not_finite(observer, time, x)[0]
+    rate = np.empty(len(x))
+    system.rhs(time, x, rate)
+    if found or not np.isfinite(rate).all():
+        return found
+    for k in range(_AHEAD, 6, -1):
+        distance = (stop - time) * 0.5**k
+        found = first_not_finite(observer, time + distance, x + distance * rate)[0]
+        if found:
+            return f"beyond this point {found}"
+    return ""
+
+
+def suspects(observer: Observer, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Numbers of those times at which a value may have been lost, a few of them if there are many; in order.
+
+    What is seen is what can be computed for many times at once; and a quotient that has no value need not be missed
+    (``if x > 0 then 1/x else 0``).
+    """
+    plan, moving = observer.plan, observer.plan.moving
+    if not len(moving.registers):
+        return np.zeros(0, int)
+    if "moving" not in plan.slices:
+        plan.slices["moving"] = Slice(plan, moving.registers, moving.program, moving.count)
+    part = plan.slices["moving"]
+    base = np.concatenate([observer.base, np.zeros(moving.count - plan.count)])
+    base[plan.absent] = 0.0  # what depends on them has been said to be unknown
+    rows = np.arange(0, len(times), -(-len(times) * len(part.registers) // _LOOKED_AT))
+    values = part.bind(base, observer.signals)(times[rows], states[rows])
+    lost = rows[~np.isfinite(values).all(axis=1)]
+    return lost[np.unique(np.linspace(0, len(lost) - 1, _SUSPECTS).astype(int))] if len(lost) else lost
+
+
+def first_not_finite(
+    observer: Observer, time: float, x: np.ndarray, program: Program | None = None, near: np.ndarray | None = None
+) -> tuple[str, Span | None, bool]:
+    """A sentence about the first variable that has no finite value at (time, x), where it is declared, and whether it
+    is an unknown of nonlinear equations without a solution.
+
+    Empty where all have one.
+
+    Parameters
+    ----------
+    program : what is looked at, without it what the derivatives need
+    near : (plan.count,) registers at about this time: where to look for the solutions of nonlinear equations
+    """
+    plan, reduced = observer.plan, observer.plan.reduced
+    w = observer.base.copy()
+    if program is None:
+        program = plan.program
+    else:
+        w[plan.absent] = 0.0  # what depends on them has been said to be unknown
+    if near is not None:
+        blocks = [s.unknowns.ravel() for s in walk(plan.program) if isinstance(s, Solve) and not s.linear]
+        for unknowns in blocks:
+            w[unknowns] = near[unknowns]
+    w[plan.states] = x
+    for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
+        w[register] = sample(observer.signals[variable], order, np.array([time]))[0]
+    groups = [plan.states, plan.sampled]
+    if program is plan.full_program:  # most often all is well, which a look at what may be lost tells
+        steps, watched, count = plan.losable
+        longer = np.concatenate([w, np.zeros(count - len(w))])
+        Interpreter(steps, count).run(longer, time)
+        if all(np.isfinite(longer[registers]).all() for registers in (*groups, watched)):
+            return "", None, False
+    interpreter = Interpreter(program, plan.count)
+    with np.errstate(all="ignore"):
+        for step in (None, *program):
+            if step is not None:
+                interpreter.steps((step,), w, time)
+                groups = [step.unknowns.ravel() if isinstance(step, Solve) else written(step)]
+            for registers in groups:
+                bad = registers[~np.isfinite(w[registers])]
+                if len(bad):
+                    nonlinear = isinstance(step, Solve) and not step.linear
+                    return *sentence(reduced, bad, w, nonlinear, observer.signals), nonlinear
+    return "", None, False
+
+
+def sentence(
+    reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool, signals: Mapping[int, Signal]
+) -> tuple[str, Span | None]:
+    """What is said of registers without a finite value, all filled by the same step, and the place of the first in the
+    model, where it is not a signal that the caller has given.
+
+    Parameters
+    ----------
+    nonlinear : they are unknowns of nonlinear equations
+    """
+    named = [r for r in bad.tolist() if r < reduced.registers.count and reduced.registers.variable[r] >= 0]
+    if not named:
+        return "an intermediate result has no finite value", None
+    variable = int(reduced.registers.variable[named[0]])
+    name = _names(reduced, named)
+    if variable in signals and not is_own(signals[variable], reduced.flat, variable):
+        return f"the signal given for the input {name} has no finite value ({w[named[0]]})", None
+    span = _place(reduced.flat, variable)
+    if nonlinear:
+        return f"the nonlinear equations for {name} have no solution that Newton's method finds", span
+    return f"{name} has no finite value ({w[named[0]]})", span
+
+
+def _names(reduced: Reduced, registers: list[int]) -> str:
+    """The first of some registers, with those of the same array: as a range if they fill one, else their number."""
+    flat, first = reduced.flat, registers[0]
+    block, order = flat.block_at(int(reduced.registers.variable[first])), reduced.registers.order[first]
+    variables, orders = reduced.registers.variable[registers], reduced.registers.order[registers]
+    inside = (variables >= block.offset) & (variables < block.offset + block.size) & (orders == order)
+    names = [flat.jet_name(v, int(order)) for v in distinct(variables[inside]).tolist()]
+    return over_range(names) or f"{reduced.register_name(first)} (and {len(names) - 1} more of its array)"
+
+
+def _place(flat: FlatDAE, variable: int) -> Span | None:
+    """Where the user declared the part with this variable, else the variable's own declaration."""
+    block = flat.block_at(variable)
+    part = flat.parts[block.part].span if 0 < block.part < len(flat.parts) else None
+    return part or block.span

@@ -1,0 +1,205 @@
+"""Which integrator, and why.
+
+After reduction most mechanisms are not stiff, and DOP853 is the fastest and the most accurate (BDF loses energy of
+undamped motion). So it begins; it notices stiffness by itself, and a stiff method goes on from where it gave up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import import_module
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.numerics.evaluate.system import CasadiSystem, System
+from lmoc.numerics.integrate.base import COLLAPSED, NOT_FINITE, NotFound, Outcome, Problem, Properties
+
+NAMES = ("dop853", "cvode", "adams", "ida", "cvodes", "radau")
+
+_PATIENCE = 2_000, 100_000  # least and most steps that DOP853 may still need where it finds the problem stiff
+_WORK = 4e7  # rows evaluated in that time
+_EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
+_FOLLOWED = 15  # times as many steps where a fast swinging mode is at work: any method must follow it
+_TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
+
+
+def table() -> tuple[Properties, ...]:
+    """What each integrator can do."""
+    return tuple(_module(name).PROPERTIES for name in NAMES)
+
+
+def _module(name: str):
+    return import_module(f"lmoc.numerics.integrate.{name}")
+
+
+def integrator(name: str) -> Callable[[Problem], Outcome]:
+    """The function that integrates a problem."""
+    return _module(name).integrate
+
+
+def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
+    """Integrate with a named solver, or with the one that suits, from one break of the right-hand side to the next.
+
+    Returns
+    -------
+    The outcome, and for the statistics: which solver, and why.
+
+    Raises
+    ------
+    ModelError
+        E0540: the solver asked for needs SUNDIALS, which is not at hand.
+    """
+    try:
+        outcome, used = _in_pieces(problem, solver)
+    except NotFound as error:
+        message = f"solver '{solver}' cannot be used: the SUNDIALS libraries of scikit-sundae were not found"
+        raise ModelError([Diagnostic("E0540", message, hint="dop853 and radau do without them")]) from error
+    return outcome, {"solver": ", ".join(used.solvers), "reason": used.reason}
+
+
+@dataclass(frozen=True)
+class _Used:
+    """Which methods have taken over from each other, and why."""
+
+    solvers: tuple[str, ...]
+    reason: str
+
+
+def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
+    outcome, used, method = Outcome(float(problem.times[0]), problem.x, 1), None, solver
+    begin = outcome.time
+    for edge in (*problem.breaks.tolist(), np.inf):
+        if edge - _near(edge) / 2 <= begin:  # a kink at the start
+            begin = edge + _near(edge) / 2
+            continue
+        later, own = _smooth(_until(problem, outcome, begin, edge), method)
+        later.counts = _added(outcome.counts, later.counts)
+        later.matrix, later.evaluation = later.matrix or outcome.matrix, later.evaluation or outcome.evaluation
+        later.reached = int(np.searchsorted(problem.times, later.time + _near(later.time), "right"))
+        outcome, begin = later, edge + _near(edge) / 2
+        taken_over = len(own.solvers) > 1
+        if used is None or taken_over:
+            used = own
+        if taken_over:  # the stiff method goes on behind the next break
+            method = own.solvers[-1]
+        if outcome.failure or outcome.reached == len(problem.times):
+            break
+    if len(problem.breaks):
+        outcome.counts["breaks"] = len(problem.breaks)
+    return outcome, used
+
+
+def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
+    """What remains of a problem, from behind one edge to just before the next; an output on an edge is before it."""
+    done, times = outcome.reached, problem.times
+    if np.isinf(edge):
+        inner, end, on_edge = times[done:], [], 0
+    else:
+        inner = times[done : np.searchsorted(times, edge - _near(edge))]
+        end = [edge - _near(edge) / 2]
+        on_edge = int(np.searchsorted(times, edge + _near(edge), "right")) - done - len(inner)
+
+    def sink(first: int, states: np.ndarray) -> None:
+        before = len(inner) + 1 - first
+        if len(states) > before:  # the end is nobody's output time unless some fall on the edge
+            states = np.concatenate([states[:before], np.repeat(states[before:], on_edge, axis=0)])
+        if len(states):
+            problem.sink(first - 1 + done, states)
+
+    whole = np.concatenate([[begin], inner, end])
+    return replace(problem, x=outcome.x, times=whole, sink=sink, breaks=np.zeros(0))
+
+
+def _near(t: float) -> float:
+    """A distance in time that does not count: some units of the last digit, by which stages of a step may be off."""
+    return 4e-15 * max(abs(t), 1e-300) if np.isfinite(t) else 0.0
+
+
+def _added(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
+    return {k: one.get(k, 0) + two.get(k, 0) for k in one | two}
+
+
+def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
+    """Integrate where nothing jumps."""
+    if solver != "auto":
+        outcome = integrator(solver)(problem)
+        reason = f"in place of {solver}, which does not take this run" if outcome.solver else "asked for"
+        return outcome, _Used((outcome.solver or solver,), reason)
+    outcome = integrator("dop853")(replace(problem, patience=patience(problem.system)))
+    if not outcome.stiff and outcome.failure not in (COLLAPSED, NOT_FINITE):
+        return outcome, _Used(("dop853",), "not stiff")
+    spent = problem.system.evaluations
+    name, why = stiff_method(problem, outcome)
+    later = integrator(name)(_rest(problem, outcome, name))
+    later.reached += outcome.reached - 1
+    later.counts = _added(outcome.counts, later.counts)
+    if "evaluations" in later.counts:  # SUNDIALS counts its own, and the system those of Python
+        later.counts["evaluations"] += spent
+    if later.evaluation:
+        later.evaluation = f"{problem.system.kind}, then {later.evaluation}"
+    met = "stiffness" if outcome.stiff else outcome.failure
+    solvers = ("dop853",) if name == "dop853" else ("dop853", name)
+    return later, _Used(solvers, f"{met} at t = {outcome.time:.4g} s, then {why}")
+
+
+def patience(system: System) -> float:
+    """Steps that are still cheaper for DOP853 than another method is."""
+    least, most = _PATIENCE
+    most = most if isinstance(system, CasadiSystem) else 5 * least
+    return float(np.clip(_WORK / (16 * max(1, system.plan.row_count)), least, most))
+
+
+def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
+    """What goes on where DOP853 has given up, and why.
+
+    BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
+    below the tolerance; if not it must be followed, which DOP853 does best.
+    """
+    from lmoc.numerics.integrate.sundials import sundials
+
+    system = problem.system
+    jacobian = system.jacobian(outcome.time, outcome.x) if system.n <= _EIGENVALUES else np.array([[np.nan]])
+    if not np.isfinite(jacobian).all():
+        if not sundials.available():
+            return "radau", "Radau, because SUNDIALS is not at hand"
+        if system.plan.has_large_blocks:
+            return "ida", "BDF on the index-1 form, whose matrix is sparse"
+        return "cvode", "BDF"
+    values, vectors = np.linalg.eig(jacobian)
+    k = int(np.argmax(np.abs(values)))
+    fastest = values[k]
+    if abs(fastest.imag) <= 3 * abs(fastest.real):
+        why = f"because the fastest mode decays (time constant {1 / max(abs(fastest), 1e-300):.3g} s)"
+        return ("cvode", f"BDF, {why}") if sundials.available() else ("radau", f"Radau, {why}")
+    remaining = (problem.times[-1] - outcome.time) / outcome.step
+    if outcome.stiff and remaining < _FOLLOWED * patience(system) and _at_work(problem, outcome, values, vectors, k):
+        return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
+    return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
+
+
+def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np.ndarray, k: int) -> bool:
+    """Whether the amplitude of mode k is above the tolerances."""
+    rate = np.empty(problem.system.n)
+    problem.system.rhs(outcome.time, outcome.x, rate)
+    try:
+        amplitude = vectors[:, k] * np.linalg.solve(vectors, rate.astype(complex))[k] / values[k]
+    except np.linalg.LinAlgError:
+        return True
+    allowed = problem.atol + problem.rtol * np.abs(outcome.x)
+    return bool((np.abs(amplitude) > allowed).any())
+
+
+def _rest(problem: Problem, outcome: Outcome, name: str) -> Problem:
+    """What remains of a problem from where an integrator gave up."""
+    done = outcome.reached
+    factor = _TIGHTER if name == "cvode" else 1.0
+    return replace(
+        problem,
+        x=outcome.x,
+        times=np.concatenate([[outcome.time], problem.times[done:]]),
+        rtol=max(problem.rtol * factor, 1e-13),
+        atol=problem.atol * factor,
+        sink=lambda first, states: problem.sink(first - 1 + done, states),
+    )

@@ -1,0 +1,48 @@
+"""IDA: BDF for implicit systems, x' - f(t, x) = 0, or with the unknowns of large blocks as algebraic variables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.numerics.evaluate.opened import OpenedSystem
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties
+from lmoc.numerics.integrate.cvode import Frame
+
+PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", library="SUNDIALS")
+
+
+def integrate(problem: Problem) -> Outcome:
+    """Integrate over the output times.
+
+    Raises
+    ------
+    NotFound
+        The libraries are not at hand.
+    """
+    from lmoc.numerics.integrate.sundials import ida
+
+    t0, system = float(problem.times[0]), problem.system.opened() or problem.system
+    frame = Frame(problem, system)
+    y, atol, mass = problem.x, problem.atol, np.ones(problem.system.n)
+    if isinstance(system, OpenedSystem):
+        y = system.start(t0, problem.x)
+        z = y[len(mass) :]
+        atol = np.concatenate([atol, problem.rtol * np.maximum(1.0, np.abs(z))])
+        mass = system.differential.astype(float)
+    y, mass = frame.arrange(y), frame.arrange(mass)
+
+    def residual(t: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
+        frame.rhs(t, y, out)
+        np.subtract(mass * yp, out, out=out)
+
+    def fill(t: float, y: np.ndarray, target: np.ndarray, cj: float) -> None:
+        frame.fill(t, y, target, -1.0, cj * mass)
+
+    yp = np.empty_like(y)
+    frame.rhs(t0, y, yp)
+    given = frame.given(y, frame.arrange(atol), fill)
+    outcome = frame.outcome(lambda: ida.integrate(given, residual, mass * yp, mass > 0))
+    if system is not problem.system:
+        outcome.counts["algebraic"] = system.n - problem.system.n
+        outcome.evaluation = system.kind
+    return outcome

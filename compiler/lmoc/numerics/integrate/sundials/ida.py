@@ -1,0 +1,59 @@
+"""IDA (Hindmarsh et al. 2005) on a Python residual F(t, y, y') = 0, with output by its own interpolation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from ctypes import byref, c_double, c_void_p
+
+import numpy as np
+
+from lmoc.numerics.integrate.sundials import sundials as sun
+from lmoc.numerics.integrate.sundials.session import Ended, Given, Session
+
+Residual = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]  # (t, y, yp, out)
+
+
+def integrate(given: Given, residual: Residual, yp: np.ndarray, differential: np.ndarray) -> Ended:
+    """Integrate F(t, y, y') = 0.
+
+    Parameters
+    ----------
+    yp : (n,) y' at the start, consistent with y
+    differential : (n,) which components have derivatives in F; the others stay out of the error test
+    """
+    with _Session(given, residual, yp, differential) as session:
+        return session.run()
+
+
+class _Session(Session):
+    name = "IDA"
+    counters = "Steps", "ResEvals", "JacEvals"
+
+    def __init__(self, given: Given, residual: Residual, yp: np.ndarray, differential: np.ndarray) -> None:
+        self.yp, self.differential = np.array(yp, float), differential.astype(float)
+        self.residual = sun.RESIDUAL(self.callback(residual))  # kept alive as long as IDA may call it
+        super().__init__(given)
+
+    def create(self) -> c_void_p:
+        lib = self.lib
+        memory = c_void_p(lib.IDACreate(self.context))
+        self.rate = self.vector(self.yp)
+        lib.IDAInit(memory, self.residual, float(self.given.times[0]), self.state, self.rate)
+        lib.IDASVtolerances(memory, self.given.rtol, self.tolerance)
+        if not self.differential.all():
+            lib.IDASetId(memory, self.vector(self.differential))
+            lib.IDASetSuppressAlg(memory, 1)
+        return memory
+
+    def attach(self) -> None:
+        def fill(t, cj, y, yp, residual, jacobian, *_) -> int:
+            return self.guarded(lambda: self.solver.fill(jacobian, t, self.view(y), cj))
+
+        self.jacobian = sun.RESIDUAL_JACOBIAN(fill)
+        self.call("SetJacFn", self.jacobian)
+
+    def advance(self, t: float, reached: c_double) -> int:
+        return self.lib.IDASolve(self.memory, t, byref(reached), self.state, self.rate, sun.NORMAL)
+
+    def failure(self, flag: int) -> str:
+        return sun.failure_text("IDA", flag, no_value=(-8, -9, -12))

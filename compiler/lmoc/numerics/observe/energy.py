@@ -1,0 +1,102 @@
+"""The energy ledger of a run: what was stored, supplied and lost, and how well that adds up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.expression.dag import Expr, slots
+from lmoc.expression.evaluate import evaluate
+from lmoc.ir.flat import FlatDAE
+from lmoc.support.distinct import distinct
+
+if TYPE_CHECKING:
+    from lmoc.numerics.observe.trajectory import Trajectory
+
+_SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at
+_ROUNDING = 1e-6  # of what is stored: less than this, nothing flows that could be judged
+_VALUES = 2_000_000  # values looked at, where that allows more than the least
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energies over the time of a run.
+
+    Attributes
+    ----------
+    stored : J, kinetic, elastic and gravitational
+    supplied : J, work of the sources since the start
+    lost : J, heat since the start
+    exchanged : J, the most that has moved between stores (from potential to kinetic, from one part to another)
+    balance : the largest |supplied - lost - Δstored| as a fraction of the largest of supplied, lost, the range of
+        stored, and what the stores have exchanged (an undamped oscillator is judged by the energy that swings); where
+        all these are mere rounding, of what is stored
+    """
+
+    stored: np.ndarray
+    supplied: np.ndarray
+    lost: np.ndarray
+    exchanged: float
+
+    @property
+    def residual(self) -> np.ndarray:
+        return self.supplied - self.lost - (self.stored - self.stored[0])
+
+    @property
+    def scale(self) -> float:
+        sizes = (np.abs(self.supplied).max(), np.abs(self.lost).max(), np.ptp(self.stored), self.exchanged)
+        return float(max(*sizes, _ROUNDING * np.abs(self.stored).max()))
+
+    @property
+    def balance(self) -> float:
+        worst = float(np.abs(self.residual).max())
+        return worst / self.scale if self.scale > 0 else 0.0 if worst == 0 else np.inf
+
+
+def measure(run: Trajectory) -> Energy:
+    """The ledger of a trajectory, from the variables ``ledger.stored``, ``ledger.work`` and ``ledger.heat``."""
+    work, heat = run["ledger.work"], run["ledger.heat"]
+    return Energy(run["ledger.stored"], work - work[0], heat - heat[0], exchanged_energy(run))
+
+
+def exchanged_energy(run: Trajectory) -> float:
+    """Half of Σ |term - term at the start| over the terms of all stored energies, at its largest."""
+    flat = run.observer.flat
+    times, states = run.samples
+    most = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
+    rows = np.arange(0, len(times), -(-len(times) // most))
+    times, states, total = times[rows], states[rows], np.zeros(len(rows))
+    for group, expression, own in _energy_groups(flat):
+        used = distinct(group.slots[own])
+        values = run.observer(used, times, states)
+        columns = np.searchsorted(used, group.slots[own])
+        for term in _terms(expression):
+            value = evaluate(term, lambda k, _: values[:, columns[:, k]], times[:, None])  # noqa: B023
+            value = np.broadcast_to(value, (len(rows), len(own)))
+            total += np.nan_to_num(np.abs(value - value[:1])).sum(axis=1)
+    return float(total.max(initial=0.0)) / 2
+
+
+def _energy_groups(flat: FlatDAE):
+    """Equations ``energy = expression`` of elements: (group, expression, rows)."""
+    is_energy = flat.per_variable(lambda b: len(b.path) > 1 and b.path[-1][0] == "energy", bool)
+    for group in flat.groups:
+        for side, other in ((group.left, group.right), (group.right, group.left)):
+            if side.op == "slot" and side.value[1] == 0 and _explicit(other):
+                own = np.flatnonzero(is_energy[group.slots[:, side.value[0]]])
+                if len(own):
+                    yield group, other, own
+                    break
+
+
+def _explicit(expression: Expr) -> bool:
+    return all(leaf.value[1] == 0 for leaf in slots(expression))
+
+
+def _terms(expression: Expr) -> list[Expr]:
+    """The additive terms of an expression."""
+    if expression.op in ("add", "sub"):
+        return _terms(expression.args[0]) + _terms(expression.args[1])
+    return _terms(expression.args[0]) if expression.op == "neg" else [expression]

@@ -1,0 +1,119 @@
+"""The part of a program that some registers need, on registers numbered anew: small however large the whole is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
+from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS
+from lmoc.numerics.evaluate.follow import Follower
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
+from lmoc.numerics.plan import Plan, program_rows, walk
+from lmoc.numerics.signals.signals import Formula, Signal, sample
+
+_CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
+_KEPT = 100  # registers of the largest slice that is kept with its plan
+
+
+class Slice:
+    """Values of registers of a plan as a function of time and states.
+
+    Parameters
+    ----------
+    registers : which ones; of those that nothing fills the value is NaN
+    program, count : what fills them among how many registers; without them those of the plan
+    """
+
+    def __init__(
+        self, plan: Plan, registers: np.ndarray, program: Program | None = None, count: int | None = None
+    ) -> None:
+        count = plan.count if count is None else count
+        program = needed_steps(plan.full_program, registers, count) if program is None else program
+        touched = np.zeros(count, bool)
+        touched[registers] = True
+        for step in program:
+            touched[read(step)] = touched[written(step)] = True
+            _touch_guesses(step, touched)
+        old = np.flatnonzero(touched)
+        new = np.full(count, -1)
+        new[old] = np.arange(len(old))
+        self.registers = old
+        self._program = tuple(renumber(step, new) for step in program)
+        self.out = new[registers]
+        self.state_columns = np.flatnonzero(touched[plan.states])
+        self.state_registers = new[plan.states[self.state_columns]]
+        used = np.flatnonzero(touched[plan.sampled])
+        self.sampled = new[plan.sampled[used]]
+        self.samplers = [plan.samplers[k] for k in used]
+
+    def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """``(times, states (times, n)) -> (times, registers)`` for the parameter values and signals of a run."""
+        own, run = base[self.registers], _runner(self._program, len(self.registers))
+
+        def evaluate(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            result = np.empty((len(times), len(self.out)))
+            chunk = max(1, _CHUNK // max(1, len(own)))
+            for a in range(0, len(times), chunk):
+                t = times[a : a + chunk]
+                w = np.repeat(own[:, None], len(t), axis=1)
+                w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
+                for register, (variable, order) in zip(self.sampled, self.samplers, strict=True):
+                    w[register] = sample(signals[variable], order, t)
+                run(w, t)
+                result[a : a + chunk] = w[self.out].T
+            return result
+
+        return evaluate
+
+
+def slice_of(plan: Plan, registers: np.ndarray) -> Slice:
+    """The slice for some registers, made once for a plan where it is small."""
+    if len(registers) > _KEPT:
+        return Slice(plan, registers)
+    key = registers.tobytes()
+    if key not in plan.slices:
+        plan.slices[key] = Slice(plan, registers)
+    return plan.slices[key]
+
+
+def _runner(program: Program, count: int):
+    """``(w, times)`` fills w (registers, times). Nonlinear blocks are followed from one time to the next."""
+    implicit = any(isinstance(s, Solve) and not s.linear for s in walk(program))
+    if not (implicit and program_rows(program) <= CASADI_ROWS and can_segment(program)):
+        return Interpreter(program, count).run
+    steps = SegmentedProgram(program, count)
+    return Follower(steps.run, steps.newtons)
+
+
+def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Any signal at many times; `values` are those of the parameters of the flat model."""
+    if isinstance(signal, Formula):
+        from lmoc.expression.evaluate import evaluate
+
+        result = evaluate(signal.shape, lambda k, _: values[signal.variables[k]], times)
+        return np.broadcast_to(np.asarray(result, float), times.shape)
+    value = getattr(signal, "value", None)
+    return np.full(times.shape, value) if isinstance(value, float) else sample(signal, 0, times)
+
+
+def _touch_guesses(step: Step, touched: np.ndarray) -> None:
+    if isinstance(step, Solve):
+        if step.guess is not None:
+            touched[step.guess[step.guess >= 0]] = True
+        for inner in step.inner:
+            _touch_guesses(inner, touched)
+
+
+def renumber(step: Step, new: np.ndarray) -> Step:
+    """A step on other registers."""
+    if isinstance(step, Apply):
+        return Apply(step.shape, new[step.slots], new[step.out])
+    if isinstance(step, Total):
+        return replace(step, index=new[step.index], out=new[step.out])
+    inner: Program = tuple(renumber(s, new) for s in step.inner)
+    guess = None if step.guess is None else np.where(step.guess >= 0, new[step.guess], -1)
+    return replace(step, inner=inner, unknowns=new[step.unknowns], residuals=new[step.residuals], guess=guess)

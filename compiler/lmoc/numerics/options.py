@@ -1,0 +1,107 @@
+"""What a run is asked for, and what follows where nothing is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.ir.flat import Experiment
+
+SOLVERS = ("auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau")
+FORMULATIONS = ("reduced",)
+MOST_POINTS = 50_000_000  # output times
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of one run; None takes the model's `experiment`, else the default in brackets.
+
+    Attributes
+    ----------
+    start, stop : s [0, 10]
+    points : number of output times, evenly spread [501, or from the experiment's interval]
+    times : the output times themselves; replaces start, stop and points
+    rtol : [1e-6]
+    atol : one number for all states [rtol·1e-3·nominal of each]
+    solver : one of SOLVERS
+    formulation : "reduced"
+    energy : integrate work and heat along
+    keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
+    max_steps : steps after which the run is given up
+    max_seconds : wall time after which the run is given up [no limit]
+    """
+
+    start: float | None = None
+    stop: float | None = None
+    points: int | None = None
+    times: Sequence[float] | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    solver: str = "auto"
+    formulation: str = "reduced"
+    energy: bool = True
+    keep: Sequence[str] | None = None
+    max_steps: int = 5_000_000
+    max_seconds: float | None = None
+
+    def grid(self, experiment: Experiment) -> np.ndarray:
+        """The output times.
+
+        Raises
+        ------
+        ValueError
+            Where times do not increase, or the stop lies before the start.
+        """
+        if self.times is not None:
+            times = np.array(self.times, float).reshape(-1)
+            if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+                raise ValueError("the output times must be finite and increase")
+            return times
+        start = _finite("start", _first(self.start, experiment.start, 0.0))
+        stop = _finite("stop", _first(self.stop, experiment.stop, start + 10.0 if self.start is not None else 10.0))
+        if not stop > start:
+            raise ValueError(f"the stop time {stop:g} s must lie after the start time {start:g} s")
+        if self.points is None and experiment.interval:
+            return _spaced(start, stop, experiment.interval)
+        points = 501 if self.points is None else self.points
+        if _finite("points", points) != int(points) or points < 2:
+            raise ValueError(f"a run has at least 2 output points, found {points}")
+        if points > MOST_POINTS:
+            raise ValueError(f"a run has at most {MOST_POINTS} output points, found {points}")
+        return np.linspace(start, stop, int(points))
+
+    def tolerance(self, experiment: Experiment) -> float:
+        """The relative tolerance."""
+        return float(_first(self.rtol, experiment.tolerance, 1e-6))
+
+    def check_tolerances(self, experiment: Experiment) -> None:
+        """
+        Raises
+        ------
+        ValueError
+            Where they cannot be used.
+        """
+        rtol = _finite("rtol", _first(self.rtol, experiment.tolerance, 1e-6))
+        atol = _finite("atol", _first(self.atol, 1.0))
+        if not (1e-14 <= rtol < 1 and atol > 0):
+            raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found rtol = {rtol:g}, atol = {self.atol}")
+
+
+def _spaced(start: float, stop: float, interval: float) -> np.ndarray:
+    """Times at an interval, and the stop time, which may follow sooner."""
+    count = (stop - start) / interval
+    if abs(count - round(count)) < 1e-6 and round(count):
+        return np.linspace(start, stop, round(count) + 1)
+    return np.append(start + interval * np.arange(int(count) + 1), stop)
+
+
+def _finite(name: str, value) -> float:
+    if not isinstance(value, (int, float, np.number)) or not np.isfinite(value):
+        raise ValueError(f"{name} must be a finite number, found {value!r}")
+    return float(value)
+
+
+def _first(*values):
+    return next(v for v in values if v is not None)

@@ -1,0 +1,262 @@
+"""Input signals: a number, a formula in time, a function, or a table; and their derivatives.
+
+A formula becomes steps of the program, so it costs no Python while a run goes on. Functions and tables are asked by
+the integrator at the times of its stages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from lmoc.expression.calculus import total_derivative
+from lmoc.expression.dag import Expr, postorder
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, nearest
+from lmoc.numerics.signals import spline
+from lmoc.numerics.signals.signal_text import formula_from_text
+
+# where a formula with one of these is differentiated, the derivative lacks what happens at the kink itself
+_KINKED = frozenset("abs sign floor ceil integer min max mod rem div_integer if lt le gt ge eq ne".split())
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The same number at all times."""
+
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """A shape over time and parameters; column k is the parameter ``variables[k]`` of the flat model."""
+
+    shape: Expr
+    variables: tuple[int, ...] = ()
+
+    def derivative(self, order: int) -> Expr:
+        return formula_derivative(self.shape, order)
+
+    @property
+    def kinked(self) -> bool:
+        return any(node.op in _KINKED for node in postorder(self.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Points in time joined by a C² cubic spline; has two derivatives."""
+
+    curve: spline.Spline
+
+    def value(self, t: float, order: int) -> float:
+        return self.curve(t, order)
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """A Python callable of time, with derivatives where it has a method ``derivative(n)`` that returns a callable."""
+
+    call: Callable[[float], float]
+    name: str = ""  # of the input
+
+    @lru_cache(maxsize=8)  # noqa: B019 - a handful of orders of one signal
+    def at_order(self, order: int) -> Callable[[float], float] | None:
+        if order == 0:
+            return self.call
+        make = getattr(self.call, "derivative", None)
+        return None if make is None else make(order)
+
+    def value(self, t: float, order: int) -> float:
+        """
+        Raises
+        ------
+        ModelError
+            E0521: what the callable returns is not a number.
+        """
+        try:
+            given = self.at_order(order)(t)
+        except Exception as error:
+            error.add_note(f"raised by the function for input '{self.name}' at t = {t:g} s")
+            raise
+        if isinstance(given, float):  # an integrator asks often
+            return given
+        try:
+            return float(given if np.ndim(given) == 0 else np.asarray(given).item())
+        except (TypeError, ValueError):
+            message = f"the function for input '{self.name}' does not return a number at t = {t:g} s"
+            found = f"{type(given).__name__} {given!r:.60}"
+            raise ModelError([Diagnostic("E0521", message, expected="one number", found=found)]) from None
+
+
+Signal = Constant | Formula | Table | Function
+
+
+@lru_cache(maxsize=512)
+def formula_derivative(shape: Expr, order: int) -> Expr:
+    """The order-th derivative by time; the columns are parameters."""
+    for _ in range(order):
+        columns = {node.value[0] for node in postorder(shape) if node.op == "slot"}
+        shape = total_derivative(shape, columns)
+    return shape
+
+
+def gives(signal: Signal, order: int) -> bool:
+    """Whether the signal has a derivative of that order."""
+    if isinstance(signal, Table):
+        return order <= 2
+    if isinstance(signal, Function):
+        return signal.at_order(order) is not None
+    return True
+
+
+def sample(signal: Signal, order: int, times: np.ndarray) -> np.ndarray:
+    """A sampled signal at many times."""
+    if isinstance(signal, Table):
+        return signal.curve(times, order)
+    return np.array([signal.value(t, order) for t in times.tolist()])
+
+
+def default_signals(flat: FlatDAE) -> dict[int, Signal]:
+    """The bindings of top-level inputs as formulas, by variable."""
+    found: dict[int, Signal] = {}
+    for a in flat.input_bindings:
+        for target, slots in zip(a.target.tolist(), a.slots.tolist(), strict=True):
+            found[target] = Formula(a.shape, tuple(slots))
+    return found
+
+
+def is_own(signal: Signal, flat: FlatDAE, variable: int) -> bool:
+    """Whether it is the binding that the model itself gives its input."""
+    own = default_signals(flat).get(variable)
+    return isinstance(signal, Formula) and own is not None and signal.shape is own.shape
+
+
+def bind_signals(flat: FlatDAE, inputs: Mapping[str, object] | None, report: Report) -> dict[int, Signal]:
+    """One signal for each input that has one: what the caller gives, else the model's own binding.
+
+    Parameters
+    ----------
+    inputs : {name: number, text, callable, or table}
+        A table is a pair (times, values), an array with two columns, or the path of a CSV file. The name of an array
+        of inputs gives all of them the same signal.
+    """
+    signals = default_signals(flat)
+    for name, given in (inputs or {}).items():
+        variables = flat.find(name)
+        if variables is None or flat.kind[variables[0]] != Kind.INPUT:
+            names = [b.pattern for b in flat.blocks if b.kind == Kind.INPUT]
+            listed = f"the inputs are {', '.join(names)}" if names else "the model has no top-level input"
+            report.error("E0622", f"'{name}' is not an input of '{flat.name}'", hint=nearest(name, names) or listed)
+            continue
+        signal = make_signal(given, flat, name, report)
+        if signal is not None:
+            signals |= dict.fromkeys(variables.tolist(), signal)
+    return signals
+
+
+def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Signal | None:
+    """A signal from what a caller may give; None with an error in the report where it cannot be understood."""
+    if isinstance(given, Constant | Formula | Table | Function):
+        return given
+    if isinstance(given, Expr):
+        return Formula(given)
+    if isinstance(given, bool | int | float | np.number) or (isinstance(given, np.ndarray) and given.shape == ()):
+        return Constant(float(given))
+    if isinstance(given, str) and not given.lower().endswith(".csv"):
+        made = formula_from_text(given, flat, name, report)
+        return None if made is None else Formula(*made)
+    if isinstance(given, str | Path):
+        points = _read_csv(Path(given), name, report)
+        return None if points is None else _table(*points, name, report)
+    if callable(given):
+        return Function(given, name)
+    try:
+        array = np.asarray(given, float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim == 2 and 2 in array.shape:
+        points = array.T if array.shape[1] == 2 and not (isinstance(given, tuple) and len(given) == 2) else array
+        return _table(points[0], points[1], name, report)
+    report.error(
+        "E0521",
+        f"the signal for input '{name}' is not understood",
+        expected="a number, a formula in time, a callable, a table (times, values), or the name of a CSV file",
+        found=f"{type(given).__name__} {given!r:.60}",
+    )
+    return None
+
+
+def note_held_ends(signals: Mapping[int, Signal], flat: FlatDAE, times: np.ndarray, report: Report) -> None:
+    """Warn where a run goes beyond the points of a table."""
+    for variable, signal in signals.items():
+        if isinstance(signal, Table):
+            first, last = float(signal.curve.knots[0]), float(signal.curve.knots[-1])
+            if times[0] < first or times[-1] > last:
+                report.warning(
+                    "W0525",
+                    f"the table for input '{flat.variable_name(variable)}' covers {first:g} … {last:g} s of a run over "
+                    f"{times[0]:g} … {times[-1]:g} s: its outermost values are held",
+                )
+
+
+def _table(times: np.ndarray, values: np.ndarray, name: str, report: Report) -> Table | None:
+    problem = ""
+    if len(times) < 2:
+        problem = "it has fewer than two points"
+    elif not (np.isfinite(times).all() and np.isfinite(values).all()):
+        problem = "it has entries that are not finite numbers"
+    elif (np.diff(times) <= 0).any():
+        at = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 1
+        problem = f"its times do not increase: {times[at]:g} follows {times[at - 1]:g}"
+    if problem:
+        report.error("E0625", f"the table for input '{name}' cannot be used: {problem}")
+        return None
+    curve = spline.fit(times, values)
+    if not np.isfinite(curve.coefficients).all():
+        problem = "its times are too close together, or its values too large"
+        report.error("E0625", f"the table for input '{name}' cannot be used: {problem}")
+        return None
+    return Table(curve)
+
+
+def _read_csv(path: Path, name: str, report: Report) -> Sequence[np.ndarray] | None:
+    try:
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
+    except (OSError, UnicodeDecodeError) as error:
+        report.error("E0610", f"the table for input '{name}' cannot be read: {path} ({error})")
+        return None
+    lines = [(number, line.split(",")) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    header = [h.strip().strip('"') for h in lines[0][1]] if lines else []
+    others = [h for h in header if h != "time"]
+    column = name if name in header else others[0] if len(others) == 1 else None
+    if "time" not in header or column is None:
+        report.error(
+            "E0625",
+            f"the table {path} for input '{name}' cannot be used",
+            expected=f"a header line with columns 'time' and '{name}'",
+            found=", ".join(header) or "an empty file",
+            hint="columns are separated by commas" if len(header) == 1 else "",
+        )
+        return None
+    problem = next(filter(None, (_problem(cells, len(header), number) for number, cells in lines[1:])), "")
+    if problem:
+        report.error("E0625", f"the table {path} for input '{name}' cannot be used: {problem}")
+        return None
+    rows = np.array([[float(cell) for cell in cells] for _, cells in lines[1:]]).reshape(-1, len(header))
+    return rows[:, header.index("time")], rows[:, header.index(column)]
+
+
+def _problem(cells: Sequence[str], width: int, number: int) -> str:
+    """What is wrong with a line of a table; nothing if all is well."""
+    if len(cells) != width:
+        return f"line {number} has {len(cells)} columns, the header has {width}"
+    for cell in cells:
+        try:
+            float(cell)
+        except ValueError:
+            return f"'{cell.strip()}' in line {number} is not a number"
+    return ""

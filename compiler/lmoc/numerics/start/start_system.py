@@ -1,0 +1,113 @@
+"""The variables with start values, and the initial equations, as functions of the states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.program import Solve, needed_steps
+from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Span
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.failures.diagnosis import sentence
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.start.initial_equations import InitialEquations
+
+if TYPE_CHECKING:
+    from lmoc.numerics.start.initialization import Targets
+
+_ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
+
+
+class StartSystem:
+    """Residuals ``variable - value`` and of the initial equations, and their Jacobian by states and quadratures.
+
+    Attributes
+    ----------
+    value : (m,) values wanted; 0 for equations
+    hard : (m,) whether a residual must vanish
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        base: np.ndarray,
+        signals: Mapping,
+        values: np.ndarray,
+        time: float,
+        targets: Targets,
+        report: Report,
+    ) -> None:
+        self.plan, self.time, self.targets, self.signals = plan, time, targets, signals
+        self.flat = plan.reduced.flat
+        equations = InitialEquations(plan, signals, report)
+        self.place = equations.place
+        outputs = np.concatenate([plan.reduced.register_of[targets.variable], equations.out]).astype(int)
+        self.program = needed_steps(equations.program, outputs, equations.count)
+        self.interpreter = Interpreter(self.program, equations.count)
+        self.jacobian = Jacobian(self.program, plan.states, outputs, equations.count)
+        self.outputs = outputs
+        self.w = np.concatenate([base, np.full(equations.count - plan.count, np.nan)])
+        equations.fill(self.w, values, time)
+        for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
+            self.w[register] = signals[variable].value(time, order)
+        self.value = np.concatenate([targets.value, np.zeros(len(equations.out))])
+        self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
+
+    def evaluate(self, x: np.ndarray):
+        """Residuals (m,) and their Jacobian as (rows, columns, values)."""
+        self.w[self.plan.states] = x
+        self.interpreter.run(self.w, self.time)
+        residual = self.w[self.outputs] - self.value
+        rows, columns, values = self.jacobian.rows, self.jacobian.columns, self.jacobian.values(self.w, self.time)
+        # cos(pi/2) is not zero in floating point: what only roundoff moves does not follow from the states
+        size = np.sqrt(np.bincount(rows, values**2, len(residual)))
+        values = np.where((size <= _ROUNDOFF * (1.0 + np.abs(self.value)))[rows], 0.0, values)
+        return residual, (rows, columns, values)
+
+    # ---------------------------------------------------------------- names for messages
+
+    def name(self, k: int) -> str:
+        if k < len(self.targets):
+            return self.flat.variable_name(int(self.targets.variable[k]))
+        group, row = self.place(k - len(self.targets))
+        return f"the initial equation `{self.flat.row_text(group, row)}`"
+
+    def text(self, k: int) -> str:
+        return f"{self.name(k)} = {self.value[k]:g}" if k < len(self.targets) else self.name(k)
+
+    def reached(self, k: int, residual: float) -> str:
+        """What came out instead: a value, or by how much an equation is missed."""
+        if k < len(self.targets):
+            return f"{self.name(k)} = {self.value[k] + residual:.6g}"
+        return f"a difference of {residual:.6g} between the sides of {self.name(k)}"
+
+    def given(self, k: int) -> bool:
+        """Whether the caller wants it, and not the model."""
+        return k < len(self.targets) and bool(self.targets.given[k])
+
+    def span_of(self, group: np.ndarray) -> Span | None:
+        """The place of the first of several that stands in the model; None where the caller has given all of them."""
+        return next((self.span(k) for k in group.tolist() if not self.given(k)), None)
+
+    def span(self, k: int) -> Span | None:
+        if k < len(self.targets):
+            variable = self.targets.variable[k]
+            for a in self.flat.starts:
+                if a.span is not None and (a.target == variable).any():
+                    return a.span
+            return self.flat.block_at(int(variable)).span
+        return self.place(k - len(self.targets))[0].span
+
+    def lost(self, k: int) -> tuple[str, Span | None]:
+        """Which value was lost first in the last evaluation, in which residual k is not finite, and its place."""
+        for step in self.program:
+            nonlinear = isinstance(step, Solve) and not step.linear
+            filled = step.unknowns.ravel() if isinstance(step, Solve) else step.out
+            bad = filled[~np.isfinite(self.w[filled])]
+            if len(bad) and bad[0] < self.plan.reduced.registers.count:
+                return sentence(self.plan.reduced, bad, self.w, nonlinear, self.signals)
+        return f"{self.name(k)} has no finite value", self.span(k)

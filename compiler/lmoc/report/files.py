@@ -1,0 +1,94 @@
+"""Tables of a run as files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+
+if TYPE_CHECKING:
+    from lmoc.report.run import Run
+
+Columns = dict[str, np.ndarray]
+
+
+def _csv(path: Path, columns: Columns) -> None:
+    def quoted(name: str) -> str:
+        return f'"{name}"' if "," in name else name  # an index pair: m[1,2].q
+
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(map(quoted, columns)) + "\n")
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+            file.write(",".join(map(repr, row)) + "\n")
+
+
+def _npz(path: Path, columns: Columns) -> None:
+    np.savez_compressed(path, **columns)
+
+
+def _parquet(path: Path, columns: Columns) -> None:
+    import pandas
+
+    pandas.DataFrame(columns).to_parquet(path)
+
+
+def _mat(path: Path, columns: Columns) -> None:
+    """MATLAB variables: `names` (cell array) and `data` (times, names), since a dotted name is no MATLAB identifier."""
+    from scipy.io import savemat
+
+    savemat(path, {"names": np.array(list(columns), object), "data": np.column_stack(list(columns.values()))})
+
+
+FORMATS: dict[str, Callable[[Path, Columns], None]] = {".csv": _csv, ".npz": _npz, ".parquet": _parquet, ".mat": _mat}
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def save(run: Run, path: Path, names: Sequence[str] | None = None) -> Path:
+    """Write the columns of a run; the ending of the name says how. Errors as `Run.save`."""
+    check_target(path, tuple(FORMATS))
+    write = FORMATS[path.suffix.lower()]
+    try:
+        write(path, run.columns(names))
+    except ImportError as error:
+        hint = "pip install pyarrow" if path.suffix.lower() == ".parquet" else ""
+        raise _refusal("E0623", f"'{path}' cannot be written: {_first_line(error)}", hint) from None
+    except OSError as error:
+        raise _refusal("E0623", f"'{path}' cannot be written: {error.strerror or error}") from None
+    return path
+
+
+def check_target(path: Path, endings: Sequence[str]) -> None:
+    """Refuse a path that cannot be written to, before work is spent on what should stand there.
+
+    Raises
+    ------
+    ModelError
+        E0623 no such folder, or a folder itself; E0624 unknown ending.
+    """
+    if path.suffix.lower() not in endings:
+        found = f"'{path.suffix}'" if path.suffix else "a name without ending"
+        raise _refusal("E0624", f"the format of '{path}' is not known", expected=", ".join(endings), found=found)
+    if path.is_dir():
+        raise _refusal("E0623", f"'{path}' is a folder")
+    if not path.parent.is_dir():
+        raise _refusal("E0623", f"'{path}' cannot be written: there is no folder '{path.parent}'")
+    _check_permission(path)
+
+
+def _check_permission(path: Path) -> None:
+    import os
+
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise _refusal("E0623", f"'{path}' cannot be written: permission denied")
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0]
+
+
+def _refusal(code: str, message: str, hint: str = "", **more: str) -> ModelError:
+    return ModelError([Diagnostic(code, message, hint=hint, **more)])

@@ -1,0 +1,211 @@
+"""The picture of a run: signals in stacked panels by unit, and what became of the energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.report.files import PICTURES, check_target
+from lmoc.symbolic.styles import unit_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from lmoc.report.run import Run
+
+# Okabe and Ito's colours, distinguishable with any colour vision, the pale yellow left out
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#444444")
+GREY = "#555555"
+MOST_LABELLED = 10  # curves of a panel with names of their own; more are a family with a colour scale
+MOST_CURVES = 200
+MOST_PANELS = 5
+FLAT = 1e-3  # of the energy that moves between the stores: what changes by less is drawn as a flat line
+
+STYLE = {
+    "font.size": 9,
+    "font.family": "DejaVu Sans",
+    "axes.edgecolor": "#999999",
+    "axes.labelcolor": GREY,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "lines.linewidth": 1.6,
+    "svg.fonttype": "none",
+}
+QUANTITIES = {
+    "m": "position", "m/s": "velocity", "m/s2": "acceleration", "N": "force",
+    "rad": "angle", "rad/s": "angular velocity", "rad/s2": "angular acceleration", "N.m": "torque",
+    "J": "energy", "W": "power", "1": "ratio",
+}  # fmt: skip
+
+
+def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None = None) -> Figure:
+    """Draw a run.
+
+    Parameters
+    ----------
+    names : what to show; by default the outputs, else the states, and the energy
+    path : where to write the picture (.png, .svg, .pdf), if anywhere
+
+    Raises
+    ------
+    ModelError
+        E0623, E0624: the picture cannot be written.
+    UnknownNameError
+        One of the names is not in the model.
+    """
+    if path is not None:
+        check_target(Path(path), PICTURES)
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        panels = group_by_unit(run, choose(run) if names is None else list(names))
+        ledger = names is None and _has_ledger(run)
+        heights = [1.0] * len(panels) + [0.8] * ledger
+        figure = Figure(figsize=(9, 1.1 + 1.9 * sum(heights)), dpi=150, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+        for axis, (unit, members) in zip(axes, panels, strict=False):
+            _signals(axis, run, unit, members)
+        if ledger:
+            _energy(axes[-1], run)
+        for axis in axes:
+            axis.margins(x=0)
+        axes[-1].set_xlabel("time in s")
+        head(figure, _title(run))
+        figure.align_ylabels()
+        if path is not None:
+            write(figure, Path(path))
+    return figure
+
+
+def head(figure: Figure, title: str) -> None:
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
+
+
+def choose(run: Run) -> list[str]:
+    """What a picture shows when nothing is asked for: what was kept, else the outputs, else the states."""
+    if run.kept is not None:
+        return list(run.kept)
+    registers = run.reduced.states
+    some = registers if len(registers) <= MOST_CURVES else registers[_spread(len(registers), MOST_CURVES)]
+    return run.outputs or [run.reduced.register_name(int(r)) for r in some]
+
+
+def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """Names in panels of one unit each, in order of appearance; arrays by their members."""
+    panels: dict[str, list[str]] = {}
+    for name in names:
+        found = run.flat.find(name)
+        members = [name] if found is None or len(found) == 1 else [run.flat.variable_name(int(v)) for v in found]
+        panels.setdefault(run.unit(members[0]), []).extend(members)
+    return list(panels.items())[:MOST_PANELS]
+
+
+def _title(run: Run) -> str:
+    text = run.flat.description or run.flat.name
+    return text + ("" if run.complete else f" (failed at t = {run.broke_off:g} s)")
+
+
+def _has_ledger(run: Run) -> bool:
+    e = run.energy
+    if e is None or len(run.time) < 2 or not np.isfinite(e.balance):
+        return False
+    return bool(e.stored.any() or e.supplied.any() or e.lost.any())
+
+
+def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:
+    shown = names if len(names) <= MOST_CURVES else [names[k] for k in _spread(len(names), MOST_CURVES)]
+    if len(shown) <= MOST_LABELLED:
+        for name, colour in zip(shown, _colours(len(shown)), strict=True):
+            axis.plot(run.time, run[name], color=colour, label=name)
+        _legend(axis)
+    else:
+        _family(axis, run, shown, len(names))
+    axis.set_ylabel(_axis_label(unit))
+    _rest_line(axis)
+
+
+def _family(axis: Axes, run: Run, names: list[str], total: int) -> None:
+    """Many curves: coloured by their place in the list, with the first and the last named."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    colours = colormaps["viridis"]
+    for k, name in enumerate(names):
+        axis.plot(run.time, run[name], color=colours(0.95 * k / (len(names) - 1)), linewidth=0.8, alpha=0.8)
+    beside = axis.inset_axes((1.012, 0.05, 0.012, 0.9))
+    scale = axis.figure.colorbar(ScalarMappable(Normalize(0, 1), colours), cax=beside)
+    scale.set_ticks([0.01, 0.99], labels=[names[0], names[-1]])
+    scale.outline.set_visible(False)
+    scale.ax.tick_params(length=0)
+    if total > len(names):
+        axis.set_title(f"{len(names)} of {total} signals", loc="right", fontsize=8, color=GREY)
+
+
+def _energy(axis: Axes, run: Run) -> None:
+    energy = run.energy
+    change = energy.stored - energy.stored[0]
+    axis.plot(run.time, energy.supplied, color=COLOURS[0], label="supplied")
+    axis.plot(run.time, energy.lost, color=COLOURS[1], label="lost")
+    axis.fill_between(run.time, change, color=COLOURS[2], alpha=0.18, linewidth=0)
+    axis.plot(run.time, change, color=COLOURS[2], label="stored since start")
+    axis.set_ylabel("energy in J")
+    _legend(axis, f"balance error {energy.balance:.0e}")
+    if np.ptp(axis.get_ylim()) < FLAT * energy.scale:  # rounding, and not to be looked at through a magnifier
+        axis.set_ylim(-energy.scale / 10, energy.scale / 10)
+    _rest_line(axis)
+
+
+def _legend(axis: Axes, title: str | None = None) -> None:
+    axis.legend(
+        loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, title=title, title_fontsize=8, alignment="left",
+        labelcolor="#222222", handlelength=1.4, borderaxespad=0,
+    )  # fmt: skip
+
+
+def _rest_line(axis: Axes) -> None:
+    """A faint line at zero where zero is in sight; a constant signal gets some room."""
+    low, high = axis.get_ylim()
+    if math.isclose(low, high):
+        axis.set_ylim(low - 1, high + 1)
+    if low < 0 < high:
+        axis.axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0.5)
+
+
+def _axis_label(unit: str) -> str:
+    if not unit:
+        return "value"
+    quantity = QUANTITIES.get(unit)
+    return f"{quantity} in {unit_text(unit)}" if quantity else unit_text(unit)
+
+
+def _colours(n: int) -> list[str]:
+    return [COLOURS[k % len(COLOURS)] for k in range(n)]
+
+
+def _spread(total: int, most: int) -> list[int]:
+    return np.unique(np.linspace(0, total - 1, most).round().astype(int)).tolist()
+
+
+def write(figure: Figure, path: Path) -> None:
+    """Write a picture; E0623 where the system refuses."""
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        reason = error.strerror or error
+        raise ModelError([Diagnostic("E0623", f"'{path}' cannot be written: {reason}")]) from None

@@ -1,0 +1,246 @@
+"""Numbers for the variables, and the flat model's groups and assignments from their drafts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.expression.text import number_text
+from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part
+from lmoc.messages.diagnostics import Report
+from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft
+from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.support.distinct import distinct
+
+
+@dataclass(frozen=True, eq=False)
+class Literals(Block):
+    """Numbers that differ from row to row of a group, such as those of an iteration variable."""
+
+    values: np.ndarray = None
+
+    def name(self, position: int) -> str:
+        """The number itself."""
+        return number_text(float(self.values[position]))
+
+    @property
+    def pattern(self) -> str:
+        """The range of the numbers."""
+        return f"{number_text(float(self.values[0]))} … {number_text(float(self.values[-1]))}"
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The variables in their order, and the parts."""
+
+    variables: list[Variable]
+    instances: list[Instance]
+    count: int
+
+    def extended(self, variables: Sequence[Variable]) -> Layout:
+        """With further variables at the end."""
+        offset = self.count
+        for variable in variables:
+            variable.offset = offset
+            offset += variable.size
+        return Layout([*self.variables, *variables], self.instances, offset)
+
+
+def lay_out(root: Instance) -> Layout:
+    """Give every variable its place and every part its number."""
+    offset = 0
+    variables = [v for v in root.variables() if v.type.name != "String"]
+    for variable in variables:
+        variable.offset = offset
+        offset += variable.size
+    instances = [i for i in root.instances() if i.owner is i]
+    for number, instance in enumerate(instances):
+        instance.part = number
+    return Layout(variables, instances, offset)
+
+
+def make_blocks(layout: Layout) -> list[Block]:
+    """The table of variables."""
+    return [
+        Block(
+            v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.description, v.flow, v.connector, v.output,
+            _protected(v), v.final, v.structural, v.state_select, v.parent.owner.part, v.span,
+        )
+        for v in layout.variables
+    ]  # fmt: skip
+
+
+def _protected(node: Variable | Instance) -> bool:
+    while node.parent is not None:
+        if node.protected:
+            return True
+        node = node.parent
+    return False
+
+
+def make_parts(layout: Layout) -> list[Part]:
+    """The table of parts."""
+    position = {v: k for k, v in enumerate(layout.variables)}
+    ports = [_ports(instance, position) for instance in layout.instances]
+    has_ports_below = [False] * len(ports)
+    for instance, own in zip(reversed(layout.instances), reversed(ports)):
+        around = instance.parent
+        if around is not None and (own or has_ports_below[instance.part]):
+            has_ports_below[around.owner.part] = True
+    return [
+        Part(
+            i.path, i.cls.full_name, i.description or i.cls.definition.description,
+            own, not has_ports_below[i.part], i.component.span if i.component else i.cls.definition.span,
+            i.parent.owner.part if i.parent else 0,
+        )
+        for i, own in zip(layout.instances, ports)
+    ]  # fmt: skip
+
+
+def _ports(instance: Instance, position: dict[Variable, int]) -> tuple[tuple[int, int], ...]:
+    pairs: list[tuple[int, int]] = []
+    for child in instance.children.values():
+        if isinstance(child, Instance) and child.connector and child.parent is instance:
+            for inner in child.instances():
+                own = [v for v in inner.children.values() if isinstance(v, Variable) and v.kind > Kind.PARAMETER]
+                flows = [v for v in own if v.flow]
+                potentials = [v for v in own if not v.flow and not v.causality]
+                pairs += [(position[p], position[f]) for p, f in zip(potentials, flows)]
+    return tuple(pairs)
+
+
+# ------------------------------------------------------------------------- literals
+
+
+def pool_literals(columns: Sequence[Column], offset: int) -> Literals | None:
+    """One block for all numbers that stand in columns."""
+    numbers = [np.atleast_1d(np.asarray(index, float)) for variable, index in columns if variable is None]
+    if not numbers:
+        return None
+    values = distinct(np.concatenate(numbers))
+    path = (("literal", (len(values),)),)
+    return Literals(path, offset, len(values), Kind.CONSTANT, protected=True, values=values)
+
+
+def all_columns(drafts: Drafts) -> list[Column]:
+    """The columns of everything that has been drafted."""
+    lists = (
+        drafts.groups,
+        drafts.initial,
+        drafts.bindings,
+        drafts.starts,
+        drafts.fixed,
+        drafts.nominals,
+        drafts.checks,
+    )
+    return [column for items in lists for item in items for column in item.columns]
+
+
+# --------------------------------------------------------------------- the conversion
+
+
+class Assembler:
+    """Turns drafts into what the flat model holds."""
+
+    def __init__(self, literals: Literals | None):
+        self.literals = literals
+
+    def slots(self, columns: Sequence[Column], rows: int) -> np.ndarray:
+        """Variable indices, one row an instance."""
+        if rows == 1:
+            return np.array([[self._single(column) for column in columns]], dtype=int).reshape(1, len(columns))
+        result = np.empty((rows, len(columns)), int)
+        for k, (variable, index) in enumerate(columns):
+            result[:, k] = self._literal(index) if variable is None else index + variable.offset
+        return result
+
+    def _single(self, column: Column) -> int:
+        variable, index = column
+        if variable is None:
+            return int(np.ravel(self._literal(index))[0])
+        return (int(index[0]) if isinstance(index, np.ndarray) else index) + variable.offset
+
+    def _literal(self, numbers) -> np.ndarray:
+        return self.literals.offset + np.searchsorted(self.literals.values, numbers)
+
+    def groups(self, drafts: Sequence[GroupDraft]) -> list[Group]:
+        """Groups; those of one equation that differ in their rows only become one."""
+        table: dict[tuple, list] = {}
+        for d in drafts:
+            kinds = tuple(Kind.CONSTANT if v is None else v.kind for v, _ in d.columns)
+            key = (d.left, d.right, id(d.span and d.span.source), d.span and d.span.start, d.node.part, d.origin, kinds)
+            table.setdefault(key, [d]).append(self.slots(d.columns, d.rows))
+        result = []
+        for d, *slots in table.values():
+            joined = slots[0] if len(slots) == 1 else np.concatenate(slots)
+            result.append(Group(d.left, d.right, joined, d.span, d.node.part, d.origin))
+        return result
+
+    def assignments(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:
+        """Assignments, with variable indices."""
+        result = []
+        for d in drafts:
+            target = np.atleast_1d(np.asarray(d.target, int)) + d.variable.offset
+            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span))
+        return result
+
+    def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:
+        """Checks, with variable indices."""
+        return [Check(d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span) for d in drafts]
+
+    def literal_values(self) -> list[Assignments]:
+        """What the literals are."""
+        if self.literals is None:
+            return []
+        at = self.literals.offset + np.arange(self.literals.size)
+        return [Assignments(at, dag.const(np.nan), np.zeros((len(at), 0), int), None, self.literals.values)]
+
+
+def in_order(bindings: list[Assignments], count: int, blocks: list[Block], report: Report) -> tuple[Assignments, ...]:
+    """Bindings so that each uses only what stands before it; a cycle is an error."""
+    owner = np.full(count, -1)
+    for k, a in enumerate(bindings):
+        owner[a.target] = k
+    needs = [sorted(set(distinct(owner[a.slots]).tolist()) - {-1}) if a.slots.size else [] for a in bindings]
+    state = [0] * len(bindings)  # 0 not seen, 1 open, 2 done
+    order: list[int] = []
+    for start in range(len(bindings)):
+        stack = [(start, iter(needs[start]))]
+        if state[start]:
+            continue
+        state[start] = 1
+        while stack:
+            k, rest = stack[-1]
+            following = next((n for n in rest if state[n] != 2), None)
+            if following is None:
+                state[k] = 2
+                order.append(k)
+                stack.pop()
+            elif state[following] == 1:
+                _report_cycle([s for s, _ in stack], following, bindings, blocks, report)
+                state[k] = 2
+                stack.pop()
+            else:
+                state[following] = 1
+                stack.append((following, iter(needs[following])))
+    return tuple(bindings[k] for k in order)
+
+
+def _report_cycle(
+    path: list[int], again: int, bindings: list[Assignments], blocks: list[Block], report: Report
+) -> None:
+    def name(k: int) -> str:
+        first = int(bindings[k].target[0])
+        block = next(b for b in blocks if b.offset <= first < b.offset + b.size)
+        return block.name(first - block.offset)
+
+    cycle = [name(k) for k in path[path.index(again) :]]
+    report.error(
+        "E0207",
+        f"the value of '{cycle[0]}' depends on itself",
+        bindings[again].span,
+        found=" → ".join([*cycle, cycle[0]]),
+    )

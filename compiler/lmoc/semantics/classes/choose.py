@@ -1,0 +1,177 @@
+"""Which model of the files is meant, and the scopes that its names are looked up in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lmoc.messages.diagnostics import Label, Report, nearest
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.predefined import Builtin
+from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+_SHOWN = 5  # so many models are marked where one must be chosen
+
+
+def open_scopes(files: Sequence[tree.File], library: Sequence[tree.File], report: Report) -> Scope:
+    """The scope of the user's classes; that of the library's is around it, so that the user's names shadow them."""
+    around = Scope(None, None, report, True)
+    _fill(around, library)
+    root = Scope(None, around, report, False)
+    _fill(root, files)
+    return root
+
+
+def _fill(root: Scope, files: Sequence[tree.File]) -> None:
+    pending = []
+    for file in files:
+        if file.within:
+            pending.append(file)
+        else:
+            for definition in file.classes:
+                root.add_class(definition)
+    for file in sorted(pending, key=lambda f: len(f.within)):
+        scope: Scope | None = root
+        for name in file.within:
+            scope = scope.local.get(name) if scope else None
+        if scope is None:
+            message = f"there is no package '{'.'.join(file.within)}' for it to be within"
+            place = file.classes[0].name_span if file.classes else _first_line([file])
+            hint = "give the package's file as well, or leave 'within' out"
+            root.report.error("E0202", message, place, hint=hint)
+            continue
+        for definition in file.classes:
+            scope.add_class(definition)
+
+
+def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> Scope:
+    """The model of that name; without one, the only model that no other class of the files uses or extends.
+
+    The one `model` at the top is meant too: it may bring a library along, in packages or as blocks, of which it need
+    not use everything.
+    """
+    models = [scope for scope in _all_classes(root) if _can_run(scope)]
+    if name is not None:
+        return _named(root, models, name)
+    if not models:
+        if root.report.errors:
+            raise Wrong()  # a class has been left out: it stands in no package, say
+        raise Wrong("E0602", "there is no model to run in the file", _first_line(files),
+                    hint="a scene is 'model Name … end Name;'")  # fmt: skip
+    uses = _uses(root)
+    used = {id(target) for user, _, target in uses if target is not user}
+    free = [scope for scope in models if id(scope) not in used]
+    at_top = [scope for scope in models if scope.parent is root and scope.kind == "model"]
+    for meant in (free, at_top):
+        if len(meant) == 1:
+            return meant[0]
+    if not free:
+        _refuse_cycle(uses)
+    message = "several models could be meant" if free else "every model here is used by another one"
+    candidates = free or models
+    labels = tuple(Label(scope.definition.name_span, "or this one") for scope in candidates[1:_SHOWN])
+    names = ", ".join(scope.full_name for scope in candidates)
+    raise Wrong("E0603", message, candidates[0].definition.name_span, found=names, labels=labels,
+                hint="say which with --model NAME")  # fmt: skip
+
+
+def _first_line(files: Sequence[tree.File]) -> Span | None:
+    return Span(files[0].span.source, 0, 0) if files else None
+
+
+def _all_classes(scope: Scope) -> Iterator[Scope]:
+    for inner in scope.local.values():
+        yield inner
+        yield from _all_classes(inner)
+
+
+def _can_run(scope: Scope) -> bool:
+    return scope.kind in ("model", "block", "class") and not scope.definition.partial
+
+
+def _named(root: Scope, models: list[Scope], name: str) -> Scope:
+    found: Scope | Builtin | Member | None = None
+    scope: Scope | None = root
+    while scope is not None and found is None:  # the user's classes, then the library's
+        found = scope
+        for part in str(name).split("."):
+            found = found.local.get(part) or found.table.get(part) if isinstance(found, Scope) else None
+        scope = scope.parent
+    if not isinstance(found, Scope):
+        names = [s.full_name for s in models]
+        hint = nearest(name, names) or (f"the file has {', '.join(names)}" if names else "")
+        raise Wrong("E0601", f"there is no model '{name}'", None, hint=hint)
+    if found.definition.partial:
+        raise Wrong("E0209", f"'{name}' is partial: a model must extend it", found.definition.name_span)
+    if not _can_run(found):
+        raise Wrong("E0601", f"'{name}' is a {found.kind}, not a model", found.definition.name_span)
+    return found
+
+
+def _uses(root: Scope) -> list[tuple[Scope, tree.Ref, Scope]]:
+    """Which class uses which other one, as the type of a part, a base or under a new name, and where it says so."""
+    uses: list[tuple[Scope, tree.Ref, Scope]] = []
+    for scope in _all_classes(root):
+        definition = scope.definition
+        refs: list[tuple[tree.Ref, Scope]] = []
+        for element in definition.elements:
+            if isinstance(element, tree.Component):
+                refs += [(ref, scope) for ref in (element.type, *_redeclared(element.modification))]
+            elif isinstance(element, tree.Extends):
+                refs += [(ref, scope) for ref in (element.base, *_redeclared(element.modification))]
+        if definition.short is not None:
+            refs.append((definition.short.base, scope.parent))
+        for ref, where in refs:
+            try:
+                target = where.find_class(ref, inherited=False)
+            except Wrong:
+                continue  # reported where the class is used
+            if isinstance(target, Scope):
+                uses.append((scope, ref, target))
+    return uses
+
+
+def _refuse_cycle(uses: Sequence[tuple[Scope, tree.Ref, Scope]]) -> None:
+    """Raise an error for the first cycle among the uses; return where there is none."""
+    following: dict[int, list[tuple[Scope, tree.Ref, Scope]]] = {}
+    for use in uses:
+        following.setdefault(id(use[0]), []).append(use)
+    finished: set[int] = set()
+    for start, _, _ in uses:
+        path: list[tuple[Scope, tree.Ref, Scope]] = []
+        pending = [iter(following[id(start)])]
+        while pending:
+            use = next(pending[-1], None)
+            if use is None:
+                pending.pop()
+                finished.add(id(path.pop()[2]) if path else id(start))
+                continue
+            target = use[2]
+            around = [id(user) for user, _, _ in (*path, use)]
+            if id(target) in around:
+                raise _cycle([*path, use][around.index(id(target)) :])
+            if id(target) not in finished:
+                path.append(use)
+                pending.append(iter(following.get(id(target), ())))
+
+
+def _cycle(path: Sequence[tuple[Scope, tree.Ref, Scope]]) -> Wrong:
+    (first, place, _), *rest = path
+    names = [user.full_name for user, _, _ in path]
+    labels = tuple(Label(ref.span, f"'{user.name}' needs '{target.name}'") for user, ref, target in rest)
+    return Wrong(
+        "E0208", f"'{first.full_name}' contains or extends itself", place.span, labels=labels,
+        found=" → ".join([*names, names[0]]), hint="a class cannot be made of itself: take one of these places away",
+    )  # fmt: skip
+
+
+def _redeclared(modification: tree.Modification | None) -> Iterator[tree.Ref]:
+    """Types of the parts that a modification redeclares."""
+    for argument in modification.arguments if modification else ():
+        if isinstance(argument, tree.ElementModification):
+            yield from _redeclared(argument.modification)
+        elif isinstance(argument.element, tree.Component):
+            yield argument.element.type
+        elif argument.element.short is not None:
+            yield argument.element.short.base

@@ -1,0 +1,165 @@
+"""Modifications as trees, and how they merge: the outermost wins (Modelica specification, 7.2).
+
+A `Modifier` says what is given to one element: a value, and modifiers of what lies inside. Every value keeps the
+place it was written at, because there its names are looked up and its array dimensions begin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from lmoc.messages.diagnostics import Label
+from lmoc.messages.source import Span
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lmoc.semantics.classes.scope import Scope
+    from lmoc.semantics.instances.instance import Instance
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """A value given to an element.
+
+    Attributes
+    ----------
+    expression : syntax tree, or what the caller gave
+    node : the instance in whose class the expression is written; None for a caller's number
+    scope : the class whose text it is
+    each : the `each` marks on the way to it: its own argument's first, then that of the argument around it, ...
+    alike : for each array dimension between `node` and the element, whether all along it get the same
+    """
+
+    expression: tree.Expression | np.ndarray
+    node: Instance | None
+    scope: Scope | None
+    span: Span | None
+    each: tuple[bool, ...] = ()
+    alike: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Modifier:
+    """What is given to one element and to what lies inside it."""
+
+    value: Binding | None = None
+    inside: dict[str, Modifier] = field(default_factory=dict)
+    final: bool = False
+    redeclaration: tuple[tree.Redeclaration, Scope] | None = None
+    span: Span | None = None
+
+
+NOTHING = Modifier()
+
+
+def from_tree(modification: tree.Modification | None, node: Instance | None, scope: Scope) -> Modifier:
+    """The modifier that a declaration, an `extends` or a short class definition carries."""
+    if modification is None:
+        return NOTHING
+    value = None
+    if modification.value is not None:
+        value = Binding(modification.value, node, scope, modification.value.span)
+    inside: dict[str, Modifier] = {}
+    for argument in modification.arguments:
+        name, modifier = _argument(argument, node, scope)
+        inside[name] = _beside(name, inside[name], modifier) if name in inside else modifier
+    return Modifier(value, inside, span=modification.span)
+
+
+def _argument(argument: tree.Argument, node: Instance | None, scope: Scope) -> tuple[str, Modifier]:
+    if isinstance(argument, tree.Redeclaration):
+        element = argument.element
+        modification = element.modification if isinstance(element, tree.Component) else None
+        modifier = from_tree(modification, node, scope)
+        modifier = replace(modifier, final=argument.final, redeclaration=(argument, scope), span=argument.span)
+        return element.name, _marked(modifier, argument.each)
+    modifier = from_tree(argument.modification, node, scope)
+    modifier = _marked(replace(modifier, final=argument.final, span=argument.span), argument.each)
+    for name in reversed(argument.name[1:]):
+        modifier = _marked(Modifier(inside={name: modifier}, span=argument.span), argument.each)
+    return argument.name[0], modifier
+
+
+def _marked(modifier: Modifier, each: bool) -> Modifier:
+    """Note the `each` mark of an argument, or its absence, on all values inside it."""
+    value = modifier.value
+    if value is not None:
+        value = replace(value, each=(*value.each, each))
+    inside = {name: _marked(inner, each) for name, inner in modifier.inside.items()}
+    return replace(modifier, value=value, inside=inside)
+
+
+def from_argument(argument: tree.Argument, node: Instance, scope: Scope) -> Modifier:
+    """The modifier that one argument of a modification puts on the element it names."""
+    return _argument(argument, node, scope)[1]
+
+
+def _beside(name: str, first: Modifier, second: Modifier) -> Modifier:
+    """Two arguments of one modification for the same element: allowed where they give different things."""
+    if first.value is not None and second.value is not None:
+        first_place = (Label(first.span, "first here"),) if first.span else ()
+        raise Wrong("E0221", f"'{name}' is modified twice", second.span, labels=first_place)
+    return merge(first, second)
+
+
+def of_class(modifier: Modifier) -> Modifier:
+    """A modifier that belongs to a class (``model S = Spring(k = 2)``): alike in all elements of an array of it."""
+
+    def marked(inner: Modifier, depth: int) -> Modifier:
+        value = inner.value
+        if value is not None:
+            each = (*value.each[:depth], True, *value.each[depth + 1 :])
+            value = replace(value, each=each)
+        inside = {name: marked(m, depth + 1) for name, m in inner.inside.items()}
+        return replace(inner, value=value, inside=inside)
+
+    return replace(modifier, inside={name: marked(inner, 0) for name, inner in modifier.inside.items()})
+
+
+def merge(outer: Modifier, inner: Modifier, name: str = "") -> Modifier:
+    """What holds where `outer` is applied over `inner`; a change of something `final` is an error."""
+    if inner is NOTHING:
+        return outer
+    if outer is NOTHING:
+        return inner
+    if inner.final and (outer.value is not None or outer.inside or outer.redeclaration):
+        labels = (Label(inner.span, "final here"),) if inner.span else ()
+        what = f"'{name}'" if name else "an element"
+        raise Wrong("E0206", f"{what} is final and cannot be modified", outer.span, labels=labels)
+    inside = dict(inner.inside)
+    for key, modifier in outer.inside.items():
+        inside[key] = merge(modifier, inside[key], key) if key in inside else modifier
+    return Modifier(
+        outer.value or inner.value,
+        inside,
+        outer.final or inner.final,
+        outer.redeclaration or inner.redeclaration,
+        outer.span or inner.span,
+    )
+
+
+def descend(modifier: Modifier, name: str, dimensions: int) -> Modifier:
+    """What a modifier of a component with this many own dimensions gives to its element `name`.
+
+    Values marked `each` are alike along those dimensions; the others are arrays over them.
+    """
+    found = modifier.inside.get(name, NOTHING)
+    return _extend(found, dimensions, 0) if dimensions and found is not NOTHING else found
+
+
+def _extend(modifier: Modifier, dimensions: int, depth: int) -> Modifier:
+    value = modifier.value
+    if value is not None:
+        each = depth < len(value.each) and value.each[depth]
+        value = replace(value, alike=value.alike + (each,) * dimensions)
+    inside = {name: _extend(inner, dimensions, depth + 1) for name, inner in modifier.inside.items()}
+    return replace(modifier, value=value, inside=inside)
+
+
+def given(number: np.ndarray) -> Modifier:
+    """The modifier of a number that the caller gave, alike everywhere, or of an array of them."""
+    return Modifier(Binding(number, None, None, None))

@@ -1,0 +1,64 @@
+"""From a type name through short class definitions to the class that has elements (Modelica specification, 4.5.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lmoc.semantics.classes.predefined import Builtin
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+if TYPE_CHECKING:
+    from lmoc.semantics.classes.scope import Scope
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A type name followed through short class definitions.
+
+    Attributes
+    ----------
+    base : the class with elements, or the predefined type, at the end
+    steps : the short definitions passed, the outermost first, each with the scope its names are looked up in
+    """
+
+    base: Scope | Builtin
+    steps: tuple[tuple[tree.ShortClass, Scope], ...]
+    name: str
+    kind: str
+
+
+def resolve(found: Scope | Builtin) -> Resolved:
+    """Follow ``type A = B(...)``, ``connector RealInput = input Real`` and ``type T extends Real`` to the end."""
+    steps: list[tuple[tree.ShortClass, Scope]] = []
+    name = found.name
+    kind = "type" if isinstance(found, Builtin) else found.kind
+    seen: set[int] = set()
+    while not isinstance(found, Builtin):
+        definition = found.definition
+        if id(found) in seen:
+            raise Wrong("E0208", f"'{found.full_name}' is defined by itself", definition.name_span)
+        seen.add(id(found))
+        if definition is not None and definition.literals is not None:
+            twice = next((t for k, t in enumerate(definition.literals) if t in definition.literals[:k]), None)
+            if twice is not None:
+                raise Wrong("E0204", f"the literal '{twice}' stands in '{name}' twice", definition.name_span)
+            return Resolved(Builtin(found.full_name, definition.literals), tuple(steps), name, kind)
+        if definition is not None and definition.short is not None:
+            steps.append((definition.short, found.parent))
+            found = found.parent.find_class(definition.short.base)
+            continue
+        extended = _extended_builtin(found)
+        if extended is None:
+            break
+        clause, builtin = extended
+        steps.append((tree.ShortClass(clause.base, (), clause.modification, "", clause.span), found))
+        found = builtin
+    return Resolved(found, tuple(steps), name, kind)
+
+
+def _extended_builtin(scope: Scope) -> tuple[tree.Extends, Builtin] | None:
+    if scope.definition is None or scope.kind not in ("type", "connector"):
+        return None
+    return next(((c, b.base) for c, b in scope.bases if isinstance(b.base, Builtin)), None)

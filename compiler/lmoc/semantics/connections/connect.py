@@ -1,0 +1,244 @@
+"""Connection sets and the equations they give (Modelica specification, 9.1-9.3).
+
+Sets are found for single variables: two connected connectors connect the variables of the same names. A flow variable
+stands in at most two sets, as seen from outside its part and from inside; the two are different elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.ir.flat import Group, Kind, Sums
+from lmoc.messages.diagnostics import Label, Report
+from lmoc.messages.source import Span
+from lmoc.semantics.connections.components import components
+from lmoc.semantics.connections.signal_sources import SignalEdge, check_sources
+from lmoc.semantics.draft import ConnectDraft
+from lmoc.semantics.instances.instance import Broken, Instance, Node, Variable
+from lmoc.semantics.values.unit_check import unit_of
+from lmoc.semantics.wrong import Wrong
+from lmoc.support.distinct import first_of_each, numbered
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Pairs of connected variables: indices of the flat model, and the `connect` that says so."""
+
+    left: np.ndarray
+    right: np.ndarray
+    connect: np.ndarray
+
+    @staticmethod
+    def join(parts: list[tuple[np.ndarray, np.ndarray, int]]) -> Edges:
+        """Edges of several connects, given as (left, right, number of the connect)."""
+        if not parts:
+            nothing = np.zeros(0, int)
+            return Edges(nothing, nothing, nothing)
+        left, right, number = zip(*parts)
+        return Edges(np.concatenate(left), np.concatenate(right), np.repeat(number, [len(a) for a in left]).astype(int))
+
+
+@dataclass(frozen=True, eq=False)
+class Connections:
+    """All connections of a model.
+
+    Attributes
+    ----------
+    across : edges between variables that are equal
+    through : edges between elements of flow sets: a variable's index, plus `count` where seen from inside its part
+    """
+
+    connects: tuple[ConnectDraft, ...]
+    across: Edges
+    through: Edges
+    count: int
+
+
+def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connections:
+    """The edges of all connects; those that are wrong are reported and left out."""
+    across, through, good = [], [], []
+    signals: list[SignalEdge] = []
+    for draft in connects:
+        try:
+            inside = [_seen_from_inside(end, draft) for end in (draft.left, draft.right)]
+            pairs = list(_pairs(draft.left, draft.right, draft))
+        except Wrong as wrong:
+            wrong.put_into(report)
+            continue
+        for a, b in pairs:
+            left = _variables(a, draft.left, draft.left_index)
+            right = _variables(b, draft.right, draft.right_index)
+            if a.flow:
+                through.append((left + count * inside[0], right + count * inside[1], len(good)))
+            else:
+                across.append((left, right, len(good)))
+            if a.causality or b.causality:
+                gives = [_gives_signal(v, seen) for v, seen in zip((a, b), inside)]
+                signals.append(SignalEdge(draft, (a, b), (left, right), tuple(gives)))
+        good.append(draft)
+    check_sources(signals, report)
+    return Connections(tuple(good), Edges.join(across), Edges.join(through), count)
+
+
+def _variables(leaf: Variable, end: Node, elements: np.ndarray) -> np.ndarray:
+    """Indices of a connector's variable in the given elements of the connector."""
+    inner = prod(leaf.total[len(end.total) :])
+    if inner == 1:
+        return leaf.offset + elements
+    return (leaf.offset + elements[:, None] * inner + np.arange(inner)).reshape(-1)
+
+
+def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
+    """Whether it is a connector of the very part in which the connect stands (an "outside connector", 9.1.2)."""
+    top = end
+    while top.parent is not None and top.parent.kind in ("connector", "record"):
+        top = top.parent
+    if top.parent is draft.node:
+        return True
+    around: Instance | None = draft.node
+    if top.parent is not None and top.parent.parent is draft.node:
+        return False
+    while around is not None:  # a port of an inner part, which an outer declaration has brought here
+        if top.parent is not None and top.parent.parent is around:
+            return False
+        around = around.parent
+    raise Wrong(
+        "E0313", f"'{end.label}' is too deep inside: a connect reaches the ports of parts, no further", draft.span
+    )
+
+
+def _gives_signal(variable: Variable, inside: bool) -> bool:
+    """Whether a signal comes from here: the output of a part, or an input of the class around (9.3)."""
+    return variable.causality == ("input" if inside else "output")
+
+
+def _pairs(a: Node, b: Node, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
+    """Variables of two connectors that belong together; the connectors must be structurally equal."""
+    if isinstance(a, Broken) or isinstance(b, Broken):
+        raise Wrong()
+    if isinstance(a, Variable) != isinstance(b, Variable):
+        raise _mismatch(draft, "one is a signal, the other has variables of its own")
+    if isinstance(a, Variable):
+        yield from _pair(a, b, draft)
+        return
+    names_a, names_b = ([n for n, c in e.children.items()] for e in (a, b))
+    if set(names_a) != set(names_b):
+        only = sorted(set(names_a) ^ set(names_b))
+        raise _mismatch(draft, f"only one of them has {', '.join(repr(n) for n in only)}")
+    for name in names_a:
+        yield from _pairs(a.children[name], b.children[name], draft)
+
+
+def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
+    if a.flow != b.flow:
+        raise _mismatch(draft, f"'{a.name}' is a flow in one of them only")
+    inner = [v.total[len(e.total) :] for v, e in ((a, draft.left), (b, draft.right))]
+    if inner[0] != inner[1]:
+        raise _mismatch(draft, f"'{a.name}' differs in size")
+    units = unit_of(a), unit_of(b)
+    if None not in units and not units[0].same_as(units[1]):
+        raise Wrong("E0303", f"'{a.label}' and '{b.label}' have different units", draft.span,
+                    expected=a.unit, found=b.unit)  # fmt: skip
+    if a.kind > Kind.PARAMETER and b.kind > Kind.PARAMETER:
+        yield a, b
+
+
+def _mismatch(draft: ConnectDraft, why: str) -> Wrong:
+    def kind(end: Node) -> str:
+        return end.cls.name if isinstance(end, Instance) else end.type.name
+
+    left, right = draft.left, draft.right
+    labels = tuple(Label(_place(e, draft), f"'{e.label}' is a {kind(e)}") for e in (left, right))
+    return Wrong(
+        "E0306", f"'{left.label}' and '{right.label}' are different kinds of connectors", draft.span,
+        expected=kind(left), found=kind(right), hint=why, labels=labels,
+    )  # fmt: skip
+
+
+def _place(end: Node, draft: ConnectDraft) -> Span:
+    """The declaration, in the class with the connect, of the part or connector that an end belongs to."""
+    node = end
+    while node.parent is not None and node.parent is not draft.node and node.parent.component is not None:
+        node = node.parent
+    return node.name_span or draft.span
+
+
+# ------------------------------------------------------------------------ the sets
+
+
+def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:
+    """Potentials and signals: all members of a set equal the first one."""
+    edges = connections.across
+    if not len(edges.left):
+        return []
+    nodes, label, a, b = components(edges.left, edges.right)
+    _, first = first_of_each(label)  # nodes ascend: the variable declared first
+    root = nodes[first[label]]
+    # a row belongs to the first connect that mentions its variable
+    connect = np.empty(len(nodes), int)
+    by_place = _first_of_place(connections.connects)[edges.connect]
+    for ends in (b, a):
+        connect[ends[::-1]] = by_place[::-1]
+    rows = np.flatnonzero(nodes != root)
+    key = (connect[rows] * 8 + kinds[nodes[rows]]) * 8 + kinds[root[rows]]
+    order = np.argsort(key, kind="stable")
+    rows, key = rows[order], key[order]
+    bounds = [0, *(np.flatnonzero(np.diff(key)) + 1).tolist(), len(rows)]
+    groups = []
+    for low, high in zip(bounds[:-1], bounds[1:]):
+        members = rows[low:high]
+        draft = connections.connects[int(connect[members[0]])]
+        slots = np.column_stack([nodes[members], root[members]])
+        groups.append(Group(dag.slot(0), dag.slot(1), slots, draft.span, draft.node.part, "connection"))
+    return groups
+
+
+def _first_of_place(connects: Sequence[ConnectDraft]) -> np.ndarray:
+    """For each connect, the first one that stands at the same place (in a loop that was unrolled, say)."""
+    seen: dict[tuple, int] = {}
+    return np.array(
+        [seen.setdefault((id(c.span.source), c.span.start, c.node.part), k) for k, c in enumerate(connects)]
+    )
+
+
+def balances(connections: Connections) -> tuple[Sums, np.ndarray]:
+    """Flows: those of a set add up to zero, counted into the parts around.
+
+    Returns
+    -------
+    sums : one row a set
+    connected : the variables that are connected as seen from outside their part
+    """
+    edges, count = connections.through, connections.count
+    if not len(edges.left):
+        empty = np.zeros(0, int)
+        return Sums(np.zeros(1, int), empty, np.zeros(0)), empty
+    nodes, label, a, _ = components(edges.left, edges.right)
+    order = np.argsort(label, kind="stable")
+    members = nodes[order]
+    inside = members >= count
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(label[order])) + 1, [len(order)]])
+    of_set = np.full(label.max() + 1, np.iinfo(int).max)
+    np.minimum.at(of_set, label[a], edges.connect)
+    span_of = of_set[label[order[starts[:-1]]]]
+    used, span_of = numbered(span_of)
+    spans = tuple(connections.connects[int(k)].span for k in used)
+    sums = Sums(starts, members - count * inside, np.where(inside, -1.0, 1.0), spans, span_of)
+    return sums, members[~inside]
+
+
+def unconnected(flows: list[Variable], connected: np.ndarray, count: int) -> list[tuple[Variable, np.ndarray]]:
+    """Flow variables that nothing is connected to, with their positions: they are zero (9.2)."""
+    free = np.ones(count, bool)
+    free[connected] = False
+    found = []
+    for variable in flows:
+        own = np.flatnonzero(free[variable.offset : variable.offset + variable.size])
+        if len(own):
+            found.append((variable, own))
+    return found

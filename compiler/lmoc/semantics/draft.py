@@ -1,0 +1,213 @@
+"""Groups and assignments before the variables have their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from math import prod
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.expression.dag import Expr
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.modification import Binding
+from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.rows import Index, Leaf, align, positions
+from lmoc.semantics.values.translate import dims_text
+from lmoc.semantics.values.value import Value
+from lmoc.semantics.wrong import Wrong
+
+Column = tuple[Variable | None, Index | float | np.ndarray]  # flat positions (or numbers), one a row or alike in all
+
+
+@dataclass(frozen=True, eq=False)
+class GroupDraft:
+    """As `flat.Group`, with columns instead of slots."""
+
+    left: Expr
+    right: Expr
+    columns: tuple[Column, ...]
+    rows: int
+    span: Span | None
+    node: Instance  # whose equation it is
+    origin: str = "equation"
+    library: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class AssignmentDraft:
+    """As `flat.Assignments`; `target` are flat positions within the variable's array."""
+
+    variable: Variable
+    target: np.ndarray | int
+    shape: Expr
+    columns: tuple[Column, ...]
+    span: Span | None
+    library: bool = False
+
+    @property
+    def rows(self) -> int:
+        return self.target.size if isinstance(self.target, np.ndarray) else 1
+
+
+@dataclass(frozen=True, eq=False)
+class CheckDraft:
+    """As `flat.Check`."""
+
+    condition: Expr
+    message: str
+    error: bool
+    columns: tuple[Column, ...]
+    rows: int
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class ConnectDraft:
+    """``connect(a, b)`` for many pairs of connector elements."""
+
+    left: Instance | Variable
+    left_index: np.ndarray
+    right: Instance | Variable
+    right_index: np.ndarray
+    node: Instance  # the part whose class says so
+    span: Span
+
+
+@dataclass
+class Drafts:
+    """What the equations and bindings of the whole model have become so far."""
+
+    groups: list[GroupDraft] = field(default_factory=list)
+    initial: list[GroupDraft] = field(default_factory=list)
+    bindings: list[AssignmentDraft] = field(default_factory=list)
+    starts: list[AssignmentDraft] = field(default_factory=list)
+    fixed: list[AssignmentDraft] = field(default_factory=list)
+    nominals: list[AssignmentDraft] = field(default_factory=list)
+    checks: list[CheckDraft] = field(default_factory=list)
+    connects: list[ConnectDraft] = field(default_factory=list)
+
+
+def compact(leaves: list[Leaf], *shapes: Expr) -> tuple[list[Leaf], tuple[Expr, ...]]:
+    """Only the columns that the shapes use, numbered in the order in which they first appear."""
+    order: dict[int, int] = {}
+    used = []
+    for shape in shapes:
+        for node in dag.postorder(shape):
+            if node.op == "slot":
+                used.append(node)
+                order.setdefault(node.value[0], len(order))
+    if all(old == new for old, new in order.items()):
+        return leaves[: len(order)], shapes
+    new = {node: dag.slot(order[node.value[0]], node.value[1]) for node in used}
+    return [leaves[k] for k in order], tuple(dag.substitute(shape, new) for shape in shapes)
+
+
+def without_ones(draft: GroupDraft | AssignmentDraft) -> GroupDraft | AssignmentDraft:
+    """The draft without the factors 1 that have made units unknown."""
+    ones = [k for k, (v, index) in enumerate(draft.columns) if v is None and np.ndim(index) == 0 and index == 1.0]
+    if not ones:
+        return draft
+    fields = ("left", "right") if isinstance(draft, GroupDraft) else ("shape",)
+    new = {dag.slot(k): dag.const(1.0) for k in ones}
+    columns, shapes = compact(draft.columns, *(dag.substitute(getattr(draft, name), new) for name in fields))
+    return replace(draft, columns=tuple(columns), **dict(zip(fields, shapes)))
+
+
+def flat_column(leaf: Leaf, shape: tuple[int, ...]) -> Column:
+    """A column over rows of this shape, row by row."""
+    index = leaf.index
+    if not isinstance(index, np.ndarray):
+        return leaf.variable, index
+    index = align(index, len(shape))
+    if index.shape != shape:
+        if index.size == 1:
+            return leaf.variable, index.reshape(-1)[0].item()
+        index = np.broadcast_to(index, shape)
+    return leaf.variable, index.reshape(-1)
+
+
+def equality(context: Context, left: Value, right: Value, span: Span, node: Instance, origin="equation") -> Iterator:
+    """The groups of ``left = right``, which must have the same dimensions."""
+    if left.uniform and right.uniform:
+        shape = context.space.shape + left.dims
+        rows = prod(shape)
+        if rows:
+            leaves, (a, b) = compact(context.leaves.items, left.expr, right.expr)
+            columns = tuple(flat_column(leaf, shape) for leaf in leaves)
+            yield GroupDraft(a, b, columns, rows, span, node, origin, context.scope.library)
+        return
+    for a, b in zip(context.arrays.elements(left), context.arrays.elements(right)):
+        yield from equality(context, a, b, span, node, origin)
+
+
+def spread(
+    context: Context, value: Value, binding: Binding, variable: Variable, lenient: bool = False
+) -> Iterator[tuple[np.ndarray | int, Expr, tuple[Column, ...]]]:
+    """A value given to a variable: positions in its array, shape and columns of what stands there.
+
+    Parameters
+    ----------
+    lenient : a scalar is taken for all elements of an array without `each`
+    """
+    rank = context.space.rank
+    extra = variable.total[rank:]
+    alike = (*binding.alike, *(False,) * (len(extra) - len(binding.alike)))
+    if not value.dims and (lenient or all(alike)):
+        alike = (True,) * len(extra)
+    open_axes = tuple(n for n, same in zip(extra, alike) if not same)
+    if value.dims != open_axes:
+        raise _size_mismatch(value.dims, open_axes, binding, variable)
+    everything = positions(variable.total)
+    for at, piece in context.arrays.pieces(value):
+        choice, kept = _axes(alike, at)
+        target = everything[(slice(None),) * rank + choice] if choice else everything
+        leaves, (shape,) = compact(context.leaves.items, piece.expr)
+        columns = []
+        for leaf in leaves:
+            index = leaf.index
+            if isinstance(index, np.ndarray) and index.ndim:
+                index = align(index, rank + len(piece.dims))[(slice(None),) * rank + kept]
+            columns.append(flat_column(Leaf(leaf.variable, index), target.shape))
+        if target.size:
+            yield (target.reshape(-1) if target.ndim else int(target)), shape, tuple(columns)
+
+
+def _axes(alike: tuple[bool, ...], at: tuple[int, ...]) -> tuple[tuple, tuple]:
+    """How a piece at these positions indexes the target's further axes, and how its columns get the alike ones."""
+    choice, kept, k = [], [], 0
+    for same in alike:
+        if same:
+            choice.append(slice(None))
+            kept.append(np.newaxis)
+        elif k < len(at):
+            choice.append(at[k])
+            k += 1
+        else:
+            choice.append(slice(None))
+            kept.append(slice(None))
+    return tuple(choice), tuple(kept)
+
+
+def _with_each(binding: Binding, variable: Variable) -> str:
+    """The modification that gives one value to all elements, as it would be written: ``car(each wheel(m = …))``."""
+    path = variable.path[len(binding.node.path) :]
+    array = next(k for k, (_, dims) in enumerate(path) if dims)
+    names = [name for name, _ in path[array + 1 :]]
+    return f"{path[array][0]}(each {'('.join(names)} = …{')' * len(names)}"
+
+
+def _size_mismatch(found: tuple[int, ...], expected: tuple[int, ...], binding: Binding, variable: Variable) -> Wrong:
+    of_parts = len(expected) > len(variable.dims)
+    if not found and of_parts:
+        hint = f"write 'each' to give all the same: '{_with_each(binding, variable)}'"
+        message = f"'{variable.label}' is in an array of parts and needs one value for each"
+        return Wrong("E0213", message, binding.span, expected=dims_text(expected), found="a scalar", hint=hint)
+    row = len(expected) == 1 and found in ((1, *expected), (*expected, 1))
+    return Wrong(
+        "E0302", f"the value of '{variable.label}' has the wrong size", binding.span,
+        expected=dims_text(expected), found=dims_text(found),
+        hint="a vector is written {a, b, c}; [a, b, c] is a matrix" if row else "",
+    )  # fmt: skip

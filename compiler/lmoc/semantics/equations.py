@@ -1,0 +1,335 @@
+"""Equation sections: equalities, loops, branches, checks and connects (Modelica specification, chapter 8)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import prod
+
+import numpy as np
+
+from lmoc.messages.diagnostics import nearest
+from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
+from lmoc.semantics.instances.instance import Instance, Node, Variable
+from lmoc.semantics.instances.records import field_of
+from lmoc.semantics.values.builtins import EVENTS
+from lmoc.semantics.values.constructors import LARGE, iteration
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.functions import call_all
+from lmoc.semantics.values.reference import element_index, find_start, locate, unknown_name
+from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
+from lmoc.semantics.values.value import Value, number
+from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong
+from lmoc.syntax import tree
+
+
+class EquationSection:
+    """Translates the equations of one instance into drafts."""
+
+    def __init__(self, drafts: Drafts, node: Instance, initial: bool = False):
+        self.drafts = drafts
+        self.node = node
+        self.groups = drafts.initial if initial else drafts.groups
+        self.initial = initial
+        self.trying = 0  # loops around that can be unrolled if their rows do not make one group
+
+    def add(self, context: Context, equation: tree.Equation) -> None:
+        """Translate one equation; what is wrong with it is reported, and it is left out."""
+        try:
+            _KINDS[type(equation)](self, context, equation)
+        except NotOneGroup as wrong:
+            if self.trying:
+                raise
+            wrong.put_into(context.model.report)
+        except Wrong as wrong:
+            wrong.put_into(context.model.report)
+
+    def _fresh(self, context: Context) -> Context:
+        """The same place with columns of its own, the iteration variables among them."""
+        fresh = Context(context.model, context.node, context.scope, context.space)
+        fresh.choices = context.choices
+        for name, value in context.names.items():
+            if value.expr.op == "slot":
+                leaf = context.leaves[value.expr.value[0]]
+                value = Value(fresh.leaves.slot(leaf.variable, leaf.index), (), value.type)
+            fresh.names[name] = value
+        return fresh
+
+    # ------------------------------------------------------------------- equalities
+
+    def equality(self, outer: Context, e: tree.Equality) -> None:
+        """``left = right``, of numbers, arrays or records."""
+        context = self._fresh(outer)
+        if isinstance(e.left, tree.Tuple):
+            self._several(context, e)
+            return
+        if self._records(outer, e):
+            return
+        try:
+            left, right = context.value(e.left), context.value(e.right)
+        except RowsDiffer as differ:
+            for k, rows in enumerate(differ.rows):
+                if len(rows):
+                    inner = self._selected(outer, rows)
+                    inner.choices = {**outer.choices, id(differ.expression): k}
+                    self.equality(inner, e)
+            return
+        self._equate(context, left, right, e)
+
+    def _records(self, context: Context, e: tree.Equality) -> bool:
+        """Two records are equal field by field. False where the sides are no records."""
+        if not isinstance(e.left, tree.Ref) or not isinstance(e.right, tree.Ref):
+            return False
+        nodes = [find_start(context, ref) for ref in (e.left, e.right)]
+        if not all(isinstance(n, Instance) for n in nodes):
+            return False
+        left, right = (locate(context, ref, n).node for ref, n in zip((e.left, e.right), nodes))
+        if all(isinstance(n, Instance) and n.connector for n in (left, right)):
+            raise Wrong("E0301", "connectors are connected, not equated", e.span,
+                        hint=f"write connect({e.left}, {e.right})")  # fmt: skip
+        if not all(isinstance(n, Instance) and n.kind == "record" for n in (left, right)):
+            return False
+        if set(left.children) != set(right.children):
+            raise Wrong("E0301", "the two records have different fields", e.span,
+                        expected=", ".join(left.children), found=", ".join(right.children))  # fmt: skip
+        for name in left.children:
+            self.equality(context, replace(e, left=field_of(e.left, name), right=field_of(e.right, name)))
+        return True
+
+    def _equate(self, context: Context, left: Value, right: Value, e: tree.Equality) -> None:
+        if left.dims != right.dims:
+            raise sizes_differ("the two sides", left.dims, right.dims, e.span)
+        numbers = {"Real", "Integer"}
+        if left.type != right.type and not {left.type, right.type} <= numbers:
+            raise Wrong("E0301", f"{left.type} cannot equal {right.type}", e.span,
+                        expected=left.type, found=right.type)  # fmt: skip
+        self.groups.extend(equality(context, left, right, e.span, self.node))
+
+    def _several(self, context: Context, e: tree.Equality) -> None:
+        if not isinstance(e.right, tree.Call):
+            raise Wrong("E0301", "several variables are given by a function call only", e.span)
+        results = call_all(context, e.right)
+        if len(e.left.items) > len(results):
+            raise Wrong("E0217", f"'{e.right.function}' has {len(results)} results", e.span)
+        for item, value in zip(e.left.items, results):
+            if item is not None:
+                self._equate(context, context.value(item), value, e)
+
+    # ------------------------------------------------------------- loops and branches
+
+    def loop(self, context: Context, e: tree.For) -> None:
+        """``for`` over one or several indices."""
+        self._loop(context, e, 0)
+
+    def _loop(self, context: Context, e: tree.For, k: int) -> None:
+        if k == len(e.indices):
+            for equation in e.body:
+                self.add(context, equation)
+            return
+        index = e.indices[k]
+        try:
+            numbers, type_ = iteration(context, index, e.body)
+        except NotAlike as wrong:
+            self._element_by_element(context, e, k, wrong)
+            return
+        if len(numbers) <= LARGE:
+            self._unrolled(context, e, k, numbers, type_)
+            return
+        try:
+            self._at_once(context, e, k, numbers, type_)
+        except NotOneGroup as wrong:
+            if len(numbers) > MAX_UNROLLED:
+                wrong.put_into(context.model.report)
+                return
+            self._unrolled(context, e, k, numbers, type_)
+
+    def _element_by_element(self, context: Context, e: tree.For, k: int, wrong: NotAlike) -> None:
+        """The range differs between the elements of an array of parts: each goes through its own."""
+        rows = prod(context.space.shape)
+        if self.trying or not 1 < rows <= MAX_UNROLLED:  # the loops around are unrolled first
+            raise wrong
+        for row in range(rows):
+            self._loop(self._selected(context, np.array([row])), e, k)
+
+    def _unrolled(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
+        for x in numbers:
+            self._loop(context.within(context.space, {e.indices[k].name: number(x, type_)}), e, k + 1)
+
+    def _at_once(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
+        """All rounds of a loop as rows of the same groups; nothing is left behind where that fails."""
+        drafts, report = self.drafts, context.model.report
+        lists = [drafts.groups, drafts.initial, drafts.checks, drafts.connects, report.diagnostics]
+        lists += [context.model.long_sums.sums, context.model.long_sums.variables]
+        before = [len(items) for items in lists]
+        axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
+        value = Value(context.leaves.slot(None, axis), (), type_)
+        self.trying += 1
+        try:
+            self._loop(context.within(context.space.with_axis(len(numbers)), {e.indices[k].name: value}), e, k + 1)
+        except NotOneGroup:
+            for items, length in zip(lists, before):
+                del items[length:]
+            raise
+        finally:
+            self.trying -= 1
+
+    def branch(self, outer: Context, e: tree.IfEquation) -> None:
+        """Conditions are known when compiling; where they differ between rows, the rows go their own ways."""
+        left: np.ndarray | None = None  # rows for which no condition has held so far; None: all
+        for condition_tree, body in e.branches:
+            context = self._fresh(outer)
+            condition = context.value(condition_tree)
+            if condition.type != "Boolean" or condition.dims:
+                found = condition.type if not condition.dims else f"an array {dims_text(condition.dims)}"
+                raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=found)
+            if changes(context, condition):
+                raise Wrong(
+                    "E0211", "the condition of an if-equation must be known when compiling, but changes in time",
+                    condition_tree.span, hint="write one equation with an if-expression: x = if … then … else …",
+                )  # fmt: skip
+            holds = np.asarray(context.known(condition, condition_tree.span, "the condition of an if-equation"))
+            if holds.ndim == 0 and left is None:
+                if holds:
+                    self._all(outer, body)
+                    return
+                continue
+            if holds.ndim < outer.space.rank:
+                holds = holds.reshape(holds.shape + (1,) * (outer.space.rank - holds.ndim))
+            holds = np.broadcast_to(holds, outer.space.shape).reshape(-1).astype(bool)
+            left = np.ones(holds.shape, bool) if left is None else left
+            self._rows(outer, np.flatnonzero(left & holds), body)
+            left = left & ~holds
+        if left is None:
+            self._all(outer, e.otherwise)
+        else:
+            self._rows(outer, np.flatnonzero(left), e.otherwise)
+
+    def _all(self, context: Context, body: tuple[tree.Equation, ...]) -> None:
+        for equation in body:
+            self.add(context, equation)
+
+    def _rows(self, context: Context, rows: np.ndarray, body: tuple[tree.Equation, ...]) -> None:
+        if not len(rows) or not body:
+            return
+        if len(rows) == prod(context.space.shape):
+            self._all(context, body)
+            return
+        self._all(self._selected(context, rows), body)
+
+    def _selected(self, context: Context, rows: np.ndarray) -> Context:
+        """The same place, for the rows with these flat positions only."""
+        inner = Context(context.model, context.node, context.scope, context.space.selected(rows))
+        inner.choices = context.choices
+        for name, value in context.names.items():
+            if value.expr.op == "slot":
+                leaf = context.leaves[value.expr.value[0]]
+                value = Value(inner.leaves.slot(leaf.variable, context.space.pick(leaf.index, rows)), (), value.type)
+            inner.names[name] = value
+        return inner
+
+    # ------------------------------------------------------------------------- connect
+
+    def connect(self, outer: Context, e: tree.Connect) -> None:
+        """``connect(a, b)``: noted for later, when all connections are known."""
+        if self.initial:
+            raise Wrong("E0305", "connect is not possible in an initial equation", e.span)
+        context = self._fresh(outer)
+        ends = [self._end(context, ref) for ref in (e.left, e.right)]
+        if None in ends:
+            return  # one end is a conditional part that is absent: so is the connection (4.4.5)
+        (left, left_index, left_dims), (right, right_index, right_dims) = ends
+        if left_dims != right_dims:
+            raise sizes_differ("the ends of a connect", left_dims, right_dims, e.span)
+        shape = context.space.shape + left_dims
+        pair = [_spread_rows(i, shape) for i in (left_index, right_index)]
+        if left is right and np.any(pair[0] == pair[1]):
+            found = _round(context, int(np.flatnonzero(pair[0] == pair[1])[0]) // prod(left_dims))
+            raise Wrong("E0314", f"'{e.left}' is connected to itself", e.span, found=found)
+        self.drafts.connects.append(ConnectDraft(left, pair[0], right, pair[1], self.node, e.span))
+
+    def _end(self, context: Context, ref: tree.Ref) -> tuple[Instance | Variable, object, tuple[int, ...]] | None:
+        start = find_start(context, ref)
+        if start is None and str(ref) != "time":
+            raise unknown_name(context, ref)
+        if not isinstance(start, Node):
+            raise Wrong("E0305", f"'{ref}' is not a connector of this model", ref.span)
+        try:
+            located = locate(context, ref, start)
+        except Wrong as wrong:
+            if wrong.diagnostic is not None and wrong.diagnostic.code == "E0218":
+                return None
+            raise
+        node = located.node
+        signal = isinstance(node, Variable) and (node.connector or node.causality in ("input", "output"))
+        if not signal and not (isinstance(node, Instance) and node.connector):
+            what = "a variable" if isinstance(node, Variable) else f"a part ({node.cls.name})"
+            raise Wrong("E0305", f"'{ref}' is {what}, not a connector", ref.span, expected="a connector",
+                        hint=_connectors_hint(node))  # fmt: skip
+        return node, element_index(context, located), located.dims
+
+    # --------------------------------------------------------------------------- checks
+
+    def check(self, outer: Context, e: tree.CallEquation) -> None:
+        """``assert(condition, message, level)``."""
+        name = str(e.call.function)
+        if name in EVENTS:
+            raise Wrong("E0230", f"'{name}' belongs to events, which are not available yet", e.span)
+        if name != "assert":
+            raise Wrong("E0203", f"there is no statement '{name}'", e.call.function.span,
+                        hint=nearest(name, ("connect", "assert", *EVENTS)))  # fmt: skip
+        context = self._fresh(outer)
+        context.quiet = 1  # a check is not integrated over
+        given = dict(zip(("condition", "message", "level"), e.call.arguments)) | dict(e.call.named)
+        if "condition" not in given or "message" not in given:
+            raise Wrong("E0217", "'assert' needs a condition and a message", e.span)
+        condition = context.value(given["condition"])
+        if condition.type != "Boolean" or condition.dims:
+            raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
+        message = context.value(given["message"])
+        if message.type != "String":
+            raise Wrong("E0301", "the message of 'assert' must be a String", given["message"].span)
+        error = True
+        if "level" in given:
+            level = context.value(given["level"])
+            error = context.scalar(level, given["level"].span, "the level") == 1
+        leaves, (shape,) = compact(context.leaves.items, condition.expr)
+        columns = tuple(flat_column(leaf, context.space.shape) for leaf in leaves)
+        rows = prod(context.space.shape)
+        self.drafts.checks.append(CheckDraft(shape, message.text, error, columns, rows, e.span))
+
+    def when(self, context: Context, e: tree.When) -> None:
+        """Not available yet."""
+        raise Wrong("E0230", "'when' belongs to events, which are not available yet", e.span,
+                    hint="laws with switching parts come with a later version")  # fmt: skip
+
+
+_KINDS = {
+    tree.Equality: EquationSection.equality,
+    tree.For: EquationSection.loop,
+    tree.IfEquation: EquationSection.branch,
+    tree.Connect: EquationSection.connect,
+    tree.CallEquation: EquationSection.check,
+    tree.When: EquationSection.when,
+}
+
+
+def _spread_rows(index, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.asarray(index)
+    if array.ndim < len(shape):
+        array = array.reshape(array.shape + (1,) * (len(shape) - array.ndim))
+    return np.broadcast_to(array, shape).reshape(-1)
+
+
+def _round(context: Context, row: int) -> str:
+    """``i = 1, j = 2``: the values of the iteration variables in a row; empty outside of loops."""
+    told = []
+    for name, value in context.names.items():
+        index = context.leaves[value.expr.value[0]].index if value.expr.op == "slot" else value.expr.value
+        told.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
+    return ", ".join(told)
+
+
+def _connectors_hint(node: Node) -> str:
+    if not isinstance(node, Instance):
+        return ""
+    names = [n for n, c in node.children.items() if isinstance(c, Instance) and c.connector]
+    return f"its connectors are {', '.join(names)}" if names else ""

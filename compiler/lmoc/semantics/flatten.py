@@ -1,0 +1,216 @@
+"""From syntax trees to the flat model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.ir.flat import Block, FlatDAE, Group, Kind
+from lmoc.messages.diagnostics import Report
+from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
+from lmoc.semantics.classes.choose import choose_model, open_scopes
+from lmoc.semantics.classes.class_check import check_classes
+from lmoc.semantics.classes.experiment import experiment_of
+from lmoc.semantics.classes.overrides import Overrides
+from lmoc.semantics.connections.balance import check_balance, check_connectors
+from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
+from lmoc.semantics.draft import Drafts, without_ones
+from lmoc.semantics.equations import EquationSection
+from lmoc.semantics.instances.declarations import declare
+from lmoc.semantics.instances.elaboration import Elaboration
+from lmoc.semantics.instances.instance import Instance, Node, Variable, root_instance
+from lmoc.semantics.ledger import join_sums, ledger
+from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
+from lmoc.semantics.values import reference as _reference  # noqa: F401  registers that of names
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.long_sums import LongSums
+from lmoc.semantics.values.unit_check import check_units, report_unknown_units
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+
+def flatten(
+    files: Sequence[tree.File],
+    library: Sequence[tree.File],
+    model: str | None,
+    parameters: Mapping[str, object],
+    report: Report,
+) -> FlatDAE:
+    """The flat model.
+
+    Parameters
+    ----------
+    files : the user's files
+    library : those of the library, whose classes are global names
+    model : name of the model; None: the only one that no other class uses
+    parameters : {dotted name: value}, applied over everything else
+    report : collects what is wrong
+
+    Raises
+    ------
+    ModelError
+        With everything that is wrong, as far as one mistake does not follow from another.
+    """
+    try:
+        cls = choose_model(open_scopes(files, library, report), files, model)
+    except Wrong as wrong:
+        wrong.put_into(report)
+    report.check()
+    overrides = Overrides(parameters)
+    drafts = Drafts()
+    root = root_instance(cls, overrides.modifier())
+    elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
+    try:
+        flat = _Flattening(elaboration, overrides, drafts).run()
+    except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
+        wrong.put_into(report)
+    except RecursionError:
+        hint = "hundreds of classes stand inside of each other, or hundreds of values use each other"
+        message = f"what '{cls.full_name}' is made of is nested too deeply"
+        report.error("E0227", message, cls.definition.name_span, hint=hint)
+    report.check()
+    return flat
+
+
+class _Flattening:
+    """The steps from the instance tree to the flat model."""
+
+    def __init__(self, model: Elaboration, overrides: Overrides, drafts: Drafts):
+        self.model = model
+        self.report = model.report
+        self.overrides = overrides
+        self.drafts = drafts
+        self._unconnected: dict[Node, tuple[Variable, np.ndarray]] = {}
+
+    def run(self) -> FlatDAE:
+        """From the instance tree to the flat model."""
+        model, root = self.model, self.model.root
+        self._draft()
+        layout = self.layout.extended(model.long_sums.variables)
+        literals = pool_literals(all_columns(self.drafts), layout.count)
+        count = layout.count + (literals.size if literals else 0)
+        assembler = Assembler(literals)
+        blocks = make_blocks(layout) + ([literals] if literals else [])
+        kinds = np.repeat(np.array([b.kind for b in blocks], np.uint8), [b.size for b in blocks])
+        groups = assembler.groups(self.drafts.groups)
+        groups += self._connections(kinds)
+        self._check_balance()
+        bindings = assembler.literal_values() + assembler.assignments(self.drafts.bindings)
+        bindings = self.overrides.apply(bindings, root)
+        ordered = in_order(bindings, count, blocks, self.report)
+        parts = make_parts(layout)
+        entries = ledger(blocks, parts, count, _zeros(self.drafts, count))
+        return FlatDAE(
+            name=root.cls.full_name,
+            description=root.cls.definition.description,
+            blocks=(*blocks, *entries.blocks),
+            parts=tuple(parts),
+            groups=(*groups, *entries.groups),
+            sums=join_sums(join_sums(self.sums, model.long_sums.rows()), entries.sums),
+            initial_groups=tuple(assembler.groups(self.drafts.initial)),
+            bindings=ordered,
+            starts=tuple(assembler.assignments(self.drafts.starts)),
+            fixed=tuple(assembler.assignments(self.drafts.fixed)),
+            nominals=tuple(assembler.assignments(self.drafts.nominals)),
+            checks=tuple(assembler.checks(self.drafts.checks)),
+            experiment=experiment_of(root.cls, model),
+            overrides=dict(self.overrides.given),
+            notes=tuple(d for d in self.report.diagnostics if d.severity != "error"),
+        )
+
+    def _draft(self) -> None:
+        """The instance tree, and what its declarations and equations say."""
+        model, root = self.model, self.model.root
+        model.populate(root)
+        check_classes(root.instances(), self.report)
+        self.overrides.check(root, self.report)
+        if "ledger" in root.children:
+            span = root.children["ledger"].name_span
+            self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
+        self.layout = lay_out(root)
+        for variable in root.variables():
+            declare(model, self.drafts, variable)
+        for instance in root.instances():
+            self._equations(instance)
+        report_unknown_units(self.layout.variables, self.report)
+        check_units(self.drafts, self.report)
+        for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
+            drafts[:] = map(without_ones, drafts)
+        self.connections = collect(self.drafts.connects, self.layout.count, self.report)
+        self.report.check()  # what follows needs all equations
+
+    def _equations(self, instance: Instance) -> None:
+        for scope in instance.cls.lineage():
+            definition = scope.definition
+            for equations, initial in ((definition.equations, False), (definition.initial_equations, True)):
+                section = EquationSection(self.drafts, instance, initial)
+                context = Context(self.model, instance, scope)
+                for equation in equations:
+                    section.add(context, equation)
+            for statements in (definition.statements, definition.initial_statements):
+                if statements:
+                    self.report.error(
+                        "E0230",
+                        "an algorithm in a model is not available yet",
+                        statements[0].span,
+                        hint="write equations, or put the algorithm into a function",
+                    )
+
+    def _connections(self, kinds: np.ndarray) -> list[Group]:
+        layout = self.layout
+        groups = equalities(self.connections, kinds)
+        self.sums, connected = balances(self.connections)
+        flows = [v for v in layout.variables if v.flow_from_outside]
+        for variable, positions in unconnected(flows, connected, layout.count):
+            slots = (variable.offset + positions)[:, None]
+            part = variable.parent.owner.part
+            groups.append(Group(dag.slot(0), dag.ZERO, slots, variable.component.span, part, "unconnected"))
+            self._unconnected.setdefault(variable.parent, (variable, positions))
+        self._warn_unconnected()
+        return groups
+
+    def _warn_unconnected(self) -> None:
+        """Ports to which nothing is connected: said once for each, at the declaration of its part."""
+        for port, (variable, positions) in self._unconnected.items():
+            part = port.owner
+            if not isinstance(port, Instance) or part.parent is None or part.parent.cls.library or _may_be_open(port):
+                continue
+            first = int(positions[0]) // (variable.size // port.size)
+            more = len(positions) * port.size // variable.size - 1
+            name = Block(port.path, 0, port.size, Kind.UNKNOWN).name(first)
+            self.report.warning(
+                "W0312",
+                f"'{name}' is connected to nothing" + (f", nor are {more} more of its array" if more else ""),
+                part.name_span,
+                hint="its flows are zero; connect it if it should be held or driven",
+            )
+
+    def _check_balance(self) -> None:
+        if self.report.errors:
+            return  # equations are missing because they are wrong
+        check_connectors(self.model.root.instances(), self.report)
+        if not self.report.errors:
+            check_balance(self.layout.instances, self.drafts, self.connections, self.layout.variables, self.report)
+
+
+def _may_be_open(port: Instance) -> bool:
+    """Whether ``annotation(__lmoc(open = true))`` says that a port works unconnected as well."""
+    annotation = port.component.annotation
+    for vendor in annotation.arguments if annotation else ():
+        if isinstance(vendor, tree.ElementModification) and vendor.name == ("__lmoc",) and vendor.modification:
+            for entry in vendor.modification.arguments:
+                value = getattr(entry, "modification", None) and entry.modification.value
+                if isinstance(value, tree.Boolean) and entry.name == ("open",):
+                    return value.value
+    return False
+
+
+def _zeros(drafts: Drafts, count: int) -> np.ndarray:
+    """Which constants and parameters are written as zero: they add nothing to the ledger."""
+    zero = np.zeros(count, bool)
+    for draft in drafts.bindings:
+        if draft.shape is dag.ZERO and draft.variable.kind == Kind.CONSTANT:
+            zero[draft.target + draft.variable.offset] = True
+    return zero

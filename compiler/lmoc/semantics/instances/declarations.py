@@ -1,0 +1,199 @@
+"""What declarations give: bindings, and attributes such as start, fixed, unit (Modelica specification, 4.4 and 4.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.ir.flat import Kind, StateSelect
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.modification import Binding
+from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
+from lmoc.semantics.instances.elaboration import Elaboration
+from lmoc.semantics.instances.instance import Variable
+from lmoc.semantics.instances.known import at_events_only
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.rows import positions
+from lmoc.semantics.values.value import Value
+from lmoc.semantics.wrong import Wrong
+from lmoc.support.distinct import distinct
+
+
+def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
+    """Add what the declaration of a variable and its modifications say."""
+    if variable.type.name == "String":
+        _guarded(model, lambda: _check_text(model, variable))
+        return
+    if variable.value is not None:
+        if not _guarded(model, lambda: _value(model, drafts, variable, variable.value)):
+            model.known.undetermined.add(variable)
+    elif variable.kind == Kind.CONSTANT:
+        model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
+    for name, binding in variable.attributes.items():
+        _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
+
+
+def _check_text(model: Elaboration, variable: Variable) -> None:
+    """A text has no place in the flat model: its value only has to be one."""
+    binding = variable.value
+    if binding is None or binding.scope is None:
+        return
+    value = model.known.binding(binding)[1]
+    if value.type != "String":
+        raise Wrong("E0301", f"the value of '{variable.label}' must be of type String", binding_span(binding),
+                    expected="String", found=value.type)  # fmt: skip
+
+
+def _guarded(model: Elaboration, work: Callable[[], None]) -> bool:
+    """Do it, and report what is wrong; whether all went well."""
+    try:
+        work()
+    except Wrong as wrong:
+        wrong.put_into(model.report)
+        return False
+    return True
+
+
+def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Binding) -> None:
+    rows = list(_rows(model, variable, binding))
+    if variable.kind != Kind.UNKNOWN:
+        _require_constant(rows, variable, binding, "the value", variable.kind == Kind.INPUT)
+    library = binding.scope is not None and binding.scope.library
+    if variable.kind != Kind.UNKNOWN:
+        drafts.bindings += [AssignmentDraft(variable, *row, binding_span(binding), library) for row in rows]
+        return
+    node = variable.parent.owner
+    for target, shape, columns in rows:
+        moved = _behind_own(shape)
+        size = target.size if isinstance(target, np.ndarray) else 1
+        own: Column = (variable, target)
+        drafts.groups.append(
+            GroupDraft(
+                dag.slot(0),
+                moved,
+                (own, *columns),
+                size,
+                binding_span(binding) or variable.span,
+                node,
+                "binding",
+                library,
+            )
+        )
+
+
+def binding_span(binding: Binding) -> Span | None:
+    """Where a value is written."""
+    return getattr(binding.expression, "span", binding.span)
+
+
+def _rows(
+    model: Elaboration, variable: Variable, binding: Binding, lenient: bool = False, type_: str | None = None
+) -> Iterator[tuple[np.ndarray | int, dag.Expr, tuple[Column, ...]]]:
+    """Targets, shapes and columns of a value given to a variable (or to an attribute of it)."""
+    if binding.scope is None:
+        yield _numbers_row(variable, binding)
+        return
+    context, value = model.known.binding(binding)
+    expected = type_ or variable.type.name
+    if value.type != expected and (expected, value.type) != ("Real", "Integer"):
+        raise Wrong("E0301", f"the value of '{variable.label}' must be of type {expected}", binding_span(binding),
+                    expected=expected, found=value.type, hint=_rounding_hint(expected, value))  # fmt: skip
+    if not value.dims and not variable.total and value.uniform:
+        leaves, (shape,) = compact(context.leaves.items, value.expr)
+        yield 0, shape, tuple((leaf.variable, leaf.index) for leaf in leaves)
+        return
+    yield from spread(context, value, binding, variable, lenient)
+
+
+def _rounding_hint(expected: str, value: Value) -> str:
+    return (
+        "div(a, b) divides whole numbers, integer(x) rounds down"
+        if (expected, value.type) == ("Integer", "Real")
+        else ""
+    )
+
+
+def _require_constant(rows: list, variable: Variable, binding: Binding, what: str, signal: bool) -> None:
+    """Parameters and attributes use parameters only; the signal of an input may use time as well."""
+    for _, shape, columns in rows:
+        changing = [v for v, _ in columns if v is not None and not v.known]
+        if changing or (dag.depends_on_time(shape) and not signal):
+            found = f"'{changing[0].label}'" if changing else "time"
+            if variable.computed and what == "the value":
+                raise at_events_only(variable, found="a value that changes")
+            use = "time, parameters and constants" if signal else "parameters and constants"
+            raise Wrong("E0224", f"{what} of '{variable.label}' depends on {found}, which changes while it runs",
+                        binding_span(binding), expected=f"an expression in {use}")  # fmt: skip
+
+
+def _numbers_row(variable: Variable, binding: Binding) -> tuple[np.ndarray, dag.Expr, tuple[Column, ...]]:
+    numbers = np.asarray(binding.expression, float)
+    target = positions(variable.total).reshape(-1)
+    if numbers.ndim == 0:
+        return target, dag.const(float(numbers)), ()
+    if numbers.shape != variable.total:
+        raise Wrong()  # reported with the values from outside
+    flat = numbers.reshape(-1)
+    return target, dag.slot(0), ((None, flat),)
+
+
+def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
+    span = binding_span(binding)
+    if name in ("min", "max") and variable.kind == Kind.PARAMETER:
+        _limit(model, drafts, variable, name, binding)
+    elif name == "fixed" and variable.kind == Kind.PARAMETER:
+        raise Wrong("E0230", f"'{variable.label}': parameters found by the start equations are not available yet", span)
+    elif name in ("start", "nominal", "fixed"):
+        if variable.kind <= Kind.PARAMETER:
+            return  # a parameter's start value is a hint for forms to fill in
+        type_ = "Boolean" if name == "fixed" else "Real"
+        rows = _rows(model, variable, binding, True, type_)
+        rows = list(rows)
+        _require_constant(rows, variable, binding, f"'{name}'", False)
+        into = {"start": drafts.starts, "nominal": drafts.nominals, "fixed": drafts.fixed}[name]
+        into += [AssignmentDraft(variable, *row, span, binding.scope.library) for row in rows]
+    elif name == "unit":
+        variable.unit = _text(model, variable, name, binding)
+    elif name == "stateSelect":
+        variable.state_select = _state_select(model, binding)
+
+
+def _limit(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
+    """A parameter must keep its `min` and `max` (4.9.1)."""
+    relation, words = {"min": ("ge", "at least"), "max": ("le", "at most")}[name]
+    for target, shape, columns in _rows(model, variable, binding, True, "Real"):
+        condition = dag.function(relation, dag.slot(0), _behind_own(shape))
+        limit = getattr(binding.expression, "span", None)
+        message = f"'{variable.label}' must be {words} {limit.text if limit else ''}".rstrip()
+        rows = target.size if isinstance(target, np.ndarray) else 1
+        drafts.checks.append(CheckDraft(condition, message, True, ((variable, target), *columns), rows, variable.span))
+
+
+def _behind_own(shape: dag.Expr) -> dag.Expr:
+    """The shape with its columns moved by one, behind that of the variable itself."""
+    return dag.transform(shape, lambda leaf: dag.slot(leaf.value[0] + 1, leaf.value[1]) if leaf.op == "slot" else leaf)
+
+
+def _text(model: Elaboration, variable: Variable, name: str, binding: Binding) -> str:
+    value = Context(model, binding.node, binding.scope).value(binding.expression)
+    while value.items:
+        value = value.items[0]
+    if value.type != "String":
+        raise Wrong("E0301", f"'{name}' of '{variable.label}' must be a text in quotes", binding_span(binding),
+                    expected="String", found=value.type)  # fmt: skip
+    return value.text
+
+
+def _state_select(model: Elaboration, binding: Binding) -> StateSelect:
+    context = Context(model, binding.node, binding.scope)
+    value = context.value(binding.expression)
+    span = binding_span(binding)
+    if value.type != "StateSelect":
+        raise Wrong("E0301", "stateSelect must be a literal of StateSelect", span, expected="StateSelect.prefer",
+                    found=value.type)  # fmt: skip
+    numbers = distinct(context.known(value, span, "stateSelect"))
+    if len(numbers) > 1:
+        raise Wrong("E0220", "stateSelect differs between the elements of an array", span)
+    return StateSelect(int(numbers[0]) - 1)

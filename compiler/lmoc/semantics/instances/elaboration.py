@@ -1,0 +1,313 @@
+"""From classes to the instance tree: what each declaration makes (Modelica specification, 4.4, 5.4, 7.2).
+
+Children are made when first asked for, because dimensions and conditions use other declarations in any order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.flat import Kind
+from lmoc.messages.diagnostics import Report, nearest
+from lmoc.messages.source import Span
+from lmoc.semantics.classes import modification as mods
+from lmoc.semantics.classes.modification import Binding, Modifier
+from lmoc.semantics.classes.predefined import Builtin
+from lmoc.semantics.classes.resolve import Resolved, resolve
+from lmoc.semantics.classes.scope import Member, Scope, redeclared_class
+from lmoc.semantics.instances.instance import Absent, Broken, Instance, Node, Variable
+from lmoc.semantics.instances.known import ElementValues, KnownValues, at_events_only
+from lmoc.semantics.instances.records import record_fields
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.value import Value
+from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.syntax import tree
+
+if TYPE_CHECKING:
+    from lmoc.semantics.values.long_sums import LongSums
+
+ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
+PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})
+
+
+class Elaboration:
+    """Makes and keeps the instance tree of one model.
+
+    Attributes
+    ----------
+    root : the model
+    long_sums : sums that get a variable of their own
+    known : numbers that shape the model
+    said : places warned of already
+    """
+
+    def __init__(self, root: Instance, report: Report, elements: ElementValues, long_sums: LongSums):
+        self.root = root
+        self.long_sums = long_sums
+        self.report = report
+        self.known = KnownValues(self, elements)
+        self._open: set[tuple[int, str]] = set()
+        self._short_modifiers: dict[tuple[int, int], Modifier] = {}
+        self.said: set[tuple[str, int, int]] = set()
+
+    # ----------------------------------------------------------------------- children
+
+    def populate(self, instance: Instance) -> None:
+        """Make all children, and theirs."""
+        self._check_names(instance)
+        for name, found in instance.cls.table.items():
+            if not isinstance(found, Member):
+                continue
+            try:
+                child = self.child(instance, name)
+            except Wrong as wrong:
+                wrong.put_into(self.report)
+                continue
+            if isinstance(child, Instance) and child.parent is instance:
+                self.populate(child)
+        # children are made when first used; the table's order is that of the declarations
+        order = [name for name in instance.cls.table if name in instance.children]
+        instance.children = {name: instance.children[name] for name in order}
+
+    def _check_names(self, instance: Instance) -> None:
+        table = instance.cls.table
+        for name, modifier in instance.modifier.inside.items():
+            found = table.get(name)
+            if found is None and modifier.span is not None:
+                self.report.error(
+                    "E0205",
+                    f"'{instance.cls.name}' has no element '{name}' to modify",
+                    modifier.span,
+                    hint=nearest(name, table) or _elements_hint(table),
+                )
+            elif isinstance(found, Member) and found.protected:
+                self.report.error(
+                    "E0210", f"'{name}' is protected in '{instance.cls.name}' and cannot be modified", modifier.span
+                )
+
+    def child(self, instance: Instance, name: str) -> Node:
+        """The child of that name, which the class must have."""
+        made = instance.children.get(name)
+        if made is not None:
+            return made
+        member = instance.cls.table[name]
+        key = (id(instance), name)
+        if key in self._open:
+            raise Wrong("E0207", f"the size or condition of '{name}' depends on itself", member.component.span)
+        self._open.add(key)
+        try:
+            made = self._make(instance, member)
+        except Wrong as wrong:
+            wrong.put_into(self.report)
+            made = Broken(name, instance, member.component, member.scope)
+        finally:
+            self._open.discard(key)
+        instance.children[name] = made
+        return made
+
+    def _make(self, instance: Instance, member: Member) -> Node:
+        component, scope = member.component, member.scope
+        if component.outer and not component.inner:
+            return self._inner(instance, component)
+        modifier = self._modifier(instance, member)
+        if modifier.redeclaration is not None:
+            if not component.replaceable:
+                raise Wrong("E0206", f"'{component.name}' is not replaceable", modifier.span)
+            argument, scope = modifier.redeclaration
+            if not isinstance(argument.element, tree.Component):
+                raise Wrong("E0223", f"'{component.name}' is a part, not a class", argument.span)
+            component = argument.element
+        if component.condition is not None and not self._present(instance, component, scope):
+            return Absent(component.name, instance, (), component, scope)
+        resolved = self._type_of(instance, component, scope)
+        for short, where in resolved.steps:
+            node = instance if where in instance.cls.lineage() else None
+            modifier = mods.merge(modifier, self._of_short_class(short, node, where), component.name)
+        dims = self._dimensions(instance, component, scope, resolved, modifier)
+        if isinstance(resolved.base, Builtin):
+            return self._variable(instance, component, member, resolved, modifier, dims)
+        return self._instance(instance, component, member, resolved, modifier, dims)
+
+    def _of_short_class(self, short: tree.ShortClass, node: Instance | None, where: Scope) -> Modifier:
+        key = (id(short), id(node))
+        found = self._short_modifiers.get(key)
+        if found is None:
+            found = mods.of_class(mods.from_tree(short.modification, node, where))
+            self._short_modifiers[key] = found
+        return found
+
+    def _type_of(self, instance: Instance, component: tree.Component, scope: Scope) -> Resolved:
+        """The class of a component: one that the instance has redeclared, or what its type means where it stands."""
+        first = component.type.parts[0].name
+        own = instance.cls.table.get(first)
+        if isinstance(own, Scope) and not component.type.absolute and len(component.type.parts) == 1:
+            if scope is instance.cls or scope in instance.cls.lineage():
+                modifier = instance.modifier.inside.get(first)
+                if modifier is not None and modifier.redeclaration is not None:
+                    own = redeclared_class(own, *modifier.redeclaration)
+                return resolve(own)
+        return scope.type_of(component)
+
+    def _modifier(self, instance: Instance, member: Member) -> Modifier:
+        """All that is given to a component: by the part around it, by `extends`, by its declaration."""
+        name = member.component.name
+        modifier = mods.descend(instance.modifier, name, len(instance.dims))
+        for argument, scope in member.outer:
+            modifier = mods.merge(modifier, mods.from_argument(argument, instance, scope), name)
+        declared = mods.from_tree(member.component.modification, instance, member.scope)
+        if member.component.final:
+            declared = Modifier(declared.value, declared.inside, True, None, member.component.name_span)
+        return mods.merge(modifier, declared, name)
+
+    def _inner(self, instance: Instance, component: tree.Component) -> Node:
+        around = instance.parent
+        while around is not None:
+            found = around.cls.table.get(component.name)
+            if isinstance(found, Member) and found.component.inner:
+                return self.child(around, component.name)
+            around = around.parent
+        raise Wrong(
+            "E0214",
+            f"'outer {component.name}' finds no 'inner {component.name}' in the parts around it",
+            component.span,
+            hint=f"declare 'inner {component.type} {component.name};' in the model",
+        )
+
+    def _present(self, instance: Instance, component: tree.Component, scope: Scope) -> bool:
+        context = Context(self, instance, scope)
+        condition = context.value(component.condition)
+        require_boolean(condition, component.condition)
+        what = f"the condition of '{component.name}'"
+        return bool(context.scalar(condition, component.condition.span, what))
+
+    # --------------------------------------------------------------------- dimensions
+
+    def _dimensions(
+        self, instance: Instance, component: tree.Component, scope: Scope, resolved: Resolved, modifier: Modifier
+    ) -> tuple[int, ...]:
+        if not component.dimensions and not any(short.dimensions for short, _ in resolved.steps):
+            return ()
+        given = [(e, Context(self, instance, scope)) for e in component.dimensions]
+        for short, where in resolved.steps:
+            node = instance if where in instance.cls.lineage() else None
+            given += [(e, Context(self, node, where)) for e in short.dimensions]
+        dims: list[int] = []
+        for axis, (expression, context) in enumerate(given):
+            if isinstance(expression, tree.Colon):
+                dims.append(self._size_of_binding(component, modifier.value, axis))
+                continue
+            what = f"the size of '{component.name}'"
+            dims.append(context.whole(context.value(expression), expression.span, what))
+            check_size(prod((*instance.total, *dims)), f"'{component.name}'", expression.span)
+        return tuple(dims)
+
+    def _size_of_binding(self, component: tree.Component, binding: Binding | None, axis: int) -> int:
+        if binding is None:
+            raise Wrong("E0212", f"the size of '{component.name}' is open: it needs a value", component.span)
+        dims = self.known.binding(binding)[1].dims if binding.node else np.shape(binding.expression)
+        at = axis + sum(not a for a in binding.alike)
+        if at >= len(dims):
+            raise Wrong("E0302", f"'{component.name}' needs an array as value", binding.span)
+        return dims[at]
+
+    # ------------------------------------------------------------------ variables, parts
+
+    def _variable(self, instance, component, member: Member, resolved: Resolved, modifier: Modifier, dims) -> Variable:
+        for name, inner in modifier.inside.items():
+            if name not in ATTRIBUTES:
+                raise Wrong(
+                    "E0205",
+                    f"'{component.name}' is a {resolved.base.name} and has no attribute '{name}'",
+                    inner.span or component.span,
+                    hint=nearest(name, ATTRIBUTES),
+                )
+        made = Variable(
+            component.name, instance, dims, component, member.scope, member.protected, resolved.base, modifier
+        )
+        made.connector = resolved.kind == "connector" or _in_connector(instance)
+        causality = component.causality or next((s.causality for s, _ in resolved.steps if s.causality), "")
+        made.causality = causality
+        made.flow = component.flow
+        made.output = causality == "output" and instance.parent is None
+        variability = component.variability or _of_record(instance)
+        if variability == "constant":
+            made.kind = Kind.CONSTANT
+        elif variability == "parameter":
+            made.kind = Kind.PARAMETER
+        elif causality == "input" and instance.parent is None:
+            made.kind = Kind.INPUT
+        elif variability == "discrete" or resolved.base.name != "Real":
+            if variability or causality or modifier.value is None:
+                plain = not variability and not causality
+                raise at_events_only(made, "give it a value here that depends on parameters only" if plain else "")
+            made.kind, made.computed = Kind.PARAMETER, True
+        return made
+
+    def _instance(self, instance, component, member: Member, resolved: Resolved, modifier: Modifier, dims) -> Instance:
+        cls = resolved.base
+        if resolved.kind not in PART_KINDS or cls.kind not in PART_KINDS:
+            raise Wrong("E0223", f"'{resolved.name}' is a {cls.kind} and cannot be used as a part", component.type.span)
+        if cls.definition.partial:
+            raise Wrong(
+                "E0209",
+                f"'{resolved.name}' is partial: a model must extend it before there can be a part of it",
+                component.type.span,
+            )
+        around: Instance | None = instance
+        while around is not None:
+            if around.cls is cls:
+                raise Wrong("E0208", f"'{cls.name}' contains itself as '{component.name}'", component.span,
+                            hint="a class cannot be made of itself; an array has many parts of a kind")  # fmt: skip
+            around = around.parent
+        if modifier.value is not None:
+            modifier = record_fields(component.name, cls, modifier)
+        return Instance(
+            component.name, instance, dims, component, member.scope, member.protected, cls, cls.kind, modifier
+        )
+
+    # ------------------------------------------------------------------------- messages
+
+    def say_once(self, code: str, message: str, span, **more) -> None:
+        """A warning that is given once for each place."""
+        if self.not_said(code, span):
+            self.report.warning(code, message, span, **more)
+
+    def not_said(self, code: str, span: Span) -> bool:
+        """Whether this is the first time that something is to be said of a place; from now on it counts as said."""
+        key = (code, id(span.source), span.start)
+        first = key not in self.said
+        self.said.add(key)
+        return first
+
+
+def _elements_hint(table: Mapping[str, object]) -> str:
+    names = [n for n, m in table.items() if isinstance(m, Member) and m.component.variability == "parameter"]
+    return f"its parameters are {', '.join(names)}" if names else ""
+
+
+def _in_connector(instance: Instance | None) -> bool:
+    while instance is not None:
+        if instance.connector:
+            return True
+        instance = instance.parent if instance.kind == "record" else None
+    return False
+
+
+def _of_record(instance: Instance | None) -> str:
+    """The variability that a record gives to its fields: `parameter` before a record makes all of them parameters."""
+    while instance is not None and instance.kind == "record":
+        if instance.component.variability:
+            return instance.component.variability
+        instance = instance.parent
+    return ""
+
+
+def require_boolean(value: Value, expression: tree.Expression) -> None:
+    """A condition must be a Boolean scalar."""
+    if value.type != "Boolean" or value.dims:
+        found = f"an array of {value.type}" if value.dims else value.type
+        raise Wrong("E0301", "a condition must be true or false", expression.span, expected="Boolean", found=found)

@@ -1,0 +1,178 @@
+"""The instance tree: one node for each declared name, an array of parts included.
+
+A node stands for all elements of its array and of the arrays around it: `total` are the dimensions of its whole
+path. A chain of 10⁵ masses has one node `m`, and one for each variable inside it.
+"""
+
+from __future__ import annotations
+
+from math import prod
+
+from lmoc.ir.flat import Kind, StateSelect
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.modification import NOTHING, Binding, Modifier
+from lmoc.semantics.classes.predefined import Builtin
+from lmoc.semantics.classes.scope import Scope
+from lmoc.syntax import tree
+
+Path = tuple[tuple[str, tuple[int, ...]], ...]
+
+
+class Node:
+    """What a declared name stands for.
+
+    Attributes
+    ----------
+    dims : its own array dimensions
+    total : those of all parts around it, then its own
+    path : as of `flat.Block`; empty for the model itself
+    scope : the class whose text declares it
+    """
+
+    def __init__(
+        self,
+        name: str,
+        parent: Instance | None,
+        dims: tuple[int, ...],
+        component: tree.Component | None,
+        scope: Scope,
+        protected: bool = False,
+    ):
+        self.name = name
+        self.parent = parent
+        self.dims = dims
+        self.total: tuple[int, ...] = parent.total + dims if parent else dims
+        self.path: Path = (*parent.path, (name, dims)) if parent else ()
+        self.component = component
+        self.scope = scope
+        self.protected = protected
+
+    @property
+    def size(self) -> int:
+        return prod(self.total)
+
+    @property
+    def label(self) -> str:
+        """Dotted name for messages."""
+        return ".".join(name for name, _ in self.path)
+
+    @property
+    def span(self) -> Span | None:
+        return self.component.span if self.component else None
+
+    @property
+    def description(self) -> str:
+        return self.component.description if self.component else ""
+
+    @property
+    def name_span(self) -> Span | None:
+        return self.component.name_span if self.component else None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.label or '·'}{list(self.total) if self.total else ''})"
+
+
+class Variable(Node):
+    """A variable, or an array of them.
+
+    Attributes
+    ----------
+    attributes : start, unit, fixed, ... as they were given, outermost first
+    value : the binding, None where there is none
+    offset : index of its first variable in the flat model, once that is laid out
+    structural : its value has shaped the flat model
+    computed : no parameter, but of a type that changes at events only, and its value follows from parameters
+    """
+
+    def __init__(self, name, parent, dims, component, scope, protected, type_: Builtin, modifier: Modifier):
+        super().__init__(name, parent, dims, component, scope, protected)
+        self.type = type_
+        self.modifier = modifier
+        self.value: Binding | None = modifier.value
+        self.attributes: dict[str, Binding] = {k: m.value for k, m in modifier.inside.items() if m.value is not None}
+        self.kind = Kind.UNKNOWN
+        self.causality = ""
+        self.flow = False
+        self.connector = False
+        self.output = False
+        self.offset = -1
+        self.structural = False
+        self.computed = False
+        self.unit = ""
+        self.state_select = StateSelect.default
+
+    @property
+    def known(self) -> bool:
+        """A constant or a parameter."""
+        return self.kind <= Kind.PARAMETER
+
+    @property
+    def final(self) -> bool:
+        """A parameter that cannot be given another value."""
+        return self.kind == Kind.PARAMETER and (self.computed or self.modifier.final)
+
+    @property
+    def flow_from_outside(self) -> bool:
+        """A flow that connections outside its part give: that of a port, not of a protected connector."""
+        if not self.flow or self.kind != Kind.UNKNOWN:
+            return False
+        node: Node = self
+        while node is not self.parent.owner:
+            if node.protected:
+                return False
+            node = node.parent
+        return True
+
+
+class Instance(Node):
+    """An instance of a class with elements: the model, a part, a connector, a record."""
+
+    def __init__(self, name, parent, dims, component, scope, protected, cls: Scope, kind: str, modifier: Modifier):
+        super().__init__(name, parent, dims, component, scope, protected)
+        self.cls = cls
+        self.kind = kind
+        self.modifier = modifier
+        self.children: dict[str, Node] = {}
+        self.part = 0
+        # the part that a connector belongs to; a part itself
+        self.owner: Instance = parent.owner if parent and kind in ("connector", "record") else self
+
+    @property
+    def connector(self) -> bool:
+        return self.kind == "connector"
+
+    def variables(self) -> list[Variable]:
+        """All variables below, in order of declaration."""
+        found: list[Variable] = []
+        for child in self.children.values():
+            if child.parent is not self:
+                continue  # an outer element: it is listed where it stands
+            if isinstance(child, Variable):
+                found.append(child)
+            elif isinstance(child, Instance):
+                found += child.variables()
+        return found
+
+    def instances(self) -> list[Instance]:
+        """All instances below, in order of declaration, itself first."""
+        found = [self]
+        for child in self.children.values():
+            if isinstance(child, Instance) and child.parent is self:
+                found += child.instances()
+        return found
+
+
+class Absent(Node):
+    """A conditional component whose condition is false."""
+
+
+class Broken(Node):
+    """A declaration that is wrong, as has been said; whatever uses it is left out in silence."""
+
+    def __init__(self, name: str, parent: Instance, component: tree.Component, scope: Scope):
+        super().__init__(name, parent, (), component, scope)
+
+
+def root_instance(cls: Scope, modifier: Modifier = NOTHING) -> Instance:
+    """The instance of the model itself."""
+    return Instance(cls.name, None, (), None, cls, False, cls, cls.kind, modifier)

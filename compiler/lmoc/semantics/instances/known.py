@@ -1,0 +1,134 @@
+"""Values that are needed while the model is made: of parameters and constants that decide about its structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.flat import Kind
+from lmoc.semantics.classes.modification import Binding
+from lmoc.semantics.classes.overrides import element_positions, other_type
+from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.instances.instance import Variable
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.value import Value, from_numbers
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+if TYPE_CHECKING:
+    from lmoc.semantics.instances.elaboration import Elaboration
+
+ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
+
+
+class KnownValues:
+    """Computes each value when it is first asked for, and keeps it.
+
+    Parameters
+    ----------
+    elements : (subscripts, value) that the caller gave to single elements of arrays, by the array's path
+
+    Attributes
+    ----------
+    undetermined : variables of whose values it has been said that they are wrong
+    """
+
+    def __init__(self, model: Elaboration, elements: ElementValues):
+        self._model = model
+        self._elements = elements
+        self._numbers: dict[Variable, np.ndarray] = {}
+        self._evaluating: list[Variable] = []
+        self._constants: dict[int, Value] = {}
+        self._open_constants: list[tree.Expression] = []
+        self.undetermined: set[Variable] = set()
+
+    def numbers(self, variable: Variable) -> np.ndarray:
+        """The values of a parameter or constant, needed to shape the flat model: one for each of its elements."""
+        found = self._numbers.get(variable)
+        if found is not None:
+            return found
+        if variable in self._evaluating:
+            cycle = self._evaluating[self._evaluating.index(variable) :] + [variable]
+            raise Wrong(
+                "E0207", f"the value of '{variable.label}' depends on itself", variable.span,
+                found=" → ".join(v.label for v in cycle),
+            )  # fmt: skip
+        if variable in self.undetermined:
+            raise Wrong()
+        if variable.value is None:
+            raise Wrong(
+                "E0212",
+                f"'{variable.label}' decides about the structure of the model and needs a value",
+                variable.name_span,
+            )
+        self._evaluating.append(variable)
+        try:
+            found = self._evaluate(variable, variable.value)
+        except Wrong as wrong:
+            if variable.computed and wrong.code == "E0211":
+                raise at_events_only(variable, found="a value that changes") from None
+            raise
+        finally:
+            self._evaluating.pop()
+        variable.structural = variable.kind == Kind.PARAMETER
+        self._numbers[variable] = found
+        return found
+
+    def _evaluate(self, variable: Variable, binding: Binding) -> np.ndarray:
+        if binding.node is None and binding.scope is None:
+            numbers = np.asarray(binding.expression, float)
+            if numbers.shape not in ((), variable.total) or other_type(variable.type.name, numbers):
+                raise Wrong()  # reported with the values from outside
+            return np.broadcast_to(numbers, variable.total).ravel()
+        context, value = self.binding(binding)
+        numbers = np.asarray(context.known(value, binding.span, f"the value of '{variable.label}'"), float)
+        rank = context.space.rank
+        extra = variable.total[rank:]
+        alike = (*binding.alike, *(False,) * (len(extra) - len(binding.alike)))
+        open_axes = tuple(n for n, same in zip(extra, alike) if not same)
+        if value.dims not in ((), open_axes):
+            raise Wrong()  # reported with the declaration
+        numbers = numbers.reshape(numbers.shape + (1,) * (rank + len(value.dims) - numbers.ndim))
+        if value.dims:
+            at = tuple(np.newaxis if a else slice(None) for a in alike)
+            numbers = numbers[(slice(None),) * rank + at]
+        else:
+            numbers = numbers.reshape(numbers.shape + (1,) * len(extra))
+        found = np.broadcast_to(numbers, variable.total).ravel()
+        for subscripts, value in self._elements.get(tuple(n for n, _ in variable.path), ()):
+            where = element_positions(variable, subscripts)
+            if where is not None:
+                found = found.copy()
+                found[where] = value
+        return found
+
+    def binding(self, binding: Binding) -> tuple[Context, Value]:
+        """The meaning of a binding where it is written."""
+        context = Context(self._model, binding.node, binding.scope)
+        return context, context.value(binding.expression)
+
+    def constant(self, component: tree.Component, expression: tree.Expression, scope: Scope) -> Value:
+        """The value of a constant of a class, as numbers."""
+        found = self._constants.get(id(expression))
+        if found is None:
+            if any(expression is e for e in self._open_constants):
+                raise Wrong("E0207", f"the constant '{component.name}' depends on itself", component.span)
+            self._open_constants.append(expression)
+            try:
+                context = Context(self._model, None, scope)
+                value = context.value(expression)
+                if value.type != "String":
+                    numbers = context.alike(value, expression.span, f"the constant '{component.name}'")
+                    value = from_numbers(numbers, value.type)
+            finally:
+                self._open_constants.pop()
+            found = self._constants[id(expression)] = value
+        return found
+
+
+def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:
+    """What to say of a variable that only an event could change."""
+    message = f"'{variable.name}' changes at events only, and events are not available yet"
+    return Wrong("E0230", message, variable.span, hint=hint, found=found)

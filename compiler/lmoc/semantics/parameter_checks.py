@@ -1,0 +1,65 @@
+"""Assertions, and limits of parameters, that hold or not before anything moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.expression.evaluate import evaluate
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.messages.diagnostics import Report
+from lmoc.messages.ranges import over_range
+
+_SHOWN = 4  # so many values are told
+_HINT = "look for a division by zero, the root or logarithm of a negative number"
+
+
+def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
+    """Report each assertion of level error, over parameters alone, that their values break.
+
+    Parameters
+    ----------
+    flat : FlatDAE
+    values : (variables,) those of parameters and constants, NaN where there is none: what uses it is not judged
+    report : takes E0551, and W0537 for what has lost its value
+    """
+    warn_of_lost(flat, values, report)
+    for check in flat.checks:
+        timed = dag.depends_on_time(check.condition) or np.any(flat.kind[check.slots] > Kind.PARAMETER)
+        if timed or not check.error:
+            continue  # looked at along the run
+        used = values[check.slots]
+        holds = np.broadcast_to(evaluate(check.condition, lambda k, _, used=used: used[:, k]), len(used))
+        broken = np.flatnonzero((holds == 0) & ~np.isnan(used).any(axis=1))
+        if len(broken):
+            named = dict.fromkeys(int(i) for i in check.slots[broken[0]] if flat.kind[i] == Kind.PARAMETER)
+            found = ", ".join(f"{flat.variable_name(i)} = {values[i]:g}" for i in list(named)[:_SHOWN])
+            report.error("E0551", check.message, check.span, found=found)
+
+
+def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
+    """A binding without a finite value, though everything in it has one: 1/0, the root of a negative number."""
+    lost = ~np.isfinite(values) & (flat.kind <= Kind.PARAMETER)
+    if not lost.any():
+        return
+    given = given_without_value(flat, values)
+    for binding in flat.bindings:
+        if binding.numbers is not None:
+            continue
+        rows = np.flatnonzero(lost[binding.target] & ~lost[binding.slots].any(axis=1))
+        if len(rows):
+            variables = binding.target[rows]
+            names, value = [flat.variable_name(v) for v in variables.tolist()], values[variables[0]]
+            name = over_range(names) or f"{names[0]} (and {len(names) - 1} more bound there)"
+            if given[variables[0]]:
+                report.warning("W0537", f"the value given for {name} is not finite ({value})")
+            else:
+                report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
+
+
+def given_without_value(flat: FlatDAE, values: np.ndarray) -> np.ndarray:
+    """(variables,) mask of those without finite value that have one in the model: the caller has given another."""
+    mask = np.zeros(flat.count, bool)
+    for binding in flat.bindings:
+        mask[binding.target] = np.isfinite(binding.values(values)) & ~np.isfinite(values[binding.target])
+    return mask & (flat.kind <= Kind.PARAMETER)

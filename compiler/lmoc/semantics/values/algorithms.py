@@ -1,0 +1,251 @@
+"""Algorithms of functions, carried out once with shapes for values (Modelica specification, chapter 11).
+
+An assignment renames, a loop over known numbers is unrolled, an `if` over a variable becomes an if-expression for every
+variable that its branches assign.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lmoc.messages.diagnostics import Label, nearest
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.values.constructors import iteration
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
+from lmoc.semantics.values.value import Value, number, stack
+from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.syntax import tree
+
+MAX_ITERATIONS = 10_000
+
+
+@dataclass(frozen=True)
+class LocalVariable:
+    """A declared variable of a function."""
+
+    member: Member
+    type: str
+    role: str  # input, output, "" for a local one
+
+
+class _Leave(Exception):
+    """`return` or `break`."""
+
+
+class _Return(_Leave):
+    pass
+
+
+class _Break(_Leave):
+    pass
+
+
+@dataclass(frozen=True, eq=False)
+class Algorithm:
+    """The statements of one call of a function.
+
+    Attributes
+    ----------
+    function : its class
+    call : where it is called
+    declared : its variables, by name
+    values : what they are so far: first the inputs, at the end the outputs as well
+    context : where its statements stand
+    call_all : gives all results of a call inside it
+    """
+
+    function: Scope
+    call: tree.Call
+    declared: dict[str, LocalVariable]
+    values: dict[str, Value]
+    context: Context
+    call_all: Callable[[Context, tree.Call], list[Value]]
+
+    def run(self) -> None:
+        """Carry it out, on `values`."""
+        for name, variable in self.declared.items():
+            if variable.role != "input":
+                self._initialize(name, variable)
+        try:
+            for scope in self.function.lineage():
+                self._statements(scope.definition.statements)
+        except _Return:
+            return
+
+    def _initialize(self, name: str, variable: LocalVariable) -> None:
+        component = variable.member.component
+        default = component.modification.value if component.modification else None
+        if default is not None:
+            self.values[name] = self.context.value(default)
+        elif component.dimensions:
+            what = f"the size of '{name}'"
+            sizes = [d for d in component.dimensions if not isinstance(d, tree.Colon)]
+            dims = [self.context.whole(self.context.value(d), d.span, what) for d in sizes]
+            check_size(math.prod(dims), f"'{name}'", component.span)
+            value = number(float("nan"), variable.type)  # used before it is assigned: found where it is used
+            for size in reversed(dims):
+                value = stack([value] * size)
+            self.values[name] = value
+
+    def _statements(self, statements: tuple[tree.Statement, ...]) -> None:
+        for statement in statements:
+            self._statement(statement)
+
+    def _statement(self, s: tree.Statement) -> None:
+        if isinstance(s, tree.Assignment):
+            self._assign(s)
+        elif isinstance(s, tree.IfStatement):
+            self._if(s)
+        elif isinstance(s, tree.ForStatement):
+            self._for(s, 0)
+        elif isinstance(s, tree.WhileStatement):
+            self._while(s)
+        elif isinstance(s, tree.Return):
+            raise _Return
+        elif isinstance(s, tree.Break):
+            raise _Break
+        elif isinstance(s, tree.CallStatement) and str(s.call.function) == "assert":
+            self._assert(s)
+        else:
+            raise Wrong("E0230", "this statement is not available in functions yet", s.span)
+
+    def _assert(self, s: tree.CallStatement) -> None:
+        """Looked at here where the condition is known; what changes while it runs is not."""
+        given = dict(zip(("condition", "message"), s.call.arguments)) | dict(s.call.named)
+        if "condition" not in given or "message" not in given:
+            raise Wrong("E0217", "'assert' needs a condition and a message", s.span)
+        condition, message = (self.context.value(given[name]) for name in ("condition", "message"))
+        if condition.type != "Boolean" or condition.dims:
+            raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
+        if not condition.expr.is_const:
+            self.context.model.say_once("W0229", "this assertion is not looked at while it runs", s.span,
+                                        hint="write it in the model that calls the function")  # fmt: skip
+        elif not condition.expr.value:
+            raise Wrong("E0222", f"'{self.function.name}' does not take this: {message.text}", self.call.span,
+                        labels=(Label(s.span, "this assertion does not hold"),))  # fmt: skip
+
+    def _assign(self, s: tree.Assignment) -> None:
+        if isinstance(s.target, tree.Ref):
+            self._store(s.target, self.context.value(s.value), s.span)
+            return
+        if not isinstance(s.value, tree.Call):
+            raise Wrong("E0301", "several variables are assigned from a function call only", s.span)
+        results = self.call_all(self.context, s.value)
+        if len(s.target.items) > len(results):
+            raise Wrong("E0217", f"'{s.value.function}' has {len(results)} results", s.span)
+        for target, value in zip(s.target.items, results):
+            if target is not None:
+                self._store(target, value, s.span)
+
+    def _store(self, target: tree.Ref, value: Value, span: Span) -> None:
+        name = target.parts[0].name
+        variable = self.declared.get(name)
+        if variable is None or len(target.parts) > 1:
+            raise Wrong("E0201", f"'{target}' is not a variable of the function", target.span,
+                        hint=nearest(name, self.declared))  # fmt: skip
+        if variable.role == "input":
+            raise Wrong("E0222", f"the input '{name}' cannot be assigned", span)
+        if value.type != variable.type and {value.type, variable.type} - {"Real", "Integer"}:
+            raise Wrong("E0301", f"'{name}' is of type {variable.type}", span, expected=variable.type, found=value.type)
+        subscripts = target.parts[0].subscripts
+        if not subscripts:
+            old = self.values.get(name)
+            if old is not None and old.dims != value.dims and not _open_size(variable):
+                raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
+            self.values[name] = value
+            return
+        if name not in self.values:
+            raise Wrong("E0216", f"'{name}' is not an array that has been given a size", target.span)
+        places = []
+        for subscript in subscripts:
+            places.append(self.context.whole(self.context.value(subscript), subscript.span, "a subscript", 1) - 1)
+        self.values[name] = self._replaced(self.values[name], places, value, target)
+
+    def _replaced(self, array: Value, places: list[int], value: Value, target: tree.Ref) -> Value:
+        if not places:
+            return value
+        if not array.dims:
+            raise Wrong("E0216", f"'{target.parts[0].name}' has fewer dimensions", target.span)
+        if not 0 <= places[0] < array.dims[0]:
+            raise Wrong("E0215", f"index {places[0] + 1} of '{target.parts[0].name}' is out of range", target.span,
+                        expected=f"1 … {array.dims[0]}")  # fmt: skip
+        items = self.context.arrays.elements(array)
+        items[places[0]] = self._replaced(items[places[0]], places[1:], value, target)
+        return stack(items)
+
+    def _if(self, s: tree.IfStatement) -> None:
+        """Each branch runs on a copy of the values; where the condition is open, if-expressions join them."""
+        for k, (condition_tree, body) in enumerate(s.branches):
+            condition = self.context.value(condition_tree)
+            if condition.type != "Boolean" or condition.dims:
+                raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=condition.type)
+            if condition.expr.is_const:
+                if condition.expr.value:
+                    self._statements(body)
+                    return
+                continue
+            warn_kink(self.context, "this if-statement", condition_tree.span, condition)
+            rest = tree.IfStatement(s.branches[k + 1 :], s.otherwise, s.span)
+            self._branch(condition, body, (rest,) if rest.branches else s.otherwise, condition_tree.span)
+            return
+        self._statements(s.otherwise)
+
+    def _branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
+        before = dict(self.values)
+        results = []
+        for body in (then, otherwise):
+            self.values.clear()
+            self.values.update(before)
+            try:
+                self._statements(body)
+            except _Leave:
+                raise Wrong(
+                    "E0222", "'return' and 'break' need a condition that is known when compiling", span
+                ) from None
+            results.append(dict(self.values))
+        first, second = results
+        self.values.clear()
+        for name in first:
+            if name in second:
+                same = first[name] is second[name]
+                self.values[name] = (
+                    first[name] if same else choose(self.context, condition, first[name], second[name], span)
+                )
+
+    def _for(self, s: tree.ForStatement, k: int) -> None:
+        if k == len(s.indices):
+            self._statements(s.body)
+            return
+        index = s.indices[k]
+        numbers, type_ = iteration(self.context, index, s.body)
+        if len(numbers) > MAX_ITERATIONS:
+            raise Wrong("E0222", f"the loop over '{index.name}' is too long to unroll", index.span)
+        hidden = self.values.get(index.name)
+        for x in numbers:
+            self.values[index.name] = number(x, type_)
+            try:
+                self._for(s, k + 1)
+            except _Break:
+                break
+        self.values.pop(index.name, None)
+        if hidden is not None:
+            self.values[index.name] = hidden
+
+    def _while(self, s: tree.WhileStatement) -> None:
+        for _ in range(MAX_ITERATIONS):
+            condition = self.context.value(s.condition)
+            if not self.context.scalar(condition, s.condition.span, "the condition of 'while'"):
+                return
+            try:
+                self._statements(s.body)
+            except _Break:
+                return
+        raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} rounds", s.condition.span)
+
+
+def _open_size(variable: LocalVariable) -> bool:
+    return any(isinstance(d, tree.Colon) for d in variable.member.component.dimensions)

@@ -1,0 +1,376 @@
+"""The predefined functions (Modelica specification, 3.7 and 10.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import prod
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.expression.calculus import total_derivative
+from lmoc.semantics.instances.instance import Node
+from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, join
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.reference import find_start, locate
+from lmoc.semantics.values.translate import changes, choose, matrix_product, need_number, sizes_differ, warn_kink
+from lmoc.semantics.values.value import Value, common_type, number, stack, text
+from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.syntax import tree
+
+Handler = Callable[[Context, tree.Call], Value]
+BUILTIN_FUNCTIONS: dict[str, Handler] = {}
+
+SMOOTH = "sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10".split()
+KINKED = {"abs": "abs", "sign": "sign", "floor": "floor", "ceil": "ceil", "integer": "integer"}
+EVENTS = "pre edge change sample reinit terminate initial terminal delay spatialDistribution".split()
+
+
+def builtin(*names: str):
+    """Register the function that translates calls of these names."""
+
+    def register(function: Handler) -> Handler:
+        for name in names:
+            BUILTIN_FUNCTIONS[name] = function
+        return function
+
+    return register
+
+
+def arguments(context: Context, call: tree.Call, low: int, high: int | None = None) -> list[Value]:
+    """The values of positional arguments, of which there must be so many."""
+    high = low if high is None else high
+    name, count = str(call.function), len(call.arguments)
+    if call.named:
+        raise Wrong("E0217", f"'{name}' takes no named arguments", call.span)
+    if not low <= count <= high:
+        expected = str(low) if low == high else f"{low} to {high}"
+        raise Wrong("E0217", f"'{name}' is called with {count} argument{'s' * (count != 1)}", call.span,
+                    expected=expected, found=str(count))  # fmt: skip
+    return [context.value(a) for a in call.arguments]
+
+
+def numbers(context: Context, call: tree.Call, low: int, high: int | None = None) -> list[Value]:
+    """As `arguments`, where all of them must be numbers."""
+    values = arguments(context, call, low, high)
+    for value, place in zip(values, call.arguments):
+        need_number(value, place.span)
+    return values
+
+
+# ------------------------------------------------------------------- element by element
+
+
+@builtin(*SMOOTH)
+def _smooth(context: Context, call: tree.Call) -> Value:
+    (x,) = numbers(context, call, 1)
+    name = call.function.parts[0].name
+    return context.arrays.map(lambda e: dag.function(name, e), x)
+
+
+@builtin(*KINKED)
+def _kinked(context: Context, call: tree.Call) -> Value:
+    (x,) = numbers(context, call, 1)
+    name = call.function.parts[0].name
+    warn_kink(context, f"{name}(…)", call.span, x)
+    type_ = "Integer" if name in ("integer", "sign") or x.type == "Integer" and name == "abs" else "Real"
+    return context.arrays.map(lambda e: dag.function(name, e), x, type=type_)
+
+
+@builtin("atan2", "mod", "rem", "div")
+def _two_arguments(context: Context, call: tree.Call) -> Value:
+    x, y = numbers(context, call, 2)
+    if x.dims and y.dims and x.dims != y.dims:
+        raise sizes_differ("the arguments", x.dims, y.dims, call.span)
+    name = call.function.parts[0].name
+    if name != "atan2":
+        warn_kink(context, f"{name}(…)", call.span, x, y)
+    op = "div_integer" if name == "div" else name
+    type_ = "Real" if name == "atan2" else common_type((x, y))
+    return context.arrays.map(lambda a, b: dag.function(op, a, b), x, y, type=type_)
+
+
+@builtin("min", "max")
+def _extreme(context: Context, call: tree.Call) -> Value:
+    name = call.function.parts[0].name
+    values = numbers(context, call, 1, 2)
+    warn_kink(context, f"{name}(…)", call.span, *values)
+    if len(values) == 2:
+        x, y = values
+        if x.dims or y.dims:
+            raise Wrong("E0302", f"'{name}' of two arguments takes single values", call.span)
+        return Value(dag.function(name, x.expr, y.expr), (), common_type(values))
+    scalars = context.arrays.scalars(values[0])
+    if not scalars:
+        raise Wrong("E0302", f"'{name}' of an empty array", call.span)
+    result = scalars[0].expr
+    for item in scalars[1:]:
+        result = dag.function(name, result, item.expr)
+    return Value(result, (), values[0].type)
+
+
+@builtin("semiLinear")
+def _semi_linear(context: Context, call: tree.Call) -> Value:
+    x, positive, negative = numbers(context, call, 3)
+    if x.dims or positive.dims or negative.dims:
+        raise Wrong("E0302", "'semiLinear' takes single values", call.span)
+    warn_kink(context, "semiLinear(…)", call.span, x)
+    condition = Value(dag.function("ge", x.expr, dag.ZERO), (), "Boolean")
+    slope = choose(context, condition, positive, negative, call.span)
+    return Value(dag.mul(slope.expr, x.expr))
+
+
+@builtin("noEvent")
+def _no_event(context: Context, call: tree.Call) -> Value:
+    return _quietly(context, lambda: arguments(context, call, 1)[0])
+
+
+@builtin("smooth")
+def _smooth_order(context: Context, call: tree.Call) -> Value:
+    return _quietly(context, lambda: arguments(context, call, 2)[1])
+
+
+@builtin("homotopy")
+def _homotopy(context: Context, call: tree.Call) -> Value:
+    actual = call.arguments[:1] or tuple(e for name, e in call.named if name == "actual")
+    if not actual:
+        raise Wrong("E0217", "'homotopy' needs an actual expression", call.span)
+    return context.value(actual[0])
+
+
+def _quietly(context: Context, make: Callable[[], Value]) -> Value:
+    context.quiet += 1
+    try:
+        return make()
+    finally:
+        context.quiet -= 1
+
+
+# -------------------------------------------------------------------------- derivatives
+
+
+@builtin("der")
+def _der(context: Context, call: tree.Call) -> Value:
+    (x,) = arguments(context, call, 1)
+    need_number(x, call.span)
+    return derivative(context, x, call)
+
+
+def derivative(context: Context, value: Value, call: tree.Call) -> Value:
+    """The derivative by time, element by element."""
+    if value.items is not None:
+        items = tuple(derivative(context, v, call) for v in value.items)
+        return Value(None, value.dims, "Real", items)
+    columns = {leaf.value[0] for leaf in dag.slots(value.expr)}
+    constant = context.leaves.known(columns)
+    if value.expr.op == "slot" and constant:
+        name = str(call.arguments[0])
+        raise Wrong("E0309", f"'{name}' does not change in time: it has no derivative", call.span,
+                    hint="der() is meant for variables")  # fmt: skip
+    return Value(total_derivative(value.expr, constant), value.dims)
+
+
+# --------------------------------------------------------------------------------- sizes
+
+
+@builtin("size")
+def _size(context: Context, call: tree.Call) -> Value:
+    if call.named or not 1 <= len(call.arguments) <= 2:
+        raise Wrong("E0217", "'size' takes an array and perhaps an axis", call.span)
+    dims = _dims(context, call.arguments[0])
+    if len(call.arguments) == 1:
+        return stack([number(n, "Integer") for n in dims], type="Integer")
+    k = context.whole(context.value(call.arguments[1]), call.arguments[1].span, "an axis", 1)
+    if k > len(dims):
+        raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(dims)}")
+    return number(dims[k - 1], "Integer")
+
+
+def _dims(context: Context, e: tree.Expression) -> tuple[int, ...]:
+    """The dimensions of a value, or of an array of parts."""
+    if isinstance(e, tree.Ref) and e.parts[0].name not in context.names:
+        start = find_start(context, e)
+        if isinstance(start, Node):
+            return locate(context, e, start).dims
+    return context.value(e).dims
+
+
+@builtin("ndims")
+def _ndims(context: Context, call: tree.Call) -> Value:
+    if len(call.arguments) != 1:
+        raise Wrong("E0217", "'ndims' takes one array", call.span)
+    return number(len(_dims(context, call.arguments[0])), "Integer")
+
+
+@builtin("scalar")
+def _scalar(context: Context, call: tree.Call) -> Value:
+    (x,) = arguments(context, call, 1)
+    if prod(x.dims) != 1:
+        raise sizes_differ("the argument of 'scalar'", (1,), x.dims, call.span)
+    return context.arrays.scalars(x)[0]
+
+
+@builtin("vector")
+def _vector(context: Context, call: tree.Call) -> Value:
+    (x,) = arguments(context, call, 1)
+    return x if len(x.dims) == 1 else stack(context.arrays.scalars(x))
+
+
+@builtin("transpose")
+def _transpose(context: Context, call: tree.Call) -> Value:
+    (x,) = arguments(context, call, 1)
+    if len(x.dims) != 2:
+        raise Wrong("E0302", "'transpose' takes a matrix", call.span)
+    return context.arrays.transpose(x)
+
+
+# ---------------------------------------------------------------------------- reductions
+
+
+def _reduced(context: Context, call: tree.Call) -> Value:
+    """The array in ``sum(array)``, ``sum(e for i in r)`` and the same for products."""
+    if len(call.arguments) == 1 and isinstance(call.arguments[0], tree.Comprehension):
+        return comprehension(context, call.arguments[0])
+    (array,) = arguments(context, call, 1)
+    need_number(array, call.span)
+    return array
+
+
+@builtin("sum")
+def _sum(context: Context, call: tree.Call) -> Value:
+    array = _reduced(context, call)
+    if changes(context, array) and context.model.long_sums.fits(context, array):
+        return context.model.long_sums.add(context, array, call.span)
+    return Value(context.arrays.fold(dag.add, array, dag.ZERO), (), array.type)
+
+
+@builtin("product")
+def _product(context: Context, call: tree.Call) -> Value:
+    array = _reduced(context, call)
+    return Value(context.arrays.fold(dag.mul, array, dag.ONE), (), array.type)
+
+
+# -------------------------------------------------------------------------- constructors
+
+
+def _size_of_array(context: Context, value: Value, place: tree.Expression, axes: int = 1) -> int:
+    n = context.whole(value, place.span, "a size")
+    check_size(n**axes, "this array", place.span)
+    return n
+
+
+def _filled(value: Value, dims: list[int]) -> Value:
+    if value.uniform and not value.dims and value.type != "String":
+        return Value(value.expr, tuple(dims), value.type)
+    for n in reversed(dims):
+        value = stack([value] * n, value.dims, value.type)
+    return value
+
+
+@builtin("zeros", "ones")
+def _constant_array(context: Context, call: tree.Call) -> Value:
+    sizes = arguments(context, call, 1, 9)
+    dims = [_size_of_array(context, v, e) for v, e in zip(sizes, call.arguments)]
+    check_size(prod(dims), "this array", call.span)
+    return _filled(number(call.function.parts[0].name == "ones", "Integer"), dims)
+
+
+@builtin("fill")
+def _fill(context: Context, call: tree.Call) -> Value:
+    value, *sizes = arguments(context, call, 2, 9)
+    dims = [_size_of_array(context, v, e) for v, e in zip(sizes, call.arguments[1:])]
+    check_size(prod(dims), "this array", call.span)
+    return _filled(value, dims)
+
+
+@builtin("linspace")
+def _linspace(context: Context, call: tree.Call) -> Value:
+    a, b, count = numbers(context, call, 3)
+    n = _size_of_array(context, count, call.arguments[2])
+    if n < 2:
+        raise Wrong("E0301", "'linspace' needs at least 2 points", call.arguments[2].span, found=str(n))
+    steps = np.arange(n) / (n - 1)
+    if n > LARGE:
+        weight = column_of_numbers(context, steps, "Real")
+    else:
+        weight = stack([number(w) for w in steps])
+    return context.arrays.map(lambda x, y, w: dag.add(x, dag.mul(dag.sub(y, x), w)), a, b, weight)
+
+
+@builtin("identity")
+def _identity(context: Context, call: tree.Call) -> Value:
+    (size,) = arguments(context, call, 1)
+    n = _size_of_array(context, size, call.arguments[0], 2)
+    return stack([stack([number(i == j, "Integer") for j in range(n)]) for i in range(n)])
+
+
+@builtin("diagonal")
+def _diagonal(context: Context, call: tree.Call) -> Value:
+    (x,) = numbers(context, call, 1)
+    items = context.arrays.scalars(x)
+    zero = number(0)
+    return stack([stack([v if i == j else zero for j in range(len(items))]) for i, v in enumerate(items)])
+
+
+@builtin("cross")
+def _cross(context: Context, call: tree.Call) -> Value:
+    x, y = numbers(context, call, 2)
+    if x.dims != (3,) or y.dims != (3,):
+        raise sizes_differ("the arguments of 'cross'", x.dims, y.dims, call.span)
+    a, b = ([s.expr for s in context.arrays.scalars(v)] for v in (x, y))
+    return stack([Value(a[i] * b[j] - a[j] * b[i]) for i, j in ((1, 2), (2, 0), (0, 1))])
+
+
+@builtin("outerProduct")
+def _outer_product(context: Context, call: tree.Call) -> Value:
+    x, y = numbers(context, call, 2)
+    if len(x.dims) != 1 or len(y.dims) != 1:
+        raise Wrong("E0302", "'outerProduct' takes two vectors", call.span)
+    column = stack([stack([v]) for v in context.arrays.scalars(x)])
+    return matrix_product(context, column, stack([y]), call.span)
+
+
+@builtin("cat")
+def _cat(context: Context, call: tree.Call) -> Value:
+    axis, *parts = arguments(context, call, 2, 99)
+    if context.scalar(axis, call.arguments[0].span, "an axis") != 1:
+        raise Wrong("E0230", "'cat' joins along the first axis so far", call.span)
+    for part, place in zip(parts, call.arguments[1:]):
+        if not part.dims:
+            raise Wrong("E0302", "'cat' joins arrays", place.span, expected="an array", found="a scalar")
+    items, spans = [], []
+    for part, place in zip(parts, call.arguments[1:]):
+        items += context.arrays.elements(part)
+        spans += [place.span] * part.dims[0]
+    return join(context, items, spans) if items else parts[0]
+
+
+# --------------------------------------------------------------------------- conversions
+
+
+@builtin("Integer")
+def _to_integer(context: Context, call: tree.Call) -> Value:
+    (x,) = arguments(context, call, 1)
+    if x.type in ("Real", "Boolean", "String"):
+        raise Wrong("E0301", "'Integer' takes a literal of an enumeration", call.arguments[0].span, found=x.type,
+                    hint="integer(x) rounds down" if x.type == "Real" else "")  # fmt: skip
+    return Value(x.expr, x.dims, "Integer", x.items)
+
+
+@builtin("String")
+def _to_string(context: Context, call: tree.Call) -> Value:
+    if not call.arguments:
+        raise Wrong("E0217", "'String' needs a value", call.span)
+    x = context.value(call.arguments[0])
+    if x.type == "String":
+        return x
+    if x.type == "Boolean":
+        return text("true" if context.scalar(x, call.span, "a text") else "false")
+    if changes(context, x):
+        return text(f"({call.arguments[0].span.text})")  # its value is not known when the text is made
+    return text(f"{context.scalar(x, call.span, 'a text'):g}")
+
+
+@builtin(*EVENTS)
+def _later(context: Context, call: tree.Call) -> Value:
+    raise Wrong("E0230", f"'{call.function}' belongs to events, which are not available yet", call.span)

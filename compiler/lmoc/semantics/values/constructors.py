@@ -1,0 +1,125 @@
+"""Arrays written out, ranges, and what an iteration variable goes through (Modelica specification, 10.4, 11.2.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.messages.source import Span
+from lmoc.semantics.values.context import Context, translates
+from lmoc.semantics.values.implied_range import implied_length
+from lmoc.semantics.values.translate import MAX_UNROLLED, sizes_differ
+from lmoc.semantics.values.value import Value, common_type, number, stack
+from lmoc.semantics.wrong import NotAlike, NotOneGroup, Wrong, check_size
+from lmoc.syntax import tree
+
+LARGE = 16  # a longer array of numbers becomes a column of them rather than a shape each
+
+
+@translates(tree.Array)
+def _array(context: Context, e: tree.Array) -> Value:
+    if not e.items:
+        raise Wrong("E0302", "an array constructor needs at least one element", e.span)
+    items = [context.value(item) for item in e.items]
+    return join(context, items, [item.span for item in e.items])
+
+
+def join(context: Context, items: list[Value], spans: list[Span]) -> Value:
+    """Values of one size along a new first axis."""
+    for item, span in zip(items, spans):
+        if item.dims != items[0].dims:
+            raise sizes_differ("the elements of an array", items[0].dims, item.dims, span)
+        if item.type != items[0].type and {item.type, items[0].type} - {"Real", "Integer"}:
+            raise Wrong("E0301", "the elements of an array differ in type", span,
+                        expected=items[0].type, found=item.type)  # fmt: skip
+    if len(items) > LARGE and all(v.expr is not None and v.expr.is_const and not v.dims for v in items):
+        return column_of_numbers(context, np.array([v.expr.value for v in items]), common_type(items))
+    return stack(items)
+
+
+def column_of_numbers(context: Context, numbers: np.ndarray, type_: str) -> Value:
+    """A vector of known numbers, alike in all rows, as one uniform value."""
+    array = numbers.reshape((1,) * context.space.rank + numbers.shape)
+    return Value(context.leaves.slot(None, array), numbers.shape, type_)
+
+
+@translates(tree.Matrix)
+def _matrix(context: Context, e: tree.Matrix) -> Value:
+    rows = []
+    for row in e.rows:
+        items = [context.value(item) for item in row]
+        if any(item.dims for item in items):
+            raise Wrong("E0230", "matrices are built from single values so far", e.span, hint="use {{…}, {…}}")
+        rows.append(join(context, items, [item.span for item in row]))
+    return join(context, rows, [row[0].span for row in e.rows])
+
+
+@translates(tree.Range)
+def _range(context: Context, e: tree.Range) -> Value:
+    numbers, type_ = range_numbers(context, e)
+    if len(numbers) > LARGE:
+        return column_of_numbers(context, numbers, type_)
+    return stack([number(x, type_) for x in numbers], type=type_)
+
+
+def range_numbers(context: Context, e: tree.Range) -> tuple[np.ndarray, str]:
+    """The numbers of ``a:b`` or ``a:step:b`` (10.4.3), and their type."""
+    ends = [e.start, e.stop] if e.step is None else [e.start, e.stop, e.step]
+    values = [context.value(x) for x in ends]
+    for value, x in zip(values, ends):
+        if value.dims or value.type == "String":
+            raise Wrong("E0301", "the ends of a range must be numbers", x.span)
+    a, b, *steps = (context.scalar(v, x.span, "a range") for v, x in zip(values, ends))
+    step = steps[0] if steps else 1.0
+    if step == 0:
+        raise Wrong("E0301", "the step of a range must not be zero", e.step.span)
+    rounds = np.floor((b - a) / step + 1e-10) if a != b else 0.0
+    if not np.isfinite([a, b, step, rounds]).all():
+        raise Wrong("E0301", "the ends of a range must be finite", e.span, found=f"{a:g} … {b:g}")
+    count = int(rounds) + 1
+    check_size(count, "this range", e.span)
+    return a + step * np.arange(max(count, 0)), common_type(values)
+
+
+def iteration(context: Context, index: tree.ForIndex, body: object) -> tuple[np.ndarray, str]:
+    """The numbers that an iteration variable goes through; where no range is written, the body tells it."""
+    if index.range is None:
+        return 1.0 + np.arange(implied_length(context, index, body)), "Integer"
+    if isinstance(index.range, tree.Range):
+        return range_numbers(context, index.range)
+    value = context.value(index.range)
+    if len(value.dims) != 1:
+        raise Wrong("E0301", f"'{index.name}' must go through a vector", index.range.span)
+    return context.alike(value, index.range.span, "a range"), value.type
+
+
+@translates(tree.Comprehension)
+def comprehension(context: Context, e: tree.Comprehension) -> Value:
+    """``{element for i in r, j in s}``: the last index is the outermost array (10.4.1.1)."""
+    return _comprehend(context, e, len(e.indices) - 1)
+
+
+def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
+    if k < 0:
+        return context.value(e.element)
+    index = e.indices[k]
+    numbers, type_ = iteration(context, index, e.element)
+    if len(numbers) > LARGE:
+        try:
+            return _comprehend_at_once(context, e, k, numbers, type_)
+        except NotOneGroup:
+            if len(numbers) > MAX_UNROLLED:
+                raise
+    inner = [_comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers]
+    return stack(inner) if inner else Value(None, (0,), "Real", ())
+
+
+def _comprehend_at_once(context: Context, e: tree.Comprehension, k: int, numbers: np.ndarray, type_: str) -> Value:
+    """All elements as one shape, with the iteration variable as a column of numbers."""
+    index = e.indices[k]
+    rank = context.space.rank
+    leaf = context.leaves.slot(None, numbers.reshape((1,) * rank + numbers.shape))
+    space = context.space.with_axis(len(numbers))
+    value = _comprehend(context.within(space, {index.name: Value(leaf, (), type_)}), e, k - 1)
+    if not value.uniform:
+        raise NotAlike("the form", e.span)
+    return Value(value.expr, (len(numbers), *value.dims), value.type)

@@ -1,0 +1,165 @@
+"""Where an expression stands: whose class, which rows, which iteration variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.ir.flat import Block, Kind
+from lmoc.messages.diagnostics import Label
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.instances.instance import Instance
+from lmoc.semantics.values.rows import Index, Leaves, Space, whole_space
+from lmoc.semantics.values.value import Arrays, Value
+from lmoc.semantics.wrong import NotAlike, Wrong
+
+if TYPE_CHECKING:
+    from lmoc.semantics.instances.elaboration import Elaboration
+    from lmoc.syntax import tree
+
+# how each kind of syntax node is translated; the modules of the translation fill it
+TRANSLATORS: dict[type, Callable[[Context, object], Value]] = {}
+
+
+def translates(*kinds: type):
+    """Register the function that gives the value of these syntax nodes."""
+
+    def register(function):
+        for kind in kinds:
+            TRANSLATORS[kind] = function
+        return function
+
+    return register
+
+
+class Context:
+    """The surroundings of an expression.
+
+    Attributes
+    ----------
+    model : the elaboration that this is part of
+    node : the instance whose names can be used; None inside packages and functions
+    scope : the class whose text this is
+    space : the rows
+    leaves : the columns of the group in the making
+    names : iteration variables and, in a function, its variables
+    quiet : how many noEvent() or smooth() stand around: kinks are intended
+    choices : branches that these rows take, by the identity of the if-expression
+    depth : of function calls
+    end : what `end` means in the subscript being read
+    """
+
+    __slots__ = ("model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "choices", "depth", "end")
+
+    def __init__(
+        self,
+        model: Elaboration,
+        node: Instance | None,
+        scope: Scope,
+        space: Space | None = None,
+        leaves: Leaves | None = None,
+        names: dict[str, Value] | None = None,
+        quiet: int = 0,
+    ):
+        self.model = model
+        self.node = node
+        self.scope = scope
+        self.space = whole_space(node.total if node else ()) if space is None else space
+        self.leaves = Leaves() if leaves is None else leaves
+        self.names = {} if names is None else names
+        self.arrays = Arrays(self.leaves, self.space.rank)
+        self.quiet = quiet
+        self.choices: dict[int, int] = {}
+        self.depth = 0
+        self.end: int | None = None
+
+    def value(self, expression: tree.Expression) -> Value:
+        """The meaning of an expression here."""
+        return TRANSLATORS[type(expression)](self, expression)
+
+    def within(self, space: Space, names: dict[str, Value]) -> Context:
+        """The same place with another space and further names."""
+        inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
+        inner.depth, inner.choices = self.depth, self.choices
+        return inner
+
+    def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
+        """The body of a function: it sees its own names only."""
+        return Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
+
+    # ------------------------------------------------------------ known when compiling
+
+    def known(self, value: Value, span: Span, what: str = "this") -> np.ndarray | float:
+        """The numbers of a value that must be known when compiling, over the axes of the space and then its own."""
+        if value.type == "String":
+            raise Wrong("E0301", f"{what} must be a number, not a text", span)
+        if any(dag.depends_on_time(piece.expr) for _, piece in self.arrays.pieces(value)):
+            raise Wrong("E0211", f"{what} must be known when compiling, but depends on time", span)
+
+        def column(k: int, order: int) -> Index | float | np.ndarray:
+            leaf = self.leaves[k]
+            if leaf.variable is None:
+                return leaf.index
+            if not leaf.variable.known or order:
+                name = leaf.variable.label
+                raise Wrong("E0211", f"{what} must be known when compiling, but depends on '{name}'", span)
+            return self.model.known.numbers(leaf.variable)[leaf.index]
+
+        result = self.arrays.numbers(value, column)
+        if np.any(np.isnan(result)):
+            raise Wrong("E0211", f"{what} must be known when compiling, but has no value", span)
+        return result
+
+    def scalar(self, value: Value, span: Span, what: str = "this") -> float:
+        """As `alike`, for a single number."""
+        if value.dims:
+            raise Wrong("E0301", f"{what} must be a single value", span, found="an array")
+        return float(self.alike(value, span, what))
+
+    def whole(self, value: Value, span: Span, what: str, least: int = 0) -> int:
+        """As `scalar`, for a whole number."""
+        if value.dims or value.type == "Boolean":
+            raise Wrong("E0301", f"{what} must be an integer", span)
+        number = self.scalar(value, span, what)
+        if not np.isfinite(number) or number != round(number) or number < least:
+            raise Wrong("E0301", f"{what} must be an integer of at least {least}", span, found=f"{number:g}")
+        return int(number)
+
+    def alike(self, value: Value, span: Span, what: str = "this") -> np.ndarray:
+        """As `known`, where it must be the same in all rows: over the value's own axes only."""
+        numbers = np.asarray(self.known(value, span, what), float)
+        if numbers.ndim <= len(value.dims) and self.space.rank == 0:
+            return np.broadcast_to(numbers, value.dims)
+        numbers = numbers.reshape(numbers.shape + (1,) * (self.space.rank + len(value.dims) - numbers.ndim))
+        flat = numbers.reshape((prod(numbers.shape[: self.space.rank]), *numbers.shape[self.space.rank :]))
+        if len(flat) and np.any(flat != flat[0]):
+            raise NotAlike(what, span, **self._difference(value, flat))
+        if not len(flat):
+            raise Wrong()
+        return np.broadcast_to(flat[0], value.dims)
+
+    def _difference(self, value: Value, numbers: np.ndarray) -> dict[str, object]:
+        """What to say where numbers, one row for each of the space, should be the same: which two elements differ."""
+        if not self.space.whole or self.node is None or self.space.shape != self.node.total:
+            return {}  # the rows are rounds of a loop
+        differing = int(np.flatnonzero((numbers != numbers[0]).reshape(len(numbers), -1).any(axis=1))[0])
+        names = (Block(self.node.path, 0, self.node.size, Kind.UNKNOWN).name(k) for k in (0, differing))
+        shown = (_number_text(numbers[k], value.type) for k in (0, differing))
+        found = ", ".join(f"{text} in '{name}'" for text, name in zip(shown, names))
+        array: Instance = self.node
+        while not array.dims:
+            array = array.parent
+        hint = f"declare the elements of '{array.name}' that differ one by one, as parts with names of their own"
+        labels = (Label(array.name_span, "the array of parts"),) if array.name_span else ()
+        return {"expected": "the same in all elements", "found": found, "hint": hint, "labels": labels}
+
+
+def _number_text(numbers: np.ndarray, type_: str) -> str:
+    if type_ == "Boolean" and numbers.size == 1:
+        return "true" if numbers.item() else "false"
+    return f"{numbers.item():g}" if numbers.size == 1 else "an array"

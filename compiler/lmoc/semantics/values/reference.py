@@ -1,0 +1,329 @@
+"""What a name in an expression refers to, as index arrays (Modelica specification, chapter 5 and 10.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression.dag import TIME
+from lmoc.messages.diagnostics import nearest
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.predefined import ENUMERATIONS, Builtin
+from lmoc.semantics.classes.resolve import resolve
+from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.instances.instance import Absent, Broken, Instance, Node, Variable
+from lmoc.semantics.values.context import Context, translates
+from lmoc.semantics.values.rows import Index, align, positions
+from lmoc.semantics.values.value import Value, number, stack
+from lmoc.semantics.wrong import NotAlike, Wrong
+from lmoc.syntax import tree
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Slice:
+    """A subscript that keeps an axis: positions from 0, their own axis last."""
+
+    index: np.ndarray
+
+    @property
+    def length(self) -> int:
+        return self.index.shape[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """A node and which of its elements.
+
+    Attributes
+    ----------
+    axes : for each of the node's total dimensions, where along it
+    shared : how many of them, the first ones, are those of the part around the expression
+    implicit : no subscripts: all that the rows have of it
+    """
+
+    node: Node
+    axes: tuple[Index | Slice, ...]
+    shared: int
+    implicit: bool
+
+    @property
+    def dims(self) -> tuple[int, ...]:
+        return tuple(a.length for a in self.axes if isinstance(a, Slice))
+
+
+@translates(tree.Ref)
+def reference(context: Context, ref: tree.Ref) -> Value:
+    """The value of a name."""
+    first = ref.parts[0]
+    if not ref.absolute:
+        value = context.names.get(".".join(part.name for part in ref.parts))  # dotted: the field of a record
+        last = ref.parts[-1]
+        if value is not None and not any(part.subscripts for part in ref.parts[:-1]):
+            return subscripted(context, value, last) if last.subscripts else value
+        fields = [name.removeprefix(f"{first.name}.") for name in context.names if name.startswith(f"{first.name}.")]
+        if fields or first.name in context.names:
+            if len(ref.parts) == 1:
+                raise Wrong("E0301", f"'{first.name}' is a record, not a number", ref.span)
+            hint = nearest(ref.parts[1].name, fields) or (f"it has {', '.join(fields)}" if fields else "")
+            raise Wrong("E0201", f"'{first.name}' has no element '{ref.parts[1].name}'", ref.parts[1].span, hint=hint)
+    start = find_start(context, ref)
+    if isinstance(start, Node):
+        return located_value(context, locate(context, ref, start), ref.span)
+    if start is None:
+        if first.name == "time" and len(ref.parts) == 1:
+            return Value(TIME)
+        raise unknown_name(context, ref)
+    return _constant(context, start, ref)
+
+
+def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
+    """What to say where the first name of a reference means nothing."""
+    name = ref.parts[0].name
+    candidates = [*context.names, *context.scope.visible(), "time"]
+    owner = next((e for e, literals in ENUMERATIONS.items() if name in literals), "")
+    hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
+    plain = name.strip("'")  # the quotes around a name with other characters belong to it
+    if plain != name:
+        hint = f'a text stands in double quotes: "{plain}"'
+    if owner and not hint:
+        hint = f"the literal is written '{owner}.{name}'"
+    return Wrong("E0201", f"there is no variable '{plain}' here", ref.parts[0].span, hint=hint)
+
+
+def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Builtin | None:
+    """What the first name of a reference means: a node of the instance tree, a constant of a package, a class."""
+    name = ref.parts[0].name
+    if context.node is not None and not ref.absolute and isinstance(context.scope.table.get(name), Member):
+        return context.model.child(context.node, name)
+    return (context.scope.root if ref.absolute else context.scope).find(name)
+
+
+# ------------------------------------------------------------------- in the instance tree
+
+
+def locate(context: Context, ref: tree.Ref, start: Node) -> Located:
+    """Walk a dotted name down the instance tree, evaluating the subscripts."""
+    node = start
+    shared = len(start.total) - len(start.dims)
+    axes: list[Index | Slice] = list(context.space.coordinates[:shared])
+    implicit = True
+    for k, part in enumerate(ref.parts):
+        if k:
+            node = step(context, node, part)
+        _require_present(node, part)
+        if part.subscripts:
+            implicit = False
+            axes += _subscripts(context, node, part)
+        else:
+            axes += [Slice(positions((n,))) for n in node.dims]
+    return Located(node, tuple(axes), shared, implicit)
+
+
+def step(context: Context, node: Node, part: tree.RefPart) -> Node:
+    """The element of a node that a further part of a reference names."""
+    if not isinstance(node, Instance):
+        raise Wrong("E0201", f"'{node.name}' is a variable and has no element '{part.name}'", part.span)
+    found = node.cls.table.get(part.name)
+    if not isinstance(found, Member):
+        members = [n for n, m in node.cls.table.items() if isinstance(m, Member) and not m.protected]
+        raise Wrong(
+            "E0201",
+            f"'{node.name}' ({node.cls.name}) has no element '{part.name}'",
+            part.span,
+            hint=nearest(part.name, members) or (f"it has {', '.join(members[:8])}" if members else ""),
+        )
+    if found.protected:
+        raise Wrong("E0210", f"'{part.name}' is protected in '{node.cls.name}'", part.span)
+    return context.model.child(node, part.name)
+
+
+def _require_present(node: Node, part: tree.RefPart) -> None:
+    if isinstance(node, Broken):
+        raise Wrong()
+    if isinstance(node, Absent):
+        raise Wrong("E0218", f"'{node.name}' is absent here: its condition is false", part.span)
+
+
+def _subscripts(context: Context, node: Node, part: tree.RefPart) -> list[Index | Slice]:
+    if len(part.subscripts) != len(node.dims):
+        count = len(node.dims)
+        expected = f"{count} subscript{'s' * (count != 1)}" if count else "no subscripts: it is not an array"
+        raise Wrong(
+            "E0216", f"'{node.name}' has {count} dimension{'s' * (count != 1)}", part.span,
+            expected=expected, found=str(len(part.subscripts)),
+        )  # fmt: skip
+    return [subscript(context, s, n, node.name) for s, n in zip(part.subscripts, node.dims)]
+
+
+def subscript(context: Context, expression: tree.Expression, length: int, name: str) -> Index | Slice:
+    """Positions from 0 along an axis of this length."""
+    if isinstance(expression, tree.Colon):
+        return Slice(positions((length,)))
+    before, context.end = context.end, length
+    try:
+        value = context.value(expression)
+    finally:
+        context.end = before
+    if value.type not in ("Integer", "Boolean", "Real") or len(value.dims) > 1:
+        raise Wrong("E0301", "a subscript must be an integer", expression.span, found=value.type)
+    numbers = context.known(value, expression.span, "a subscript")
+    if not np.isfinite(numbers).all():
+        raise Wrong("E0301", "a subscript must be an integer", expression.span, found="a number that is not finite")
+    if not isinstance(numbers, np.ndarray) or numbers.ndim == 0:
+        numbers = float(numbers)
+        position = int(numbers) - 1
+        if position + 1 != numbers:
+            raise Wrong("E0301", "a subscript must be an integer", expression.span, found=f"{numbers:g}")
+        if not 0 <= position < length:
+            raise _out_of_range(position + 1, length, name, expression.span)
+        return Slice(np.array([position])) if value.dims else position
+    index = numbers.astype(int) - 1
+    if np.any(index + 1 != numbers):
+        raise Wrong("E0301", "a subscript must be an integer", expression.span)
+    if index.size and (index.min() < 0 or index.max() >= length):
+        bad = index[(index < 0) | (index >= length)].flat[0] + 1
+        raise _out_of_range(int(bad), length, name, expression.span)
+    if value.dims:
+        rank = context.space.rank
+        full = np.broadcast_to(align(index, rank + 1), (*align(index, rank + 1).shape[:-1], value.dims[0]))
+        return Slice(full.reshape(full.shape[-1:]) if full.size == full.shape[-1] else full)
+    return index
+
+
+def _out_of_range(number: int, length: int, name: str, span: Span) -> Wrong:
+    return Wrong(
+        "E0215", f"index {number} of '{name}' is out of range", span, expected=f"1 … {length}", found=str(number)
+    )
+
+
+def element_index(context: Context, located: Located) -> Index:
+    """Positions of the elements within the node's array: over the axes of the space, then of the slices."""
+    node, space = located.node, context.space
+    if not node.total:
+        return 0
+    only_rows = located.shared == len(node.total)
+    if located.implicit and space.whole and (only_rows or space.rank == located.shared):
+        return positions(node.total)
+    slices, seen = len(located.dims), 0
+    result: Index = 0
+    stride = node.size
+    for axis, length in zip(located.axes, node.total):
+        stride //= length or 1
+        if isinstance(axis, Slice):
+            array = align_slice(axis.index, space.rank, seen, slices)
+            seen += 1
+        else:
+            array = align(axis, space.rank + slices)
+        result = result + array * stride
+    return int(result) if isinstance(result, np.ndarray) and result.ndim == 0 else result
+
+
+def align_slice(index: np.ndarray, rank: int, place: int, slices: int) -> np.ndarray:
+    """The positions of one slice among several, behind the axes of the space."""
+    rows = index.shape[:-1]
+    return index.reshape(rows + (1,) * (rank - len(rows) + place) + index.shape[-1:] + (1,) * (slices - place - 1))
+
+
+def located_value(context: Context, located: Located, span: Span) -> Value:
+    """The value of a variable's elements."""
+    node = located.node
+    if not isinstance(node, Variable):
+        kind = "connector" if isinstance(node, Instance) and node.connector else "part"
+        raise Wrong("E0301", f"'{node.name}' is a {kind}, not a variable", span)
+    if node.type.name == "String":
+        return _string(context, node, span)
+    return Value(context.leaves.slot(node, element_index(context, located)), located.dims, node.type.name)
+
+
+def _string(context: Context, node: Variable, span: Span) -> Value:
+    if node.value is None or node.value.scope is None:
+        raise Wrong("E0212", f"the string '{node.name}' has no value", span)
+    return context.model.known.binding(node.value)[1]
+
+
+# --------------------------------------------------------------------------- in packages
+
+
+def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) -> Value:
+    """A constant of a package or a literal of an enumeration."""
+    for k, part in enumerate(ref.parts):
+        if k:
+            found = _inside(found, part)
+        if isinstance(found, Member):
+            if k < len(ref.parts) - 1:
+                raise Wrong("E0201", f"'{part.name}' cannot be used from here", part.span)
+            value = _member_value(context, found, part)
+            return subscripted(context, value, part) if part.subscripts else value
+        if isinstance(found, Value):
+            return found
+    name = found.name
+    raise Wrong("E0301", f"'{name}' is a class, not a variable", ref.span)
+
+
+def _inside(found: Scope | Builtin, part: tree.RefPart) -> Member | Scope | Builtin | Value:
+    enumeration = found if isinstance(found, Builtin) else None
+    if isinstance(found, Scope) and found.definition.kind == "type":
+        enumeration = resolve(found).base
+    if isinstance(enumeration, Builtin):
+        if part.name not in enumeration.literals:
+            hint = nearest(part.name, enumeration.literals) or f"it has {', '.join(enumeration.literals)}"
+            raise Wrong("E0201", f"'{enumeration.name}' has no literal '{part.name}'", part.span, hint=hint)
+        return number(enumeration.literals.index(part.name) + 1, enumeration.name)
+    inner = found.table.get(part.name)
+    if inner is None:
+        raise Wrong("E0201", f"'{found.full_name}' has no element '{part.name}'", part.span,
+                    hint=nearest(part.name, found.table))  # fmt: skip
+    return inner
+
+
+def _member_value(context: Context, member: Member, part: tree.RefPart) -> Value:
+    component = member.component
+    if component.variability != "constant":
+        raise Wrong("E0201", f"'{part.name}' cannot be used from here: only constants of a class can", part.span)
+    if component.modification is None or component.modification.value is None:
+        raise Wrong("E0212", f"the constant '{component.name}' has no value", component.span)
+    expression, scope = component.modification.value, member.scope
+    for argument, where in member.outer:
+        if isinstance(argument, tree.ElementModification) and argument.modification and argument.modification.value:
+            expression, scope = argument.modification.value, where
+            break
+    return context.model.known.constant(component, expression, scope)
+
+
+# --------------------------------------------------------------------- subscripts of values
+
+
+def subscripted(context: Context, value: Value, part: tree.RefPart) -> Value:
+    """Elements of a value that is not an array of variables: of a function's variable, of a package's constant."""
+    if len(part.subscripts) != len(value.dims):
+        count = len(value.dims)
+        raise Wrong("E0216", f"'{part.name}' has {count} dimension{'s' * (count != 1)}", part.span,
+                    expected=f"{count} subscripts", found=str(len(part.subscripts)))  # fmt: skip
+    return _select(context, value, part, 0)
+
+
+def _select(context: Context, value: Value, part: tree.RefPart, k: int) -> Value:
+    if k == len(part.subscripts):
+        return value
+    expression = part.subscripts[k]
+    where = subscript(context, expression, value.dims[0], part.name)
+    if isinstance(where, Slice):
+        if where.index.ndim > 1:
+            raise NotAlike("a subscript", expression.span)
+        items = [_select(context, context.arrays.element(value, int(j)), part, k + 1) for j in where.index]
+        return stack(items, type=value.type)
+    if isinstance(where, np.ndarray):
+        if np.any(where != where.flat[0]):
+            return _select_by_row(context, value, part, k, where)
+        where = int(where.flat[0])
+    return _select(context, context.arrays.element(value, where), part, k + 1)
+
+
+def _select_by_row(context: Context, value: Value, part: tree.RefPart, k: int, where: np.ndarray) -> Value:
+    """An array of numbers indexed by an iteration variable: a column of numbers."""
+    span = part.subscripts[k].span
+    if len(value.dims) != 1:
+        raise NotAlike("a subscript", span)
+    numbers = context.alike(value, span, f"'{part.name}'")
+    return Value(context.leaves.slot(None, numbers[where]), (), value.type)

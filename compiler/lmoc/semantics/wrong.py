@@ -1,0 +1,72 @@
+"""How a mistake leaves the place where it was found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Diagnostic, Report
+from lmoc.messages.source import Span
+
+MAX_ELEMENTS = 50_000_000  # of one array of parts or numbers, or rounds of a loop
+
+
+class Wrong(Exception):
+    """Ends the work on one equation or declaration; its user reports it and goes on with the next.
+
+    Without arguments it says nothing: what is wrong has been reported where it stands, and everything that
+    depends on it is left out in silence.
+    """
+
+    def __init__(self, code: str = "", message: str = "", span: Span | None = None, **more):
+        super().__init__(message)
+        self.diagnostic = Diagnostic(code, message, span, **more) if code else None
+
+    @property
+    def code(self) -> str:
+        return self.diagnostic.code if self.diagnostic else ""
+
+    def put_into(self, report: Report) -> None:
+        """Report it, unless as much has been said of the same place before (in another round of a loop, say)."""
+        new = self.diagnostic
+        if new is None:
+            return
+        for old in report.diagnostics:
+            if old == new or (old.code == new.code and new.span is not None and old.span == new.span):
+                return
+        report.diagnostics.append(new)
+
+
+class NotOneGroup(Wrong):
+    """The rows of a group go different ways."""
+
+
+class NotAlike(NotOneGroup):
+    """Something must be the same in all rows of a group and is not; a loop can then be unrolled."""
+
+    def __init__(self, what: str, span: Span, **more):
+        super().__init__("E0220", f"{what} differs between the elements of an array", span, **more)
+
+
+class RowsDiffer(NotOneGroup):
+    """An if-expression over iteration variables whose branches make sense in their own rows only.
+
+    Attributes
+    ----------
+    expression : the if-expression in the syntax tree
+    rows : for each of its branches, the flat positions of the rows that take it
+    """
+
+    def __init__(self, expression: object, rows: list[np.ndarray], wrong: Wrong):
+        super().__init__()
+        self.diagnostic = wrong.diagnostic
+        self.expression = expression
+        self.rows = rows
+
+
+def check_size(elements: int, what: str, span: Span) -> None:
+    """Refuse what no machine could hold, before anything is made of it."""
+    if elements > MAX_ELEMENTS:
+        limit = f"at most {MAX_ELEMENTS:,} elements".replace(",", " ")
+        digits = str(elements)
+        found = digits if len(digits) <= 15 else f"about 10^{len(digits) - 1}"
+        raise Wrong("E0225", f"{what} is too large", span, expected=limit, found=found)

@@ -1,0 +1,119 @@
+"""Where a scene starts, as far as its constraints tell: the nearest point to the start values that satisfies them.
+
+Newton's method for fewer equations than unknowns: each step is the smallest one, in a weighted norm, that satisfies
+the linearized constraints (Ben-Israel, J. Math. Anal. Appl. 15, 1966). Values that the user has given hardly move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.expression.calculus import differentiate
+from lmoc.expression.dag import Expr
+from lmoc.expression.evaluate import evaluate
+from lmoc.structure.coordinates.sample import Sample, given
+from lmoc.structure.index.incidence import ranges
+from lmoc.structure.index.system import Batch, System
+from lmoc.support.distinct import distinct
+
+# steps until it is given up; relative size of the last one; what keeps the equations for it regular where constraints
+# repeat each other; how many of them are solved densely
+STEPS, CLOSED, DAMPING, DENSE = 40, 1e-9, 1e-13, 200
+
+
+def start_point(system: System, c: np.ndarray, highest: int) -> Sample:
+    """A point that satisfies all equations with c > 0 at the start time, near the values that the model starts with.
+
+    Where none is found, those values themselves: no more is known then.
+    """
+    sample, ease = given(system, highest)
+    constraints = _Constraints(system, c, sample)
+    value = sample.value.ravel().copy()
+    weight = ease.ravel()[constraints.jets]
+    for _ in range(STEPS):
+        step = constraints.step(Sample(value.reshape(sample.value.shape), sample.time), weight)
+        if not np.isfinite(step).all():
+            return sample
+        value[constraints.jets] += step
+        if np.abs(step).max(initial=0) <= CLOSED * np.abs(value[constraints.jets]).max(initial=0):
+            return replace(sample, value=value.reshape(sample.value.shape))
+    return sample
+
+
+class _Constraints:
+    """The equations that are differentiated: their values and derivatives by the jets in them.
+
+    Attributes
+    ----------
+    jets : (unknowns,) positions in the flattened values
+    """
+
+    def __init__(self, system: System, c: np.ndarray, sample: Sample):
+        self.parts: list[tuple[Batch, list[tuple[Expr, Expr]]]] = []
+        width, first = sample.value.shape[1], 0
+        rows, jets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for b in system.batches:
+            mine = np.flatnonzero(c[b.row] > 0)
+            if not len(mine):
+                continue
+            part = b.take(mine)
+            self.parts.append((part, [differentiate(b.shape, leaf) for leaf in b.unknown]))
+            for leaf in b.unknown:
+                k, order = leaf.value
+                rows.append(first + np.arange(len(mine)))
+                jets.append(order * width + part.slots[:, k])
+            first += len(mine)
+        s = system.sums
+        mine = np.flatnonzero(c[s.row] > 0)
+        entries = ranges(s.start, mine)
+        rows.append(first + np.repeat(np.arange(len(mine)), np.diff(s.start)[mine]))
+        jets.append(s.order[entries] * width + s.index[entries])
+        self.count = first + len(mine)
+        self.sum_rows, self.sum_jets, self.coefficient = rows[-1], jets[-1], s.coefficient[entries].astype(float)
+        self.row, found = np.concatenate(rows), np.concatenate(jets)
+        self.jets = distinct(found)
+        self.column = np.searchsorted(self.jets, found)
+
+    def step(self, at: Sample, weight: np.ndarray) -> np.ndarray:
+        """(unknowns,) the smallest step on which the linearized constraints vanish."""
+        residual, entry = self._linearized(at)
+        size = np.sqrt(np.bincount(self.row, weight[self.column] * entry**2, self.count))
+        size = np.where(size > 0, size, 1.0)
+        entry = entry / size[self.row]
+        multiplier = self._solve(entry, weight, -residual / size)
+        return weight * np.bincount(self.column, entry * multiplier[self.row], len(self.jets))
+
+    def _linearized(self, at: Sample) -> tuple[np.ndarray, np.ndarray]:
+        residual, entries, first = np.zeros(self.count), [np.zeros(0)], 0
+        for part, partials in self.parts:
+            n, column = len(part.row), at.column(part)
+            residual[first : first + n] = evaluate(part.shape, column, at.time)
+            for p in partials:
+                entries.append(np.broadcast_to(np.asarray(evaluate(p, column, at.time), float), n))
+            first += n
+        residual += np.bincount(self.sum_rows, self.coefficient * at.value.flat[self.sum_jets], self.count)
+        return residual, np.concatenate([*entries, self.coefficient])
+
+    def _solve(self, entry: np.ndarray, weight: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """(rows,) the multipliers of the constraints; NaN where they cannot be told."""
+        if not (np.isfinite(entry).all() and np.isfinite(right).all()):
+            return np.full(self.count, np.nan)
+        if self.count <= DENSE:
+            jacobian = np.zeros((self.count, len(self.jets)))
+            np.add.at(jacobian, (self.row, self.column), entry)
+            normal = jacobian * weight @ jacobian.T + DAMPING * np.eye(self.count)
+            try:
+                return np.linalg.solve(normal, right)
+            except np.linalg.LinAlgError:
+                return np.full(self.count, np.nan)
+        from scipy.sparse import csr_matrix, diags, identity
+        from scipy.sparse.linalg import splu
+
+        jacobian = csr_matrix((entry, (self.row, self.column)), (self.count, len(self.jets)))
+        normal = jacobian @ diags(weight) @ jacobian.T + DAMPING * identity(self.count)
+        try:
+            return splu(normal.tocsc()).solve(right)
+        except RuntimeError:  # SuperLU: "Factor is exactly singular"
+            return np.full(self.count, np.nan)

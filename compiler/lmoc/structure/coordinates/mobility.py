@@ -1,0 +1,52 @@
+"""What constraints that are not linear leave no freedom: an inertia between two arms of different length.
+
+Freedom spreads from coordinates that are states, and from prescribed motions, through each constraint to the position
+that is computed from it. Positions that it does not reach are constants.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.expression.dag import depends_on_time
+from lmoc.structure.coordinates.preferences import inertial
+from lmoc.structure.coordinates.selection import Selection
+from lmoc.structure.index.incidence import Incidence
+from lmoc.structure.index.system import System
+from lmoc.structure.linear.coefficients import INPUT, leaves_of
+from lmoc.support.distinct import distinct
+
+
+def immobile(selection: Selection) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of coordinates of inertias that cannot move, and the constraints that hold everything there.
+
+    Linear constraints have been judged before (E0412).
+    """
+    system, tied, c, d = selection.system, selection.tied, selection.c, selection.d
+    nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    if tied.constant.all():
+        return nothing
+    match = np.full(system.rows, -1, np.int64)  # the position that each constraint gives
+    for stage, (rows, columns) in enumerate(selection.choice.match, 1):
+        own = (c[rows] == stage) & (d[columns] == stage)
+        match[rows[own]] = columns[own]
+    geometry = match[tied.row] >= 0
+    row, column = tied.row[geometry], tied.column[geometry]
+    between = Incidence.of(system.rows, len(d), row, column, np.zeros(len(row), np.int64))
+    held = np.zeros(len(d), bool)
+    held[match[match >= 0]] = True
+    new = np.flatnonzero(~held)
+    driven = match[_prescribed(system)]
+    new = np.concatenate([new, driven[driven >= 0]])
+    while len(new):
+        held[new] = False
+        reached = match[between.row[between.of_columns(new)]]
+        new = distinct(reached[held[reached]])
+    fixed = np.flatnonzero(held & inertial(system, c))
+    return (fixed, np.flatnonzero((match >= 0) & held[match])) if len(fixed) else nothing
+
+
+def _prescribed(system: System) -> np.ndarray:
+    """Rows in which an input or time stands."""
+    rows = [b.row for b in system.batches if leaves_of(b.shape, b.kinds, INPUT) or depends_on_time(b.shape)]
+    return np.concatenate([np.zeros(0, np.int64), *rows])

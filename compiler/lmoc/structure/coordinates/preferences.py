@@ -1,0 +1,168 @@
+"""Who is wanted as a state, and how much.
+
+In this order: what the user asks for; ``stateSelect``; what the rest follows from by explicit formulas (``theta`` in
+``q = l·sin(theta)``, the joint coordinates of a tree); coordinates of inertias; what is declared first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lmoc.ir.flat import Kind, StateSelect
+from lmoc.structure.blocks.explicit import pivot, solved
+from lmoc.structure.coordinates.coordinates import Wish
+from lmoc.structure.coordinates.tied import Tied
+from lmoc.structure.index.sigma import offsets
+from lmoc.structure.index.system import Batch, System
+from lmoc.structure.linear.coefficients import linear_form
+from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
+from lmoc.structure.messages.equations import Equations
+from lmoc.support.distinct import distinct
+
+
+def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:
+    """Columns behind the names the user asked for, best first, each once."""
+    found = [system.flat.find(name) for name in states or ()]
+    columns = [int(c) for f in found if f is not None for c in system.column[system.normalized.root[f]]]
+    return np.array([c for c in dict.fromkeys(columns) if c >= 0], np.int64)
+
+
+def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> np.ndarray:
+    """How much each column is wanted as a state: a permutation rank, the higher the more.
+
+    What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
+    is constant, that of theta is not.
+
+    Parameters
+    ----------
+    wanted : (k,) columns the user asked for, best first
+    liked : further columns to be preferred to what has no mark
+    """
+    select = system.flat.per_variable(lambda b: b.state_select, np.int64)
+    best = np.full(len(system.kind), -1, np.int64)
+    worst = np.full(len(system.kind), int(StateSelect.default), np.int64)
+    root = system.normalized.root
+    np.maximum.at(best, root, select)
+    np.minimum.at(worst, root, select)
+    best, worst = best[system.variable], worst[system.variable]
+    curved = np.zeros(len(system.variable), bool)
+    curved[tied.column[~tied.constant]] = True
+    level = 2 + 2 * curved + inertial(system, c)
+    level[liked] = 6
+    level = np.where(worst < StateSelect.default, worst, level)
+    level = np.where(best > StateSelect.default, best + 10, level)
+    level[wanted] = 100 + np.arange(len(wanted))[::-1]
+    rank = np.empty(len(level), np.int64)
+    rank[np.lexsort((-np.arange(len(level)), level))] = np.arange(len(level))
+    return rank
+
+
+def wishes(system: System, wanted: np.ndarray) -> np.ndarray:
+    """(columns,) Wish: how much the user wants each column for a state."""
+    wish = np.where(_marked(system), Wish.MARKED, Wish.NONE)
+    wish[wanted] = Wish.ASKED
+    return wish
+
+
+def _marked(system: System) -> np.ndarray:
+    """(columns,) roots behind variables with ``stateSelect`` above the default."""
+    mask = np.zeros(len(system.kind), bool)
+    select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
+    mask[system.normalized.root[select]] = True
+    return mask[system.variable]
+
+
+def inertial(system: System, c: np.ndarray) -> np.ndarray:
+    """(columns,) those whose second derivative stands in an equation that is no constraint: coordinates of inertias."""
+    i = system.incidence
+    mask = np.zeros(i.columns, bool)
+    mask[i.column[(i.order >= 2) & (c[i.row] == 0)]] = True
+    return mask
+
+
+def offsets_with_room(
+    system: System, match: np.ndarray, wanted: np.ndarray, more: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets that leave room for the preferred variables to be states.
+
+    Whoever is to be a state instead of another variable in an equation must be differentiated as often as that.
+
+    Parameters
+    ----------
+    match : a highest-value transversal
+    wanted, more : columns that the user asked for, and others to be preferred
+
+    Returns
+    -------
+    c, d : as `sigma.offsets`
+    """
+    incidence = system.incidence
+    c, d = offsets(incidence, match, system.needed)
+    liked = _marked(system) | _implicit(system, match, d)
+    liked[wanted] = liked[more] = True
+    if not liked.any():
+        return c, d
+    own = liked[incidence.column] & (incidence.order == 0)
+    reach = np.zeros(incidence.rows, np.int64)
+    np.maximum.at(reach, incidence.row[~own], d[incidence.column[~own]] - incidence.order[~own])
+    lower = system.needed.copy()
+    np.maximum.at(lower, incidence.column[own], reach[incidence.row[own]] + incidence.order[own])
+    return offsets(incidence, match, lower)
+
+
+def distances(system: System, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Columns of variables that are computed as differences of massless points, or the like.
+
+    In ``x = b - a`` a and b are integrated, though perhaps only x is read: a spring between two dampers.
+    """
+    massless = (d == 1) & ~inertial(system, c)
+    found = [np.zeros(0, np.int64)]
+    for b in system.batches:
+        if len(b.unknown) < 3 or any(leaf.value[1] for leaf in b.unknown) or linear_form(b.shape, b.kinds) is None:
+            continue
+        columns = np.stack([system.column[b.slots[:, leaf.value[0]]] for leaf in b.unknown], axis=1)
+        computed = d[columns] == 0
+        fits = (c[b.row] == 0) & (computed.sum(axis=1) == 1) & (computed | massless[columns]).all(axis=1)
+        found.append(columns[fits][computed[fits]])
+    return distinct(np.concatenate(found))
+
+
+def _implicit(system: System, match: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """(columns,) positions that would have to be found by iteration though another follows from them by a formula.
+
+    A massless lever on a mass: ``q = l·sin(theta)`` with q integrated wants an arc sine at every evaluation; with
+    theta integrated it is a formula.
+    """
+    mask = np.zeros(len(d), bool)
+    for b in system.batches:
+        for leaf in b.unknown:
+            column = system.column[b.slots[:, leaf.value[0]]]
+            mine = (match[b.row] == column) & (leaf.value[1] == 0)
+            if mine.any() and solved(b.shape, leaf) is None and _among_positions(system, b, mine):
+                others = [x for x in b.unknown if x is not leaf and pivot(b.shape, b.kinds, x) is not None]
+                for x in others:
+                    other = system.column[b.slots[:, x.value[0]]]
+                    mask[column[mine & (d[other] - x.value[1] > d[column])]] = True
+    return mask
+
+
+def _among_positions(system: System, batch: Batch, rows: np.ndarray) -> bool:
+    """Whether an equation is geometry: all its unknowns are potentials of connectors, lengths or angles."""
+    flat = system.flat
+    number = int(system.source[batch.row[rows][0]])
+    blocks = [flat.block_at(v) for v in Equations(flat).unknowns(number)]
+    return all((b.connector and not b.flow) or b.unit in LENGTHS_AND_ANGLES for b in blocks)
+
+
+def declared(system: System) -> np.ndarray:
+    """(columns,) roots behind a declared output or a marked variable: states even if no equation reads them."""
+    flat = system.flat
+    marked = flat.per_variable(
+        lambda b: (b.output or b.state_select > StateSelect.default) and b.kind == Kind.UNKNOWN, bool
+    )
+    column = system.column[system.normalized.root[marked]]
+    mask = np.zeros(len(system.variable), bool)
+    mask[column[column >= 0]] = True
+    return mask

@@ -1,0 +1,106 @@
+"""Points at which coefficients are looked at: a generic one, and the one where the scene starts.
+
+What vanishes at the generic point vanishes everywhere; what vanishes at the start must not be divided by there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.ir.flat import Assignments
+from lmoc.structure.index.system import Batch, System
+from lmoc.structure.linear.coefficients import KNOWN
+from lmoc.structure.linear.generic import spread
+
+# a time at which nothing special happens
+GENERIC_TIME = 0.1234
+
+# what a variable without start value begins with: near the zero that it is given where it becomes a state
+UNMARKED = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Values of all jets.
+
+    Attributes
+    ----------
+    value : (orders, extended) of each extended variable and its derivatives
+    time : s
+    """
+
+    value: np.ndarray
+    time: float
+
+    def column(self, batch: Batch) -> Callable[[int, int], np.ndarray]:
+        """What `expression.evaluate` asks for."""
+        return lambda k, order: self.value[order, batch.slots[:, k]]
+
+
+def generic(system: System, highest: int) -> Sample:
+    """A generic point near the start, at which coefficients are told from zero.
+
+    Start values where they are given and not zero, else small generic numbers; parameters without a value get a
+    generic one of ordinary size. The same at every call.
+    """
+    value = _small(system, highest)
+    for a in system.flat.starts:
+        jets, found = _of_roots(system, a, value)
+        good = found != 0
+        value.flat[jets[good]] = found[good]
+    return Sample(value, GENERIC_TIME)
+
+
+def given(system: System, highest: int) -> tuple[Sample, np.ndarray]:
+    """What the model itself says of its start: start values, and inputs at the start time; all else is nearly zero.
+
+    Returns
+    -------
+    sample : Sample
+    ease : (orders, extended) how easily each value gives way to others: start values hardly, fixed ones least
+    """
+    flat = system.flat
+    time = flat.experiment.start or 0.0
+    value, ease = _small(system, highest), np.ones((highest + 1, len(system.kind)))
+    value[:, system.kind != KNOWN] *= UNMARKED
+    for a in flat.input_bindings:
+        numbers = a.values(value[0], time)
+        value[0, a.target] = np.where(np.isfinite(numbers), numbers, value[0, a.target])
+    for a in flat.starts:
+        jets, found = _of_roots(system, a, value)
+        value.flat[jets] = found
+        ease.flat[jets] = 1e-4
+    for a in flat.fixed:
+        held = a.values(value[0]) > 0
+        target = a.target[held]
+        root, order = system.normalized.root[target], system.normalized.order[target]
+        inside = (order >= 0) & (order <= highest)
+        ease[order[inside], root[inside]] *= 1e-4
+    return Sample(value, time), ease
+
+
+def _small(system: System, highest: int) -> np.ndarray:
+    """(orders, extended) the known values, and small generic numbers for all else."""
+    count = len(system.kind)
+    value = (0.2 + spread((highest + 1) * count).reshape(highest + 1, count)) * 1e-2
+    known = system.kind == KNOWN
+    numbers = system.normalized.all_values[known]
+    value[0, known] = np.where(np.isfinite(numbers), numbers, 0.5 + spread(len(numbers)))
+    return value
+
+
+def _of_roots(system: System, a: Assignments, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Start values as values of jets of roots: positions in the flattened `value`, and numbers."""
+    n = system.normalized
+    wanted = np.asarray(a.values(value[0]), float)
+    factor = np.where(n.factor[a.target] >= 0, value[0, n.factor[a.target]], 1.0)
+    factor[n.factor[a.target] == -2] = -1.0
+    offset = np.where(n.offset[a.target] >= 0, value[0, n.offset[a.target]], 0.0)
+    with np.errstate(all="ignore"):
+        found = (wanted - offset) / factor
+    root, order = n.root[a.target], n.order[a.target]
+    good = np.isfinite(found) & (system.column[root] >= 0) & (order < len(value))
+    return order[good] * value.shape[1] + root[good], found[good]

@@ -1,0 +1,157 @@
+"""From a matching to states: offsets, coordinates, the square system that computes the rest, and quadratures."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lmoc.structure.blocks.block_equations import SquareSystem
+from lmoc.structure.coordinates import preferences
+from lmoc.structure.coordinates.coordinates import Choice, choose, determined_at_start
+from lmoc.structure.coordinates.sample import Sample, generic
+from lmoc.structure.coordinates.tied import Tied, constraint_matrix, tied_entries
+from lmoc.structure.index.system import System
+from lmoc.structure.linear.derived import derived_values
+from lmoc.structure.registers.layout import Layout
+from lmoc.support.distinct import distinct
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What has been selected.
+
+    Attributes
+    ----------
+    c, d : offsets of the Σ-method
+    start : where the scene starts; None where that makes no difference
+    tied, choice : the constraint matrix and what was chosen; where ``choice.singular`` is not empty, nothing else
+    is_state : (registers,) jets that are integrated
+    quadrature : (registers,) those of them that no equation reads
+    """
+
+    system: System
+    c: np.ndarray
+    d: np.ndarray
+    sample: Sample
+    start: Sample | None
+    tied: Tied
+    choice: Choice
+    layout: Layout | None = None
+    square: SquareSystem | None = None
+    is_state: np.ndarray | None = None
+    quadrature: np.ndarray | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of states without quadratures."""
+        return int(np.count_nonzero(self.is_state & ~self.quadrature))
+
+    def startable(self, values: np.ndarray) -> bool:
+        """Whether the computed coordinates follow from the states at the start.
+
+        Parameters
+        ----------
+        values : (flat.count,) parameter values
+        """
+        system, normalized = copy(self.system), self.system.normalized
+        derived = derived_values(normalized.derived, values)
+        system.normalized = replace(normalized, values=values, derived_values=derived)
+        tied, _ = constraint_matrix(system, self.c, self.d, generic(system, len(self.sample.value) - 1))
+        return determined_at_start(tied, self.c, self.d, self.choice)
+
+    def derivatives(self) -> np.ndarray:
+        """(registers,) the computed jets that are derivatives of states."""
+        mask = np.zeros(self.layout.count, bool)
+        mask[np.flatnonzero(self.is_state) + 1] = True
+        return mask & ~self.is_state
+
+    def jacobian(self) -> Tied:
+        """Derivatives of all equations by their highest jets at the sample point."""
+        return tied_entries(self.system, self.c, self.d, self.sample, least=0)
+
+
+def select(system: System, match: np.ndarray, wanted: np.ndarray) -> Selection:
+    """Choose the states.
+
+    Between massless points on dampers the distance may be all that matters: it is tried in their place, and taken
+    where that leaves fewer states.
+
+    Parameters
+    ----------
+    match : a highest-value transversal
+    wanted : columns the user asked for, best first
+    """
+    first = _select(system, match, wanted, np.zeros(0, np.int64))
+    if len(first.choice.singular):
+        return first
+    distances = preferences.distances(system, first.c, first.d)
+    if not len(distances):
+        return first
+    second = _select(system, match, wanted, distances)
+    return first if len(second.choice.singular) or second.count >= first.count else second
+
+
+def _select(system: System, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection:
+    c, d = preferences.offsets_with_room(system, match, wanted, liked)
+    sample = generic(system, int(d.max(initial=0)))
+    tied, start = constraint_matrix(system, c, d, sample)
+    rank = preferences.preference(system, tied, c, wanted, liked)
+    choice = choose(tied, c, d, rank, preferences.wishes(system, wanted))
+    if len(choice.singular):
+        return Selection(system, c, d, sample, start, tied, choice)
+    batches, sums = system.differentiated(c)
+    layout = Layout(system, d, system.highest_inputs(batches))
+    square = SquareSystem(batches, sums, layout.base, layout.count)
+    square.finish(_matching(system, square, layout, match, c, d, choice))
+    is_state = _state_mask(system, layout, d, choice)
+    quadrature = _quadratures(system, layout, square, c, is_state, wanted)
+    return Selection(system, c, d, sample, start, tied, choice, layout, square, is_state, quadrature)
+
+
+def _matching(
+    system: System,
+    square: SquareSystem,
+    layout: Layout,
+    match: np.ndarray,
+    c: np.ndarray,
+    d: np.ndarray,
+    choice: Choice,
+) -> np.ndarray:
+    """The register that each differentiated equation stands for: a perfect matching, stage by stage."""
+    numbers = square.equation_numbers(system.rows)
+    result = np.full(square.count, -1, np.int64)
+    stages = [(np.arange(system.rows), match), *choice.match]
+    for stage, (rows, columns) in enumerate(stages):
+        times = c[rows] - stage
+        for k in distinct(times).tolist():
+            mine = times == k
+            at = columns[mine]
+            result[numbers[k][rows[mine]]] = layout.base[system.variable[at]] + d[at] - stage
+    return result
+
+
+def _state_mask(system: System, layout: Layout, d: np.ndarray, choice: Choice) -> np.ndarray:
+    """(registers,) the jets below the highest that no equation computes."""
+    base = layout.base[system.variable]
+    variable, order = layout.jets()
+    mask = (order < layout.width[variable] - 1) & (system.column[variable] >= 0)
+    for stage, columns in enumerate(choice.dependent, 1):
+        mask[base[columns] + d[columns] - stage] = False
+    return mask
+
+
+def _quadratures(
+    system: System, layout: Layout, square: SquareSystem, c: np.ndarray, is_state: np.ndarray, wanted: np.ndarray
+) -> np.ndarray:
+    """(registers,) states that no equation reads and nobody has declared to be interested in."""
+    registers = np.flatnonzero(is_state)
+    read = np.zeros(layout.count, bool)
+    read[square.states_read(square.needed_for(registers + 1))] = True
+    read[(registers + 1)[is_state[registers + 1]]] = True
+    kept = preferences.inertial(system, c) | preferences.declared(system)
+    kept[wanted] = True
+    of_kept = np.zeros(len(system.kind), bool)
+    of_kept[system.variable[kept]] = True
+    return is_state & ~read & ~of_kept[layout.jets()[0]]

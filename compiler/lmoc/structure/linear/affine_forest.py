@@ -1,0 +1,99 @@
+"""Spanning forests of the graph whose edges are the rows that tie two variables."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from lmoc.support.distinct import distinct, first_of_each
+
+# up to here the graph is walked in Python: it costs less than importing scipy
+SMALL = 30_000
+
+UNUSED, FIRST_IS_CHILD, SECOND_IS_CHILD = 0, 1, 2
+
+
+def orient(first: np.ndarray, second: np.ndarray, known: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """Choose a spanning forest and orient its edges towards the roots.
+
+    Every known node is a root; a component without one is rooted at the node with the lowest (score, number).
+    Trees grow breadth first from the roots, so that paths are short.
+
+    Parameters
+    ----------
+    first, second : (n,) ends of the edges, as node numbers
+    known : (nodes,) bool
+    score : (nodes,) the lower, the better a root
+
+    Returns
+    -------
+    (n,) UNUSED for the edges outside the forest, FIRST_IS_CHILD where `second` is the parent, or SECOND_IS_CHILD
+    """
+    return (_orient_small if len(first) <= SMALL else _orient_large)(first, second, known, score)
+
+
+def _orient_small(first: np.ndarray, second: np.ndarray, known: np.ndarray, score: np.ndarray) -> np.ndarray:
+    ends = list(zip(first.tolist(), second.tolist(), strict=True))
+    neighbours: dict[int, list[int]] = {}
+    for edge, (a, b) in enumerate(ends):
+        neighbours.setdefault(a, []).append(edge)
+        neighbours.setdefault(b, []).append(edge)
+    nodes = np.fromiter(neighbours, np.int64, len(neighbours))
+    fixed, marks = known[nodes], score[nodes]
+    candidates = nodes[np.lexsort((nodes, marks, ~fixed))].tolist()
+    direction = np.zeros(len(ends), np.int8)
+    seen: set[int] = set(nodes[fixed].tolist())
+    queue = deque(n for n in candidates if n in seen)
+    for root in [None, *(n for n in candidates if n not in seen)]:
+        if root is not None:
+            if root in seen:
+                continue
+            seen.add(root)
+            queue.append(root)
+        while queue:
+            node = queue.popleft()
+            for edge in neighbours[node]:
+                a, b = ends[edge]
+                other = b if a == node else a
+                if other not in seen:
+                    seen.add(other)
+                    queue.append(other)
+                    direction[edge] = FIRST_IS_CHILD if other == a else SECOND_IS_CHILD
+    return direction
+
+
+def _orient_large(first: np.ndarray, second: np.ndarray, known: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """The same by one breadth-first search in C from a node tied to all roots."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+    nodes = distinct(np.concatenate([first, second]))
+    number = np.full(len(known), -1, np.int64)
+    number[nodes] = np.arange(len(nodes))
+    a, b, n = number[first], number[second], len(nodes)
+    fixed = known[nodes]
+    free = ~(fixed[a] | fixed[b])
+    ones = np.ones(int(free.sum()), np.int32)
+    _, component = connected_components(csr_matrix((ones, (a[free], b[free])), (n, n)), directed=False)
+    settled = np.zeros(component.max() + 1, bool)
+    settled[component[fixed]] = True
+    for near, far in ((a, b), (b, a)):
+        settled[component[near[fixed[far]]]] = True
+    best = np.lexsort((nodes, score[nodes]))
+    chosen = best[first_of_each(component[best])[1]]
+    roots = np.concatenate([np.flatnonzero(fixed), chosen[~settled[component[chosen]]]])
+
+    tail = np.concatenate([a, b, np.full(len(roots), n)])
+    head = np.concatenate([b, a, roots])
+    graph = csr_matrix((np.ones(len(tail), np.int32), (tail, head)), (n + 1, n + 1))
+    _, parent = breadth_first_order(graph, n, directed=True)
+    forward, backward = (parent[a] == b), (parent[b] == a)
+    direction = np.where(forward, FIRST_IS_CHILD, np.where(backward, SECOND_IS_CHILD, UNUSED)).astype(np.int8)
+    # of parallel edges one only is in the tree
+    child = np.where(forward, a, b)
+    used = np.flatnonzero(direction)
+    kept = used[first_of_each(child[used])[1]]
+    result = np.zeros_like(direction)
+    result[kept] = direction[kept]
+    return result

@@ -1,0 +1,117 @@
+"""Reduce: a flat model comes in, the smallest system that describes its motion goes out.
+
+Linear elimination (`normalize`), the Σ-method (`sigma`), choice of states (`selection`), blocks and tearing
+(`blocks`, `small_blocks`, `large_blocks`), programs (`assemble`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.normalized import Normalized
+from lmoc.ir.program import split_program
+from lmoc.ir.reduced import Guard, Reduced
+from lmoc.messages.diagnostics import Report
+from lmoc.structure.blocks.solution import Solution
+from lmoc.structure.coordinates import preferences
+from lmoc.structure.coordinates.mobility import immobile
+from lmoc.structure.coordinates.selection import Selection, select
+from lmoc.structure.index.sigma import highest_value_transversal
+from lmoc.structure.index.system import System
+from lmoc.structure.linear.derived import derived_values
+from lmoc.structure.messages import diagnosis
+from lmoc.structure.normalize import normalize
+from lmoc.structure.registers.assemble import assemble
+from lmoc.structure.registers.layout import Layout
+
+
+def reduce(
+    flat: FlatDAE,
+    values: np.ndarray | None = None,
+    states: Sequence[str] | None = None,
+    report: Report | None = None,
+) -> Reduced:
+    """Reduce a flat model.
+
+    Parameters
+    ----------
+    flat : FlatDAE
+    values : (flat.count,) parameter values for which elimination decides; the model's own by default
+    states : names of variables that shall be states, best first
+    report : collects what there is to say; a new one by default
+
+    Raises
+    ------
+    ModelError
+        The model is structurally or numerically singular, its constraints contradict each other, or what was asked
+        for cannot be a state: codes E04xx.
+    """
+    report = Report() if report is None else report
+    values = flat.parameter_values() if values is None else values
+    normalized = normalize(flat, values, states, report)
+    return solve_structure(normalized, states, report)
+
+
+def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Reduced:
+    """The second half of reduction: from root jets to programs. Raises as `reduce`."""
+    system = System(normalized)
+    match = highest_value_transversal(system.incidence)
+    if match is None:
+        diagnosis.structurally_singular(system, report)
+        report.check()
+    wanted = preferences.asked_for(system, states)
+    selection = select(system, match, wanted)
+    if len(selection.choice.singular):
+        diagnosis.dependent_constraints(system, selection.jacobian(), selection.choice.singular, report)
+        report.check()
+    layout, square, is_state = selection.layout, selection.square, selection.is_state
+    registers = np.flatnonzero(is_state & ~selection.quadrature)
+    diagnosis.refused_states(system, states or (), layout, is_state, selection.c, report)
+    values = layout.known_values(selection.sample.value[0])
+    solution = Solution(square, square.needed_for(registers + 1), selection.derivatives(), values)
+    block_program, others = solution.run()
+    if solution.singular:
+        diagnosis.singular_blocks(system, square, layout, selection.jacobian(), solution.singular, report)
+    report.check()
+    notes = diagnosis.notes(system, selection.choice, selection.tied)
+    notes += diagnosis.immobile(system, *immobile(selection))
+    quadratures = np.flatnonzero(selection.quadrature)
+    # what is solved together with a derivative is not needed for it where the solution is a formula
+    rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
+    reduced = assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
+    guards = *reduced.guards, *_regularity(normalized, layout, solution), *_start(selection)
+    return replace(reduced, guards=guards, nearby=_nearby(selection, registers))
+
+
+def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
+    """The assumption that linear equations with parameter coefficients keep a unique solution."""
+    tests = solution.tests
+    if not tests:
+        return []
+
+    def holds(values: np.ndarray) -> bool:
+        known = np.concatenate([values, derived_values(normalized.derived, values)])
+        registers = layout.known_values(known)
+        return not any(singular(registers).any() for singular in tests)
+
+    return [Guard(holds, "the linear equations between massless parts have one solution")]
+
+
+def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
+    """What the states are where the constraints hold, near the start values."""
+    if selection.start is None:
+        return None
+    variable, order = selection.layout.jets()
+    return selection.start.value[order[states], variable[states]]
+
+
+def _start(selection: Selection) -> list[Guard]:
+    """The assumption that a motion with these coordinates can start where it is meant to."""
+    changing = selection.start is not None and selection.system.flat.starts
+    if not changing or not selection.startable(selection.system.normalized.values):
+        return []
+    return [Guard(selection.startable, "the other coordinates follow from the states at the start")]

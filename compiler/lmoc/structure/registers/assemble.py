@@ -1,0 +1,150 @@
+"""Put the pieces of a reduced system together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from math import prod
+
+import numpy as np
+
+from lmoc.expression.dag import slots
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.program import Apply, Program, Registers, Role, Solve, Step, read
+from lmoc.ir.reduced import Reduced
+from lmoc.structure.index.system import System
+from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
+from lmoc.structure.linear.substitution import partition
+from lmoc.structure.registers.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
+from lmoc.support.distinct import first_of_each
+
+
+def assemble(
+    system: System,
+    layout: Layout,
+    programs: tuple[Program, Program],
+    states: np.ndarray,
+    quadratures: np.ndarray,
+    helpers: int,
+    notes: tuple,
+) -> Reduced:
+    """The reduced system.
+
+    Parameters
+    ----------
+    programs : right-hand side and the rest, over the layout's registers and `helpers` more
+    states, quadratures : registers of jets
+    """
+    n, flat = system.normalized, system.flat
+    rhs, observe = programs
+    register_of, back, named = way_back(system, layout, helpers)
+    count = layout.count + helpers + len(named)
+    rhs, observe, guesses = _with_guesses(system, layout, rhs, observe, count)
+    count += sum(len(g.out) for g in guesses)
+    register_of[n.undetermined] = -1
+    inputs = layout.inputs()
+    known = np.flatnonzero(flat.kind < INPUT)
+    return Reduced(
+        flat=flat,
+        values=n.values,
+        registers=_registers(system, layout, states, quadratures, helpers, named, count),
+        known=np.stack([layout.base[known], known]),
+        inputs=inputs,
+        required_inputs=_mask(count, map(read, rhs))[inputs[0]],
+        parameter_program=(*(Apply(a.shape, layout.base[a.slots], layout.base[a.target]) for a in n.derived), *guesses),
+        states=states,
+        derivatives=states + 1,
+        quadratures=quadratures,
+        quadrature_derivatives=quadratures + 1,
+        rhs=rhs,
+        observe=(*observe, *back),
+        register_of=register_of,
+        guards=n.guards,
+        notes=(*n.notes, *notes),
+        counts={
+            "parts": _part_count(flat),
+            "equations": flat.equation_count,
+            "after elimination": system.rows,
+            "states": len(states),
+        },
+        undetermined=n.undetermined,
+    )
+
+
+def _part_count(flat: FlatDAE) -> int:
+    """Elements of the scene, those of arrays counted one by one."""
+    return sum(prod(k for _, dims in p.path for k in dims) for p in flat.parts if p.leaf)
+
+
+def _mask(count: int, some: Iterable[np.ndarray]) -> np.ndarray:
+    mask = np.zeros(count, bool)
+    for registers in some:
+        mask[registers] = True
+    return mask
+
+
+def _registers(
+    system: System, layout: Layout, states: np.ndarray, quadratures: np.ndarray, helpers: int, named, count: int
+) -> Registers:
+    role = np.full(count, int(Role.COMPUTED), np.uint8)
+    variable, order = layout.jets()
+    kind = system.kind[variable]
+    role[: layout.count][kind == INPUT] = Role.INPUT
+    role[: layout.count][(kind != INPUT) & (kind != UNKNOWN)] = Role.KNOWN
+    role[: layout.count][variable >= system.flat.count] = Role.DERIVED
+    role[states], role[quadratures] = Role.STATE, Role.QUADRATURE
+    names = np.full(count, -1, np.int64)
+    orders = np.zeros(count, np.int64)
+    names[: layout.count], orders[: layout.count] = names_of_jets(system, layout)
+    at = layout.count + helpers
+    names[at : at + len(named)] = named
+    role[at + len(named) :] = Role.DERIVED
+    return Registers(role, names, orders)
+
+
+# --------------------------------------------------------------- start values of nonlinear blocks
+
+
+def _with_guesses(system: System, layout: Layout, rhs: Program, observe: Program, first: int):
+    """Give Newton's iterations the start values that the model has; steps that compute those from parameters."""
+    unknown = [s.unknowns for s in (*rhs, *observe) if isinstance(s, Solve) and not s.linear]
+    if not unknown:
+        return rhs, observe, []
+    wanted = _mask(layout.count, unknown)
+    start, steps = _starts(system, layout, wanted, first)
+
+    def with_guess(step: Step) -> Step:
+        if not isinstance(step, Solve) or step.linear:
+            return step
+        return replace(step, guess=start[step.unknowns])
+
+    return tuple(map(with_guess, rhs)), tuple(map(with_guess, observe)), steps
+
+
+def _starts(system: System, layout: Layout, wanted: np.ndarray, first: int) -> tuple[np.ndarray, list[Apply]]:
+    n = system.normalized
+    register = np.full(layout.count, -1, np.int64)
+    steps: list[Apply] = []
+    for a in system.flat.starts:
+        hit = np.flatnonzero(system.column[n.root[a.target]] >= 0)
+        jet = layout.register_behind(a.target[hit])
+        hit, jet = hit[wanted[jet]], jet[wanted[jet]]
+        jet, once = first_of_each(jet)
+        hit = hit[once]
+        if not len(hit):
+            continue
+        target = a.target[hit]
+        for (factor, offset), rows in partition(pattern_of(n, target)):
+            rows = np.arange(len(hit)) if rows is None else rows
+            columns = [layout.base[a.slots[hit[rows]]]]
+            if factor == 0:
+                columns.append(layout.base[n.factor[target[rows]]][:, None])
+            if offset == 0:
+                columns.append(layout.base[n.offset[target[rows]]][:, None])
+            shape = inverse_affine(factor, offset, a.shape, a.slots.shape[1])
+            table = np.concatenate(columns, axis=1)
+            out = first + np.arange(len(rows))
+            first += len(rows)
+            register[jet[rows]] = out
+            steps.append(Apply(shape, table[:, : 1 + max((s.value[0] for s in slots(shape)), default=-1)], out))
+    return register, steps

@@ -1,0 +1,293 @@
+"""Equations of motion as a person writes them: ``m·q̈ + c·q̇ + k·q = f``, with a table of names, as text and LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.symbolic.notation import Formula, Notation, told
+from lmoc.symbolic.sorting import Equation, gathered, sorted_equation
+from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
+from lmoc.symbolic.system import jet_symbol, symbolic_system
+
+if TYPE_CHECKING:
+    import sympy
+
+    from lmoc.ir.reduced import Reduced
+
+
+MOST_SOLVED = 3  # coordinates; with more, forces are not tried with the accelerations solved
+
+
+@dataclass(frozen=True, eq=False)
+class EquationsOfMotion:
+    """The equations of motion of a scene; print it, or ask for `latex`, `html`, `to_dict`.
+
+    Attributes
+    ----------
+    equations : tuple of Equation
+    forces : {name: Expr}
+        Internal forces, where asked for.
+    notation : Notation
+    descriptions : {full name: (unit, description)}
+        Of the symbols that occur.
+    assumptions : tuple of str
+        What was taken for granted about parameter values.
+    undetermined : tuple of str
+        Internal forces that a redundant loop leaves open.
+    """
+
+    name: str
+    equations: tuple[Equation, ...]
+    forces: Mapping[str, sympy.Expr]
+    notation: Notation
+    descriptions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    assumptions: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return tuple(e.coordinate.name for e in self.equations)
+
+    @property
+    def operation_count(self) -> int:
+        """Operations of all sides as they are written."""
+        import sympy as sp
+
+        sides = [sp.Add(*(c * f for c, f in side)) for e in self.equations for side in (e.left, e.right)]
+        return sum(int(sp.count_ops(side)) for side in sides)
+
+    def lines(self, style: Style = UNICODE) -> list[str]:
+        return [e.write(self.notation, style) for e in self.equations]
+
+    def force_lines(self, style: Style = UNICODE) -> list[str]:
+        formula = Formula(self.notation, style)
+        return [self.notation.name(n, style) + style.equals + formula.sum(v) for n, v in self.forces.items()]
+
+    def text(self, ascii: bool = False) -> str:
+        """For a terminal: the equations, the forces, and the table of abbreviations."""
+        style = ASCII if ascii else UNICODE
+        lines = self.lines(style) or [_NOTHING_MOVES]
+        if self.forces:
+            lines += ["", "internal forces:", *self.force_lines(style)]
+        if self.undetermined:
+            lines += ["", f"{_UNDETERMINED} {', '.join(self.undetermined)}"]
+        return "\n".join(lines + self.notation.legend(style))
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def latex(self) -> str:
+        """An `align*` environment."""
+        lines = [*self.lines(LATEX), *self.force_lines(LATEX)]
+        rows = " \\\\\n".join("  " + line.replace(" = ", " &= ", 1) for line in lines)
+        return f"\\begin{{align*}}\n{rows}\n\\end{{align*}}"
+
+    def _repr_latex_(self) -> str:
+        return self.latex()
+
+    def html(self) -> str:
+        """The equations in MathML and the table of symbols, to be put into a page."""
+        shown = _formulas(self.lines(MATHML)) or f"<p>{_NOTHING_MOVES}</p>"
+        if self.forces:
+            shown += f"\n<h2>Internal forces</h2>\n{_formulas(self.force_lines(MATHML))}"
+        if self.undetermined:
+            shown += f"\n<p>{_UNDETERMINED} {', '.join(f'<code>{escape(n)}</code>' for n in self.undetermined)}</p>"
+        rows = []
+        for full, short in self.notation.short.items():
+            unit, text = self.descriptions.get(full.removeprefix("δ"), ("", ""))
+            symbol = f"<math>{MATHML.symbol(short, 0)}</math>"
+            cells = (symbol, f"<code>{escape(told(full))}</code>", escape(unit_text(unit)), escape(text))
+            rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+        head = "<tr><th></th><th>name</th><th>unit</th><th>meaning</th></tr>"
+        return shown if not rows else f"{shown}\n<table>\n{head}\n" + "\n".join(rows) + "\n</table>"
+
+    def to_dict(self) -> dict:
+        """For JSON: each equation as text, LaTeX and residual in full names (SymPy syntax)."""
+        return {
+            "model": self.name,
+            "equations": [
+                {
+                    "coordinate": e.coordinate.name,
+                    "order": e.order,
+                    "text": e.write(self.notation, ASCII),
+                    "latex": e.write(self.notation, LATEX),
+                    "residual": str(e.residual),
+                }
+                for e in self.equations
+            ],
+            "forces": {name: str(value) for name, value in self.forces.items()},
+            "abbreviations": self.notation.abbreviations,
+            "undetermined": list(self.undetermined),
+            "assumptions": list(self.assumptions),
+        }
+
+    def about(
+        self, equilibrium: Mapping[str, sympy.Expr], inputs: Mapping[str, object] | None = None
+    ) -> EquationsOfMotion:
+        """The equations in deviations ``δq = q − q_e`` from an equilibrium: constant loads disappear.
+
+        Parameters
+        ----------
+        equilibrium : {state name: value}
+            From `equilibria`.
+        inputs : {name: value}, optional
+            The inputs' constant values at the equilibrium (zero without); ``δu = u − u_e`` where not zero.
+        """
+        import sympy as sp
+
+        shift: dict[sympy.Symbol, sympy.Expr] = {}
+        rename: dict[str, str] = {}
+        for e in self.equations:
+            rename[e.coordinate.name] = _delta(e.coordinate.name)
+            for n in range(e.order + 1):
+                new = jet_symbol(rename[e.coordinate.name], n)
+                rest = equilibrium.get(e.coordinate.name, sp.S.Zero) if n == 0 else sp.S.Zero
+                shift[jet_symbol(e.coordinate.name, n)] = new + rest
+        for name, value in (inputs or {}).items():
+            if value != 0:
+                rename[name] = _delta(name)
+                shift[sp.Symbol(name)] = sp.Symbol(rename[name]) + sp.sympify(value)
+        others = set(self.notation.late) - set(self.coordinates) - set(inputs or {})
+        zero = {sp.Symbol(n): sp.S.Zero for n in others}
+        jets = {jet_symbol(rename[e.coordinate.name], n) for e in self.equations for n in range(e.order + 1)}
+        constant = {k: v.xreplace(dict.fromkeys(jets, sp.S.Zero)) for k, v in shift.items()}
+        moving = sorted(jets | {sp.Symbol(rename.get(n, n)) for n in others | set(inputs or {})}, key=str)
+        moved = []
+        for e in self.equations:
+            rest = {k: v.xreplace(zero) if k in shift else v for k, v in shift.items()}
+            residual = e.residual.xreplace(rest)
+            if any(v != 0 for v in constant.values()):
+                residual = _in_powers(residual, moving)
+            coordinate = sp.Symbol(rename[e.coordinate.name])
+            late = [rename.get(n, n) for n in self.notation.late]
+            coordinates = [sp.Symbol(rename[n]) for n in self.coordinates]
+            moved.append(sorted_equation(residual, coordinate, e.order, coordinates, late))
+        short = {rename.get(n, n): ("δ" + s if n in rename else s) for n, s in self.notation.short.items()}
+        notation = Notation(short, {rename.get(n, n): i for n, i in self.notation.late.items()})
+        return replace(self, equations=tuple(moved), notation=notation, forces={})
+
+
+_NOTHING_MOVES = "there is no free coordinate: all motion is given"
+_UNDETERMINED = "not determined, because of a redundant loop:"
+
+
+def _formulas(lines: list[str]) -> str:
+    return "\n".join(f"<p><math display='block'>{line}</math></p>" for line in lines)
+
+
+def _in_powers(residual: sympy.Expr, moving: list[sympy.Symbol]) -> sympy.Expr:
+    """A polynomial in what moves with its constants put together, those that cancel left out; others as they are."""
+    import sympy as sp
+
+    if not moving or not residual.is_polynomial(*moving):
+        return residual
+    residual, roots = _with_root_symbols(residual)
+    total = sp.S.Zero
+    for powers, coefficient in sp.Poly(residual, *moving).terms():
+        for root, (n, radicand) in roots.items():
+            coefficient = sp.rem(coefficient, root**n - radicand, root)
+        coefficient = sp.factor_terms(sp.cancel(coefficient))
+        for root, (n, radicand) in roots.items():
+            coefficient = coefficient.xreplace({root**k: _root(radicand, n, k) for k in range(1, n)})
+        total += coefficient * sp.Mul(*(x**n for x, n in zip(moving, powers, strict=True)))
+    return total
+
+
+def _with_root_symbols(value: sympy.Expr) -> tuple[sympy.Expr, dict[sympy.Symbol, tuple[int, sympy.Expr]]]:
+    """An expression with a symbol for each root in it, and {symbol: (degree, radicand)}."""
+    import sympy as sp
+
+    roots = {}
+    for power in [p for p in value.atoms(sp.Pow) if p.exp.is_Rational and p.exp.p == 1 and p.exp.q > 1]:
+        symbol, n, radicand = sp.Dummy(), int(power.exp.q), power.base
+        if radicand.func is sp.Abs and n % 2 and value.has(sp.sign(radicand.args[0])):
+            radicand = radicand.args[0]
+            value = value.subs(power, symbol / sp.sign(radicand))  # sign(v)·|v|^(1/3)
+        else:
+            value = value.xreplace({power: symbol})
+        roots[symbol] = n, radicand
+    return value, roots
+
+
+def _root(radicand: sympy.Expr, n: int, power: int) -> sympy.Expr:
+    """A power of the real n-th root."""
+    import sympy as sp
+
+    if n % 2 == 0 or radicand.func is sp.Abs:
+        return radicand ** sp.Rational(power, n)
+    size = sp.Abs(radicand) ** sp.Rational(power, n)
+    return size if power % 2 == 0 else sp.sign(radicand) * size
+
+
+def _delta(name: str) -> str:
+    return "δ" + name
+
+
+def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forces: bool = False) -> EquationsOfMotion:
+    """Equations of motion of a reduced system.
+
+    Parameters
+    ----------
+    reduced : Reduced
+    values : (flat.count,), optional
+        Parameter values in force.
+    forces : bool
+        With the internal forces of ideal parts (rods, strings, gears).
+
+    Raises
+    ------
+    ModelError
+        E0660, as `symbolic_system`.
+    """
+    from lmoc.symbolic.motion import accelerations, derive
+
+    values = reduced.values if values is None else values
+    motion, outline = derive(reduced, values, forces)
+    late = [*(u.name for u in outline.inputs), *(q.name for q in motion.coordinates)]
+    equations = tuple(
+        sorted_equation(r, q, n, motion.coordinates, late, clear_all=not motion.balanced)
+        for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
+    )
+    small = motion.forces and len(motion.coordinates) <= MOST_SOLVED
+    solved = accelerations(symbolic_system(reduced, values)) if small else {}
+    found = {name: _shortest(value, solved, late) for name, value in motion.forces.items()}
+    occurring = [e.residual for e in equations] + list(found.values())
+    notation = Notation.of(*occurring, names=found, late=late, given={**outline.own_names, **motion.own_names})
+    flat = reduced.flat
+    return EquationsOfMotion(
+        name=outline.name,
+        equations=equations,
+        forces=found,
+        notation=notation,
+        descriptions=_descriptions(flat, notation.short),
+        assumptions=outline.assumptions,
+        undetermined=tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else (),
+    )
+
+
+def _descriptions(flat, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    found = {}
+    for name in names:
+        variables = flat.find(name)
+        if variables is not None and len(variables):
+            block = flat.block_at(int(variables[0]))
+            found[name] = (block.unit, block.description)
+    return found
+
+
+def _shortest(value: sympy.Expr, solved: Mapping, late: Iterable[str]) -> sympy.Expr:
+    """A force with the accelerations as they stand or as solved, whichever is shorter."""
+    import sympy as sp
+
+    def tidy(e: sympy.Expr) -> sympy.Expr:
+        return sp.factor_terms(sp.Add(*(c * f for c, f in gathered(e, set(late)))), sign=False)
+
+    return min((tidy(value), tidy(value.xreplace(solved))), key=lambda e: e.count_ops())

@@ -1,0 +1,300 @@
+"""Equilibria: states of rest for constant inputs, exact where there is a closed form.
+
+Linear and polynomial equations are solved in symbols; unknowns that stand linearly are eliminated first. What remains
+is a core of few nonlinear equations: in one unknown its real roots are found from closed forms or by a scan for sign
+changes, in several by Newton's method from many starts. Each result says how it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.symbolic.elimination import eliminate
+from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
+from lmoc.symbolic.roots import Root, closed_roots, scan, search
+from lmoc.symbolic.slope import slope
+from lmoc.symbolic.system import SymbolicSystem, time_stands_in_it
+
+if TYPE_CHECKING:
+    import sympy
+
+LinearAbout = Callable[[Mapping[str, float]], LinearModel]
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium(Mapping):
+    """A mapping {state name: value at rest}.
+
+    Attributes
+    ----------
+    values : {Symbol: Expr}
+        Of all states; a free state stands for itself.
+    free : tuple of Symbol
+        States that may have any value: a family of equilibria (a lever balanced in every position).
+    conditions : tuple of Expr
+        Must vanish for it to exist (the sum of the loads on something that nothing holds).
+    how : str
+        ``exact``, or how it was found.
+    inputs : {Symbol: Expr}
+        Values of the inputs that were given, or taken as zero for a search; others stand in `values` as symbols.
+    model : LinearModel | None
+        Numeric linear model about it; None where a value is missing.
+    nonlinear : bool
+    own_names : {state name: the user's own name for it}
+    """
+
+    values: Mapping[sympy.Symbol, sympy.Expr]
+    free: tuple[sympy.Symbol, ...] = ()
+    conditions: tuple[sympy.Expr, ...] = ()
+    how: str = "exact"
+    model: LinearModel | None = None
+    nonlinear: bool = False
+    own_names: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> sympy.Expr:
+        import sympy as sp
+
+        return self.values[sp.Symbol(name)]
+
+    def __iter__(self) -> Iterator[str]:
+        return (s.name for s in self.values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def isolated(self) -> bool:
+        return not self.free
+
+    @property
+    def stability(self) -> str | None:
+        """From the linear model: see `LinearModel.stability`.
+
+        ``undecided`` where a nonlinear scene has an eigenvalue on the imaginary axis: the linear model cannot tell.
+        """
+        if self.model is None:
+            return None
+        values = self.model.eigenvalues
+        worst = float(values.real.max(initial=-np.inf))
+        if self.nonlinear and self.isolated and abs(worst) <= 1e-6 * max(1.0, float(np.abs(values).max(initial=0.0))):
+            return "undecided"
+        return self.model.stability
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{s}: {v}" for s, v in self.values.items())
+        return f"Equilibrium({{{values}}}, stability={self.stability!r})"
+
+
+class Equilibria(list):
+    """The equilibria that were found, by rising values; `how` tells how they were sought, also where there is none."""
+
+    def __init__(self, found: Iterable[Equilibrium], how: str = "exact"):
+        super().__init__(found)
+        self.how = how
+
+
+def equilibria(
+    system: SymbolicSystem, inputs: Mapping[str, object] | None = None, linear_model: LinearAbout | None = None
+) -> Equilibria:
+    """All states of rest of a system for constant inputs.
+
+    Parameters
+    ----------
+    system : SymbolicSystem
+        The solved form, or one with the same states of rest (`symbolic.motion.balances`).
+    inputs : {name: number or expression}, optional
+        Constant values; inputs not named stay symbols as long as the equations are linear or polynomial, and are
+        zero in a numeric search.
+    linear_model : callable, optional
+        Gives the linear model about ``{name: number}``; without it, that of `system`.
+
+    Returns
+    -------
+    Equilibria
+        A list, empty where there is none.
+
+    Raises
+    ------
+    ModelError
+        E0660 where time itself stands in the equations.
+    """
+    import sympy as sp
+
+    time = sp.Symbol("time")
+    zero = {jet: sp.S.Zero for u in system.inputs for jet in system.jets(u)[1:]}
+    given = {sp.Symbol(name): exactly(value) for name, value in (inputs or {}).items()}
+    equations = [sp.sympify(d).xreplace(zero).xreplace(given) for d in system.derivatives]
+    if any(e.has(time) for e in equations):
+        raise time_stands_in_it()
+    at_rest = {d: sp.S.Zero for d in equations if d in system.states}  # q̇ = v says v = 0
+    rest = [e.xreplace(at_rest) for e in equations if e not in system.states]
+    unknowns = [x for x in system.states if x not in at_rest]
+    rest, balanced = _without_balanced(rest, set(unknowns), system)
+    linear = all(not slope(e, x).free_symbols & set(unknowns) for e in rest for x in unknowns)
+    how = "exact"
+    if linear:
+        found = _linear(rest, unknowns, set(system.inputs) - set(given))
+    else:
+        found, zeroed, how = _nonlinear(rest, unknowns, system)
+        given |= zeroed
+    found = [replace(root, conditions=(*root.conditions, *balanced)) for root in found]
+    nonlinear = not is_linear(system)
+    about = linear_model or (lambda point: linearize(system, {sp.Symbol(n): v for n, v in point.items()}))
+    return Equilibria((_finished(system, root, at_rest, given, nonlinear, about) for root in found), how)
+
+
+def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) -> tuple[list, list]:
+    """Equations without those that the parameter values fulfil in every position, and what must vanish for that."""
+    import sympy as sp
+
+    left, conditions = [], []
+    for e in equations:
+        common = [f for f, _ in sp.factor_list(sp.numer(sp.together(e)))[1] if not f.free_symbols & unknowns]
+        balance = next((f for f in common if f.is_Add and f.xreplace(system.numbers) == 0), None)
+        if balance is None:
+            left.append(e)
+        else:
+            conditions.append(balance)
+    return left, conditions
+
+
+def exactly(value) -> sympy.Expr:
+    """A number as the fraction that a person meant, an expression as it is."""
+    import sympy as sp
+
+    from lmoc.expression.to_sympy import exact
+
+    return exact(value) if isinstance(value, (int, float)) else sp.sympify(value)
+
+
+def _finished(system, root: Root, at_rest, given, nonlinear: bool, about: LinearAbout) -> Equilibrium:
+    values = {x: at_rest.get(x, root.values.get(x, x)) for x in system.states}
+    free = tuple(x for x in system.states if values[x] == x)
+    model = _model(system, values, given, about)
+    return Equilibrium(values, free, root.conditions, root.how, model, nonlinear, system.own_names, given)
+
+
+def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearModel | None:
+    import sympy as sp
+
+    from lmoc.messages.diagnostics import ModelError
+
+    inputs = {u: given.get(u, sp.S.Zero) for u in system.inputs}
+    free = {x: sp.S.Zero for x, v in values.items() if v == x}
+    numbers = {**system.numbers, **inputs, **free}
+    point = {x: sp.sympify(v).xreplace(numbers) for x, v in (values | inputs).items()}
+    if not all(v.is_comparable for v in point.values()):  # a value is missing, or the point lies at infinity
+        return None
+    try:
+        return about({x.name: float(v) for x, v in point.items()})
+    except ModelError as error:
+        if not {d.code for d in error.diagnostics} <= {"E0662", "E0663"}:  # no value for a parameter, no derivative
+            raise
+        return None
+
+
+def _linear(equations: list, unknowns: list, inputs: set) -> list[Root]:
+    import sympy as sp
+
+    zero = {x: sp.S.Zero for x in unknowns}
+    rows = [{j: slope(e, x) for j, x in enumerate(unknowns) if e.has(x)} for e in equations]
+    right = [-e.xreplace(zero) for e in equations]
+    found = eliminate(rows)
+
+    def total(combination):
+        return sp.cancel(sum((c * right[j] for j, c in combination.items()), sp.S.Zero))
+
+    conditions = [c for c in (_essential(total(c), inputs) for c in found.conditions) if c != 0]
+    if any(not c.free_symbols & inputs for c in conditions):
+        return []  # a load that nothing carries and no input can balance
+    values = {}
+    for i, x in enumerate(unknowns):
+        if i in found.solution:
+            by_free = sum((c * unknowns[j] for j, c in found.by_free[i].items()), sp.S.Zero)
+            values[x] = sp.factor_terms(total(found.solution[i])) + by_free
+    return [Root(values, tuple(dict.fromkeys(conditions)))]
+
+
+def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
+    """What must vanish, without factors that cannot."""
+    import sympy as sp
+
+    top = sp.numer(sp.cancel(condition))
+    if top == 0:
+        return top
+    factors = [f for f, _ in sp.factor_list(top)[1] if f.free_symbols & inputs]
+    return sp.Mul(*factors) if factors else top
+
+
+def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem) -> tuple[list[Root], dict, str]:
+    """Eliminate what stands linearly, then solve the core: in closed form, with the inputs at zero where that helps.
+
+    Returns
+    -------
+    (roots, inputs that were taken as zero, how they were sought)
+    """
+    import sympy as sp
+
+    equations, unknowns, explicit = _core(equations, unknowns)
+    if not unknowns:
+        found = [] if any(equations) else [Root({x: sp.simplify(v) for x, v in explicit.items()})]
+        return found, {}, "exact"
+    zeroed = {u: sp.S.Zero for u in system.inputs if any(e.has(u) for e in (*equations, *explicit.values()))}
+    alone = len(unknowns) == 1 and len(equations) == 1
+    for zero in ({}, zeroed):
+        at_zero = [e.xreplace(zero) for e in equations]
+        core = closed_roots(at_zero[0], unknowns[0], system.numbers) if alone else None
+        if core is not None:
+            return _with_explicit(core, explicit, zero, system), zero, "exact"
+    sought = scan(at_zero[0], unknowns[0], system) if alone else search(at_zero, unknowns, system)
+    return _with_explicit(sought.roots, explicit, zeroed, system), zeroed, sought.how
+
+
+def _with_explicit(roots: list[Root], explicit: dict, zero: dict, system: SymbolicSystem) -> list[Root]:
+    """Roots by rising values, with the unknowns that follow from those of the core."""
+    import sympy as sp
+
+    numbers = {**system.numbers, **{u: sp.S.Zero for u in system.inputs}}
+
+    def place(root: Root) -> list[float]:
+        values = [sp.N(v.xreplace(numbers)) for v in root.values.values()]
+        return [float(v) if v.is_real else 0.0 for v in values]
+
+    explicit = {x: v.xreplace(zero) for x, v in explicit.items()}
+    return [root.extended(explicit, system.numbers) for root in sorted(roots, key=place)]
+
+
+def _core(equations: list, unknowns: list) -> tuple[list, list, dict]:
+    """Equations and unknowns without those that stand linearly, and how these follow."""
+    import sympy as sp
+
+    explicit: dict = {}
+    equations = [e for e in (sp.numer(sp.together(e)) for e in equations) if e != 0]
+    unknowns = list(unknowns)
+    while True:
+        step = _linear_unknown(equations, unknowns)
+        if step is None:
+            break
+        i, x, value = step
+        equations.pop(i)
+        unknowns.remove(x)
+        equations = [sp.numer(sp.together(e.subs(x, value))) for e in equations]
+        explicit = {y: v.subs(x, value) for y, v in explicit.items()} | {x: value}
+    return equations, unknowns, explicit
+
+
+def _linear_unknown(equations: list, unknowns: list):
+    """An equation that gives an unknown explicitly, with a coefficient free of unknowns."""
+    for i, equation in enumerate(equations):
+        for x in unknowns:
+            if not equation.has(x):
+                continue
+            factor = slope(equation, x)
+            if factor != 0 and not factor.free_symbols & set(unknowns):
+                return i, x, -equation.subs(x, 0) / factor
+    return None

@@ -1,0 +1,342 @@
+"""Linear models: A, B, C, D about a point, symbolic or numeric, and what is read off them.
+
+Where an input's derivative acts (a road u(t) under a damper), the model is a descriptor one,
+``ẋ = A x + B u + B₁ u̇``, ``y = C x + D u + D₁ u̇``; `realization` removes B₁ by the state ``z = x − B₁ u``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.symbolic.rational import cancelled
+from lmoc.symbolic.slope import slope
+from lmoc.symbolic.stability import Spectrum, spectrum, stability
+from lmoc.symbolic.system import SymbolicSystem, refuse
+
+if TYPE_CHECKING:
+    import sympy
+
+Matrix = Any  # numpy array or sympy Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """``ẋ = A x + Σ_k B_k u^(k)``, ``y = C x + Σ_k D_k u^(k)`` in deviations from `point`.
+
+    Matrices are numpy arrays, or sympy Matrices in a symbolic model.
+
+    Attributes
+    ----------
+    states, inputs, outputs : names
+    A, C : (n, n), (p, n)
+    Bs, Ds : tuples of (n, m) and (p, m), by the order of the input's derivative
+    point : {name: value}
+        States and inputs about which the model is linear.
+    drift : (n,)
+        Derivatives of the states at the point: zero at an equilibrium.
+    output_values : (p,)
+        Outputs at the point.
+    """
+
+    states: list[str]
+    inputs: list[str]
+    outputs: list[str]
+    A: Matrix
+    Bs: tuple[Matrix, ...]
+    C: Matrix
+    Ds: tuple[Matrix, ...]
+    point: Mapping[str, Any]
+    drift: Matrix
+    output_values: Matrix
+    coordinates: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def symbolic(self) -> bool:
+        return not isinstance(self.A, np.ndarray)
+
+    @property
+    def B(self) -> Matrix:
+        return self.Bs[0]
+
+    @property
+    def D(self) -> Matrix:
+        return self.Ds[0]
+
+    @property
+    def Bd(self) -> Matrix | None:
+        """What the inputs' first derivatives do to the states; None where they do nothing."""
+        return self.Bs[1] if len(self.Bs) > 1 and any(self.Bs[1].ravel() if not self.symbolic else self.Bs[1]) else None
+
+    @property
+    def Dd(self) -> Matrix | None:
+        return self.Ds[1] if len(self.Ds) > 1 and any(self.Ds[1].ravel() if not self.symbolic else self.Ds[1]) else None
+
+    @property
+    def at_rest(self) -> bool:
+        """The point is an equilibrium."""
+        if self.symbolic:
+            return all(d == 0 for d in self.drift)
+        return bool(np.all(np.abs(self.drift) <= 1e-8 * (1.0 + np.abs(self.A).sum(axis=1))))
+
+    # ------------------------------------------------------------- dynamics
+
+    @property
+    def eigenvalues(self) -> np.ndarray:
+        """Sorted by frequency, then by real part; the partners of a complex pair stand together."""
+        return self._spectrum.values
+
+    @cached_property
+    def _spectrum(self) -> Spectrum:
+        return spectrum(self._numeric_A)
+
+    @cached_property
+    def _numeric_A(self) -> np.ndarray:
+        if self.symbolic:
+            raise refuse(
+                "eigenvalues need parameter values", hint="give the parameters values, or ask with symbolic=False"
+            )
+        return self.A
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Natural angular frequency |λ| of each eigenvalue in rad/s."""
+        return np.abs(self.eigenvalues)
+
+    @property
+    def dampings(self) -> np.ndarray:
+        """Damping ratio −Re λ/|λ| of each eigenvalue; NaN for a zero eigenvalue."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return -self.eigenvalues.real / np.abs(self.eigenvalues)
+
+    @cached_property
+    def modes(self) -> np.ndarray:
+        """(n, n): a column of each eigenvalue, its largest coordinate 1."""
+        values, vectors = np.linalg.eig(self._numeric_A)
+        order = [int(np.argmin(np.abs(values - v))) for v in self.eigenvalues]
+        rows = [q for q, _ in self.coordinates] or list(range(len(self.states)))
+        columns = []
+        for i in order:
+            vector = vectors[:, i]
+            largest = rows[int(np.argmax(np.abs(vector[rows])))]
+            scale = vector[largest] if abs(vector[largest]) > 0 else 1.0
+            columns.append(vector / scale)
+            values[i] = np.inf  # each eigenvector once
+        return np.array(columns).T if columns else np.zeros((0, 0))
+
+    @property
+    def stability(self) -> str:
+        """``asymptotically stable``, ``stable`` (undamped), ``neutral`` (a family of equilibria) or ``unstable``."""
+        return stability(self._spectrum, self._numeric_A)
+
+    # ---------------------------------------------------------------- forms
+
+    def realization(self) -> LinearModel:
+        """The same behaviour without input derivatives in ẋ (``z = x − B₁ u − …``)."""
+        Bs, Ds = list(self.Bs), list(self.Ds)
+        Ds += [Ds[0] * 0] * (len(Bs) - len(Ds))
+        Bs += [Bs[0] * 0] * (len(Ds) - len(Bs))
+        for k in range(len(Bs) - 1, 0, -1):
+            Bs[k - 1] = self._clean(Bs[k - 1] + self.A @ Bs[k])
+            Ds[k - 1] = self._clean(Ds[k - 1] + self.C @ Bs[k])
+            Bs[k] = Bs[k] * 0
+        return replace(self, Bs=tuple(Bs), Ds=tuple(Ds))
+
+    def _clean(self, matrix: Matrix) -> Matrix:
+        return matrix.applyfunc(cancelled) if self.symbolic else matrix
+
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(A, B, C, D) of the realization, for scipy.signal and python-control.
+
+        Raises
+        ------
+        ModelError
+            E0660 where an output contains an input's derivative: no such (proper) form exists.
+        """
+        proper = self.realization()
+        improper = [y for i, y in enumerate(self.outputs) if any(np.any(D[i] != 0) for D in proper.Ds[1:])]
+        if improper:
+            which = ", ".join(improper)
+            raise refuse(
+                f"the derivative of an input acts on {which}: there is no proper form A, B, C, D",
+                hint="choose other outputs: linearize(outputs=[…])",
+            )
+        return proper.A, proper.B, proper.C, proper.D
+
+    def to_scipy(self):
+        """A scipy.signal.StateSpace."""
+        from scipy.signal import StateSpace
+
+        return StateSpace(*self.matrices())
+
+    def to_control(self):
+        """A control.StateSpace (python-control must be installed)."""
+        import control
+
+        return control.ss(*self.matrices(), states=self.states, inputs=self.inputs, outputs=self.outputs)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """A, B, C, D, the point x0, u0, y0 and the names as arrays, for files.
+
+        Bd and Dd belong to the inputs' first derivatives; B2, D2, … to higher ones, where those act.
+        """
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        blocks = {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
+        blocks |= {"Bd": self.B * 0 if self.Bd is None else self.Bd, "Dd": self.D * 0 if self.Dd is None else self.Dd}
+        for k in range(2, len(self.Bs)):
+            blocks |= {f"B{k}": self.Bs[k], f"D{k}": self.Ds[k]}
+        at = {"x0": self.states, "u0": self.inputs}
+        blocks |= {key: np.array([float(self.point[name]) for name in of]) for key, of in at.items()}
+        blocks["y0"] = self.output_values
+        return blocks | {key: np.array(value, str) for key, value in names.items()}
+
+    def __repr__(self) -> str:
+        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        sizes = ", ".join(f"{len(v)} {what[:-1] if len(v) == 1 else what}" for what, v in names.items())
+        return f"<LinearModel: {sizes}; {'in symbols' if self.symbolic else self.stability}>"
+
+    def _repr_html_(self) -> str:
+        from lmoc.symbolic.notebook import linear_model
+
+        return linear_model(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write the `arrays` into a file, .mat (MATLAB, names as cell arrays) or .npz.
+
+        Raises
+        ------
+        ModelError
+            E0624 for another ending.
+        OSError
+            The file cannot be written.
+        """
+        path, arrays = Path(path), self.arrays()
+        if path.suffix.lower() == ".npz":
+            np.savez(path, **arrays)
+        elif path.suffix.lower() == ".mat":
+            from scipy.io import savemat
+
+            savemat(path, {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()})
+        else:
+            message = f"the format of '{path}' is not known"
+            raise ModelError([Diagnostic("E0624", message, expected=".mat, .npz", found=f"'{path.suffix}'")])
+
+
+def linearize(
+    system: SymbolicSystem,
+    point: Mapping[sympy.Symbol, sympy.Expr] | None = None,
+    symbolic: bool = False,
+    outputs: Mapping[str, sympy.Expr] | None = None,
+) -> LinearModel:
+    """Linear model of a symbolic system about a point.
+
+    Parameters
+    ----------
+    system : SymbolicSystem
+    point : {Symbol: expression or number}, optional
+        States and inputs; those not given stay symbols (symbolic form), or are zero (numeric form).
+    symbolic : bool
+        Matrices in symbols instead of numbers.
+    outputs : {name: Expr}, optional
+        Instead of the system's outputs; without any, the states are the outputs.
+
+    Raises
+    ------
+    ModelError
+        E0662 where a parameter without a value stands in the numeric form.
+    """
+    import sympy as sp
+
+    outputs = dict(system.outputs if outputs is None else outputs) or {s.name: s for s in system.states}
+    f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
+    here = {x: sp.sympify(v) for x, v in (point or {}).items()}
+    here = {d: sp.S.Zero for u in system.inputs for d in system.jets(u)[1:]} | here
+    if not symbolic:
+        _check_values(f.free_symbols | h.free_symbols, system)
+
+    def finish(matrix: sp.Matrix) -> Matrix:
+        matrix = matrix.xreplace(here)
+        return matrix.applyfunc(_lowest) if symbolic else _numbers(matrix, system)
+
+    by_order = _jets_by_order(system)
+    return LinearModel(
+        states=[s.name for s in system.states],
+        inputs=[u.name for u in system.inputs],
+        outputs=list(outputs),
+        A=finish(_jacobian(f, system.states)),
+        Bs=tuple(finish(_jacobian(f, jets)) for jets in by_order),
+        C=finish(_jacobian(h, system.states)),
+        Ds=tuple(finish(_jacobian(h, jets)) for jets in by_order),
+        point={x.name: here.get(x, x if symbolic else sp.S.Zero) for x in (*system.states, *system.inputs)},
+        drift=_column(finish(f)),
+        output_values=_column(finish(h)),
+        coordinates=system.coordinates,
+    )
+
+
+def _jets_by_order(system: SymbolicSystem) -> list[list[sympy.Symbol]]:
+    """The inputs, their first derivatives, and so on; a symbol that stands nowhere for what does not act."""
+    import sympy as sp
+
+    jets = [system.jets(u) for u in system.inputs]
+    highest = max((len(j) for j in jets), default=1)
+    return [[jet[k] if k < len(jet) else sp.Dummy() for jet in jets] for k in range(highest)]
+
+
+def is_linear(system: SymbolicSystem) -> bool:
+    """Rates and outputs are linear in states, inputs and their derivatives."""
+    moving = {*system.states, *(j for u in system.inputs for j in system.jets(u))}
+    expressions = (*system.derivatives, *system.outputs.values())
+    return all(not slope(e, x).free_symbols & moving for e in expressions for x in e.free_symbols & moving)
+
+
+def _jacobian(f: sympy.Matrix, x) -> sympy.Matrix:
+    import sympy as sp
+
+    return sp.Matrix(f.rows, len(x), lambda i, j: slope(f[i], x[j]))
+
+
+def _column(matrix: Matrix) -> Matrix:
+    return matrix.ravel() if isinstance(matrix, np.ndarray) else matrix
+
+
+def _lowest(value: sympy.Expr) -> sympy.Expr:
+    import sympy as sp
+
+    return sp.factor_terms(cancelled(value)) if value.free_symbols else value
+
+
+def _numbers(matrix: sympy.Matrix, system: SymbolicSystem) -> np.ndarray:
+    """A matrix of expressions as numbers; states and inputs left over are zero."""
+    import sympy as sp
+
+    zero = {x: sp.S.Zero for x in (*system.states, *system.inputs, sp.Symbol("time"))}
+    done = matrix.xreplace(system.numbers).xreplace(zero)
+    missing = sorted({s.name for s in done.free_symbols})
+    if missing:
+        raise no_value(missing)
+    return np.array(done.evalf(17).tolist(), float).reshape(matrix.shape)
+
+
+def _check_values(symbols: set, system: SymbolicSystem) -> None:
+    missing = symbols & {s for s, v in system.values.items() if np.isnan(v)}
+    if missing:
+        raise no_value(sorted(s.name for s in missing))
+
+
+def no_value(missing: list[str]):
+    return ModelError(
+        [
+            Diagnostic(
+                "E0662",
+                f"no value for {', '.join(missing)}",
+                hint="give it in the model or with `--set name=value`, or ask for the symbolic form",
+            )
+        ]
+    )

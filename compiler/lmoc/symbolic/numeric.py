@@ -1,0 +1,284 @@
+"""Linear models in numbers, for scenes of any size: derivatives of the programs, without SymPy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.expression.dag import postorder
+from lmoc.ir.flat import Kind
+from lmoc.ir.program import Apply, Program, Solve, needed_steps, read, written
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.simulate import sources_without_value
+from lmoc.structure.messages.equations import listed
+from lmoc.symbolic.linearize import LinearModel, no_value
+from lmoc.symbolic.system import coordinates_of, time_stands_in_it
+
+if TYPE_CHECKING:
+    from lmoc.symbolic.equilibria import Equilibria
+
+NEWTON_STEPS = 60
+STARTS = 10  # of a search where none is found from zero
+
+
+class NumericSystem:
+    """Rates of the states, outputs, and their Jacobians at any point.
+
+    Parameters
+    ----------
+    reduced : Reduced
+    values : (flat.count,)
+        Parameter values.
+    outputs : (p,) flat variables
+
+    Attributes
+    ----------
+    states, inputs : names
+    jets : (3, k)
+        As `Reduced.inputs`: registers of the inputs and their derivatives.
+    """
+
+    def __init__(self, reduced: Reduced, values: np.ndarray, outputs: Sequence[int]):
+        flat, count = reduced.flat, reduced.registers.count
+        self.reduced = reduced
+        self.outputs = np.asarray(outputs, int)
+        self.states = reduced.state_names
+        self.input_variables = np.flatnonzero(flat.kind == Kind.INPUT)
+        self.inputs = [flat.variable_name(int(v)) for v in self.input_variables]
+        self.jets = reduced.inputs
+        seen = reduced.register_of[self.outputs]
+        self.targets = np.concatenate([reduced.derivatives, seen[seen >= 0]]).astype(int)
+        self._shown = np.flatnonzero(seen >= 0)
+        program = reduced.rhs + needed_steps(reduced.observe, seen[seen >= 0], count)
+        self._interpreter = Interpreter(program, count)
+        self._sources = np.concatenate([reduced.states, self.jets[0]]).astype(int)
+        self._jacobian = Jacobian(program, self._sources, self.targets, count)
+        self._w = np.full(count, np.nan)
+        self._filled = np.concatenate([np.zeros(0, int), *(written(step) for step in program)])
+        self._w[reduced.known[0]] = values[reduced.known[1]]
+        self._check_values(values)
+        Interpreter(reduced.parameter_program, count).run(self._w, np.nan)
+        self._w[self.jets[0]] = 0.0
+
+    def _check_values(self, values: np.ndarray) -> None:
+        """Every parameter that the programs read has a value."""
+        known, used = self.reduced.known, np.zeros(len(self._w), bool)
+        for step in (*self.reduced.parameter_program, *self._interpreter.program):
+            used[read(step)] = True
+        missing = known[1][np.isnan(self._w[known[0]]) & used[known[0]]]
+        if len(missing):
+            flat = self.reduced.flat
+            sources = {s for v in missing[:12].tolist() for s in sources_without_value(flat, v, values)}
+            raise no_value(sorted(map(flat.variable_name, sources)))
+
+    def _place(self, x: np.ndarray, u: np.ndarray, time: float) -> None:
+        orders, variables = self.jets[2], self.jets[1]
+        at = np.searchsorted(self.input_variables, variables)
+        self._run(x, np.where(orders == 0, u[at], 0.0) if len(variables) else np.zeros(0), time)
+
+    def _run(self, x: np.ndarray, jets: np.ndarray, time: float) -> None:
+        self._w[self.reduced.states] = x
+        self._w[self.jets[0]] = jets
+        self._interpreter.run(self._w, time)
+
+    def rates_with(self, x: np.ndarray, jets: np.ndarray, time: float) -> np.ndarray:
+        """(n,) derivatives of the states for given inputs and their derivatives, in the order of `jets`."""
+        self._run(x, jets, time)
+        return self._w[self.reduced.derivatives].copy()
+
+    def rates(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """(n,) derivatives of the states; the inputs' derivatives are zero."""
+        self._place(x, u, time)
+        return self._w[self.reduced.derivatives].copy()
+
+    def matrices(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Values (n + p,) of rates and outputs, and their Jacobian by states and input jets."""
+        self._place(x, u, time)
+        dense = np.zeros((len(self.targets), len(self._sources)))
+        dense[self._jacobian.rows, self._jacobian.columns] = self._jacobian.values(self._w, time)
+        n, p = len(self.states), len(self.outputs)
+        full = np.zeros((n + p, dense.shape[1]))
+        full[n + np.flatnonzero(np.isin(self.outputs, self.reduced.undetermined))] = np.nan
+        full[:n], full[n + self._shown] = dense[:n], dense[n:]
+        values = np.full(n + p, np.nan)
+        values[:n], values[n + self._shown] = self._w[self.targets[:n]], self._w[self.targets[n:]]
+        return values, full
+
+    def is_linear(self) -> bool:
+        """The Jacobians at two points are the same."""
+        generator = np.random.default_rng(3)
+        points = [generator.uniform(-1, 1, len(self.states) + len(self.inputs)) for _ in range(2)]
+        n = len(self.states)
+        first, second = (self.matrices(p[:n], p[n:], time)[1] for p, time in zip(points, (0.3, 0.7), strict=True))
+        self._forget()
+        size = max(1.0, float(np.abs(first).max(initial=0.0)))
+        return bool(np.allclose(first, second, rtol=1e-9, atol=1e-12 * size))
+
+    def _forget(self) -> None:
+        """Let nonlinear blocks be solved from their first guess again, not from a point that is not meant."""
+        self._interpreter.reset()
+        self._w[self._filled] = np.nan
+
+    def rest(self, u: np.ndarray, start: np.ndarray | None = None) -> np.ndarray | None:
+        """A state of rest by Newton's method, the shortest step where there is a choice; None where none is found."""
+        x = np.zeros(len(self.states)) if start is None else start.copy()
+        n = len(x)
+        for _ in range(NEWTON_STEPS):
+            values, jacobian = self.matrices(x, u)
+            if not (np.isfinite(values[:n]).all() and np.isfinite(jacobian[:n, :n]).all()):
+                return None
+            step = _newton_step(jacobian[:n, :n], values[:n])
+            x = x - step
+            if np.abs(step).max(initial=0.0) <= 1e-12 * (1.0 + np.abs(x).max(initial=0.0)):
+                break
+        x[np.abs(x) < 1e-14 * (1.0 + np.abs(x).max(initial=0.0))] = 0.0  # below what the iteration can tell
+        scale = 1.0 + np.abs(jacobian[:n, :n]).sum(axis=1) * (1.0 + np.abs(x).max(initial=0.0)) if n else 1.0
+        return x if np.all(np.abs(self.rates(x, u)) <= 1e-9 * scale) else None
+
+
+def _newton_step(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The solution of A x = b, the shortest best one where A is singular."""
+    try:
+        x = np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        x = np.full(len(b), np.nan)
+    size = np.abs(A).sum(axis=1) * np.abs(x).max(initial=0.0) + np.abs(b)
+    if np.all(np.isfinite(x)) and np.all(np.abs(A @ x - b) <= 1e-12 * size) and np.abs(x).max(initial=0.0) < 1e12:
+        return x
+    return np.linalg.lstsq(A, b, rcond=1e-12)[0]
+
+
+def linearize_numerically(
+    reduced: Reduced,
+    values: np.ndarray,
+    point: Mapping[str, float],
+    outputs: Sequence[str],
+    time: float = 0.0,
+    system: NumericSystem | None = None,
+) -> LinearModel:
+    """Linear model about a point.
+
+    Parameters
+    ----------
+    point : {state or input name: number}
+        Zero where nothing is given.
+    outputs : names of variables
+
+    Raises
+    ------
+    ModelError
+        E0662 a parameter without a value, E0663 a point where something has no derivative.
+    """
+    system = system or NumericSystem(reduced, values, [variable(reduced, name) for name in outputs])
+    n, p = len(system.states), len(outputs)
+    x = np.array([float(point.get(name, 0.0)) for name in system.states])
+    u = np.array([float(point.get(name, 0.0)) for name in system.inputs])
+    found, jacobian = system.matrices(x, u, time)
+    _check_derivatives(system, outputs, jacobian)
+    orders = system.jets[2]
+    highest = int(orders.max(initial=0)) + 1
+    Bs = [np.zeros((n, len(u))) for _ in range(highest)]
+    Ds = [np.zeros((p, len(u))) for _ in range(highest)]
+    for column, (v, order) in enumerate(zip(system.jets[1], orders, strict=True)):
+        at = int(np.searchsorted(system.input_variables, v))
+        Bs[order][:, at], Ds[order][:, at] = jacobian[:n, n + column], jacobian[n:, n + column]
+    return LinearModel(
+        states=list(system.states),
+        inputs=list(system.inputs),
+        outputs=list(outputs),
+        A=jacobian[:n, :n],
+        Bs=tuple(Bs),
+        C=jacobian[n:, :n],
+        Ds=tuple(Ds),
+        point={
+            **dict(zip(system.states, x.tolist(), strict=True)),
+            **dict(zip(system.inputs, u.tolist(), strict=True)),
+        },
+        drift=found[:n],
+        output_values=found[n:],
+        coordinates=coordinates_of(reduced),
+    )
+
+
+def _check_derivatives(system: NumericSystem, outputs: Sequence[str], jacobian: np.ndarray) -> None:
+    """At a singular point of implicit equations not everything has a derivative: say what has none."""
+    n, told = len(system.states), ~np.isin(system.outputs, system.reduced.undetermined)
+    names = [f"der({name})" for name in system.states] + list(outputs)
+    lost = ~np.isfinite(jacobian).all(axis=1) & np.concatenate([np.ones(n, bool), told])
+    if lost.any():
+        who = listed([f"'{names[k]}'" for k in np.flatnonzero(lost)[:6].tolist()])
+        message = f"no linear model of {who}: there is no derivative at this point"
+        hint = "the implicit equations are singular there: take another point, or other outputs"
+        raise ModelError([Diagnostic("E0663", message, hint=hint)])
+
+
+def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> Equilibria:
+    """The state of rest that Newton's method finds from the state zero or, failing that, from random ones, if any.
+
+    Inputs not given are zero.
+    """
+    import sympy as sp
+
+    from lmoc.symbolic.equilibria import Equilibria, Equilibrium
+
+    if _contains_time(reduced.rhs):
+        raise time_stands_in_it()
+    system = NumericSystem(reduced, values, ())
+    u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
+    found, how = system.rest(u), "Newton's method from the state zero"
+    generator = np.random.default_rng(1)
+    for _ in range(0 if system.is_linear() else STARTS):
+        if found is not None:
+            break
+        found = system.rest(u, generator.uniform(-1, 1, len(system.states)))
+        how = f"Newton's method from the state zero and {STARTS} others"
+    if found is None:
+        return Equilibria((), how)
+    model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)) | dict(inputs), ())
+    linear = system.is_linear()
+    how += "" if linear else "; there may be others"
+    symbols = [sp.Symbol(name) for name in system.states]
+    free = _free(model.A) if linear else set()
+    at = {s: s if i in free else sp.Float(v) for i, (s, v) in enumerate(zip(symbols, found.tolist(), strict=True))}
+    given = {sp.Symbol(name): sp.Float(value) for name, value in zip(system.inputs, u.tolist(), strict=True)}
+    members = tuple(symbols[i] for i in sorted(free))
+    return Equilibria([Equilibrium(at, members, how=how, model=model, nonlinear=not linear, inputs=given)], how)
+
+
+def _contains_time(program: Program) -> bool:
+    return any(
+        any(node.op == "time" for node in postorder(step.shape))
+        if isinstance(step, Apply)
+        else isinstance(step, Solve) and _contains_time(step.inner)
+        for step in program
+    )
+
+
+def _free(A: np.ndarray) -> set[int]:
+    """States along which there is rest everywhere: those with a part in the null space of A."""
+    if not len(A):
+        return set()
+    _, singular, right = np.linalg.svd(A)
+    null = right[singular <= 1e-10 * singular.max(initial=1.0)]
+    return set(np.flatnonzero(np.abs(null).max(axis=0, initial=0.0) > 1e-8).tolist())
+
+
+def variable(reduced: Reduced, name: str) -> int:
+    """Index of one variable by name.
+
+    Raises
+    ------
+    ModelError
+        E0661 where there is no such variable.
+    """
+    flat = reduced.flat
+    found = flat.find(name)
+    if found is None or len(found) != 1:
+        hint = nearest(name, flat.names()) if flat.count < 5000 else ""
+        raise ModelError([Diagnostic("E0661", f"there is no variable '{name}'", hint=hint)])
+    return int(found[0])

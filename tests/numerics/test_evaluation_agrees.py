@@ -1,0 +1,154 @@
+"""The ways of evaluating a program, and of flattening a scene, give the same numbers on every model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.ir.flat import FlatDAE, Sums
+from lmoc.ir.program import Solve
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.evaluate.casadi_system import can_lower
+from lmoc.numerics.evaluate.native.c_code import Unsupported
+from lmoc.numerics.evaluate.native.compiler import find_compiler
+from lmoc.numerics.evaluate.segments import can_segment
+from lmoc.numerics.evaluate.system import CasadiSystem, SegmentedSystem, System, VectorSystem
+from lmoc.numerics.integrate import Problem
+from lmoc.numerics.integrate.choice import integrator
+from lmoc.numerics.plan import Plan, walk
+from lmoc.numerics.signals.signals import bind_signals
+from lmoc.numerics.simulate import Simulator
+from lmoc.structure.reduce import reduce
+
+ROOT = Path(__file__).parents[2] / "models"
+MODELS = sorted(ROOT.glob("*/*.lmo"))
+NOT_LONG = [p for p in MODELS if p.parent.name != "classic"]  # 0.2 s are many turns of a linkage
+SMALL = {"N": 20}  # the large scenes, short
+
+
+def compiled(path: Path) -> lmoc.DAE:
+    return lmoc.compile(path, parameters=SMALL if path.parent.name == "bench" else None)
+
+
+def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
+    """Every way in which the program of a scene can be evaluated here, ready to be called."""
+    report = Report()
+    signals = bind_signals(dae.flat, None, report)
+    plan, _ = Simulator(dae.reduced).system(signals, True, report)
+    found: dict[str, System] = {"numpy": VectorSystem(plan)}
+    if can_lower(plan.program):
+        found["casadi"] = CasadiSystem(plan)
+    elif can_segment(plan.program):
+        found["casadi, blocks"] = SegmentedSystem(plan)
+    if find_compiler():
+        from lmoc.numerics.evaluate.native.system import NativeSystem
+
+        try:
+            found["C"] = NativeSystem(plan)
+        except Unsupported:
+            pass
+    for system in found.values():
+        system.prepare(plan.base(dae.values, signals), signals)
+    return plan, found
+
+
+def derivatives(system: System, t: float, x: np.ndarray) -> np.ndarray:
+    out = np.empty(system.n)
+    system.rhs(t, x, out)
+    return out
+
+
+def assert_close(a: np.ndarray, b: np.ndarray, tolerance: float = 1e-12) -> None:
+    scale = np.max(np.abs(b), initial=1e-300)
+    np.testing.assert_allclose(a / scale, b / scale, rtol=0, atol=tolerance)
+
+
+def assert_entries_close(a: np.ndarray, b: np.ndarray, terms: np.ndarray | float) -> None:
+    """Every entry for itself: to 1e-11 of its own size, and to the rounding of the terms that it is the sum of."""
+    assert np.isfinite(a).all() and np.isfinite(b).all()
+    missed = np.abs(a - b) > 1e-11 * np.abs(b) + 1e-13 * terms
+    assert not missed.any(), (a[missed], b[missed])
+
+
+def points(dae: lmoc.DAE, plan: Plan, count: int) -> list[np.ndarray]:
+    """Random states; near the start where nonlinear blocks have solutions only in places."""
+    random = np.random.default_rng(1)
+    if all(not isinstance(s, Solve) or s.linear for s in walk(plan.program)):
+        return [random.uniform(-0.5, 0.5, len(plan.states)) for _ in range(count)]
+    names = [dae.reduced.register_name(int(r)) for r in plan.states]
+    run = dae.simulate(times=[0.0, 1e-6])
+    start = np.array([run[name][0] if name in dae.states else 0.0 for name in names])
+    return [start + random.uniform(-1e-3, 1e-3, len(start)) for _ in range(count)]
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_casadi_numpy_and_c_agree(path: Path) -> None:
+    dae = compiled(path)
+    plan, found = systems(dae)
+    assert len(found) > 1  # else the comparison is empty
+    for t, x in zip((0.0, 0.37), points(dae, plan, 2), strict=True):
+        reference = derivatives(found["numpy"], t, x)
+        jacobian = found["numpy"].jacobian(t, x) if len(x) else np.zeros((0, 0))
+        for system in found.values():
+            assert_entries_close(derivatives(system, t, x), reference, np.abs(jacobian) @ np.abs(x))
+            if len(x):
+                row = np.abs(jacobian).max(axis=1, keepdims=True)
+                assert_entries_close(system.jacobian(t, x), jacobian, row)
+
+
+def one_row_a_group(flat: FlatDAE) -> FlatDAE:
+    """The same model as a tool without shapes would flatten it."""
+    groups = [replace(g, slots=g.slots[i : i + 1]) for g in flat.groups for i in range(g.rows)]
+    s = flat.sums
+    return replace(flat, groups=tuple(groups), sums=Sums(s.start, s.index, s.sign, s.spans, s.span_of))
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_shapes_and_scalars_agree(path: Path) -> None:
+    dae = compiled(path)
+    plan, found = systems(dae)
+    scalar = reduce(one_row_a_group(dae.flat), dae.values, dae.states)
+    assert sorted(scalar.state_names) == sorted(dae.states)
+    report = Report()
+    signals = bind_signals(scalar.flat, None, report)
+    other, system = Simulator(scalar).system(signals, True, report)
+    system.prepare(other.base(dae.values, signals), signals)
+    names = [dae.reduced.register_name(int(r)) for r in plan.states]
+    place = {scalar.register_name(int(r)): k for k, r in enumerate(other.states)}
+    order = [place[name] for name in names]
+    (x,) = points(dae, plan, 1)
+    y = np.empty(len(x))
+    y[order] = x
+    reference = derivatives(found["numpy"], 0.21, x)
+    jacobian = found["numpy"].jacobian(0.21, x) if len(x) else np.zeros((0, 0))
+    assert_entries_close(derivatives(system, 0.21, y)[order], reference, np.abs(jacobian) @ np.abs(x))
+    if len(x):
+        row = np.abs(jacobian).max(axis=1, keepdims=True)
+        assert_entries_close(system.jacobian(0.21, y)[np.ix_(order, order)], jacobian, row)
+
+
+def trajectory(system: System, plan: Plan, x0: np.ndarray, grid: np.ndarray, rtol: float) -> np.ndarray:
+    rows = [x0[None]]
+    problem = Problem(
+        system, x0, grid, rtol, np.full(len(x0), rtol * 1e-3), lambda _, states: rows.append(states.copy())
+    )
+    outcome = integrator("dop853")(problem)
+    assert not outcome.failure
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("path", NOT_LONG, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_trajectories_agree(path: Path) -> None:
+    dae = compiled(path)
+    rtol, grid = 1e-7, np.linspace(0, 0.2, 5)
+    plan, found = systems(dae)
+    x0 = np.random.default_rng(3).uniform(-0.1, 0.1, len(plan.states))
+    if not len(x0):
+        return
+    reference = trajectory(found.pop("numpy"), plan, x0, grid, rtol)
+    for system in found.values():
+        assert_close(trajectory(system, plan, x0, grid, rtol), reference, 10 * rtol)

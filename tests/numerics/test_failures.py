@@ -1,0 +1,331 @@
+"""Runs that cannot go well end in words, with what was computed until then; odd ones that can go well do."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.by_hand import Scene, oscillator
+
+import lmoc
+from lmoc.expression import dag
+from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.numerics.integrate import base, table
+from lmoc.numerics.integrate.sundials import sundials
+from lmoc.numerics.options import SOLVERS, RunOptions
+from lmoc.numerics.simulate import simulate
+
+every_solver = pytest.mark.parametrize("solver", SOLVERS)
+
+
+def one_state(rate, start: float = 1.0):
+    """x' = rate(x)."""
+    s = Scene()
+    x = s.state("x", start)
+    s.rate(x, rate(x))
+    return s.reduced()
+
+
+def relaxing(k: float):
+    """x' = -k·(x - cos t) - sin t from x = 1, so x = cos t."""
+    return one_state(lambda x: -k * (x - dag.function("cos", dag.TIME)) - dag.function("sin", dag.TIME))
+
+
+# ------------------------------------------------------------------ values that are lost
+
+
+def logarithm_from_half(x):
+    """1, and from t = 0.5 the logarithm of a negative number."""
+    late = dag.function("gt", dag.TIME, dag.const(0.5))
+    return dag.if_(late, dag.function("log", -1 * x), dag.const(1.0))
+
+
+@every_solver
+@pytest.mark.parametrize(
+    ("rate", "start", "end", "words"),
+    [
+        (lambda x: -1.0 * dag.function("sqrt", x), 0.25, 1.0, "no finite value"),  # x = (1 - t)²/4, then √ of less
+        (lambda x: x * x, 1.0, 1.0, "the step size collapsed"),  # x = 1/(1 - t)
+        (logarithm_from_half, 1.0, 0.5, r"der\(x\) has no finite value"),
+    ],
+    ids=["root", "pole", "logarithm"],
+)
+def test_a_right_hand_side_that_loses_its_value(solver, rate, start, end, words):
+    try:
+        run = simulate(one_state(rate, start), options=RunOptions(solver=solver, stop=2.0))
+    except SimulationError as failure:
+        assert failure.time == pytest.approx(end, abs=0.03)
+        partial = failure.partial
+        assert len(partial.time) > 0.9 * 501 * end / 2
+        assert np.isfinite(partial["x"]).all() and partial.time[-1] <= failure.time
+        assert f"the run stopped at t = {failure.time:.6g} s of 2 s" in str(failure)
+    else:
+        assert start == 0.25 and run["x"][-1] == pytest.approx(0.0, abs=1e-5)
+
+
+@every_solver
+def test_a_value_that_ends_with_the_state_is_named(solver):
+    s = Scene()
+    x, y = s.state("x", 1.0), s.state("y", 0.0)
+    s.rate(x, -1.0)
+    s.rate(y, dag.function("sqrt", x))
+    with pytest.raises(SimulationError, match=r"der\(y\) has no finite value"):
+        simulate(s.reduced(), options=RunOptions(solver=solver, stop=2.0))
+
+
+TEXT = "model M Real x(start = 0, fixed = true); Real y = {}; equation der(x) = 1; end M;"
+
+
+def lost(value: str, **options) -> list[str]:
+    """What is said of a value y that is lost."""
+    run = lmoc.compile_text(TEXT.format(value)).simulate(**options)
+    return [note.message for note in run.notes if note.code == "W0537"]
+
+
+def test_a_value_that_is_lost_and_comes_back_is_told():
+    assert lost("sqrt((x - 5.01)^2 - 1)", stop=10) == ["y has no finite value (nan) at t = 4.02 s"]
+    assert not lost("sqrt((x - 5.01)^2 - 1)", stop=4)
+    assert not lost("sqrt((x - 5.01)^2 - 1)", times=[0, 3, 7])
+
+
+def test_a_value_that_nobody_takes_is_not_missed():
+    """The logarithm has no value from t = 4 on."""
+    (message,) = lost("if x < 5 then x else log(4 - x)", stop=10)
+    assert 5 <= float(message.split("t = ")[1].split()[0]) < 7
+    assert not lost("if x < 3 then log(4 - x) else x", stop=10)
+
+
+# ------------------------------------------------------------------ accuracy
+
+
+@every_solver
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_the_error_is_as_small_as_the_tolerance_says(solver, rtol):
+    run = simulate(oscillator(c=0.5).reduced(), options=RunOptions(solver=solver, rtol=rtol, stop=5.0, points=301))
+    m, k, c = 2.0, 50.0, 0.5
+    d = c / (2 * m)
+    w = np.sqrt(k / m - d * d)
+    exact = 0.1 * np.exp(-d * run.time) * (np.cos(w * run.time) + d / w * np.sin(w * run.time))
+    assert np.abs(run["q"] - exact).max() < 0.1 * 200 * rtol
+
+
+@every_solver
+@pytest.mark.parametrize("k", [1e2, 1e4])
+def test_a_stiff_problem_between_the_steps_too(solver, k):
+    run = simulate(relaxing(k), options=RunOptions(solver=solver, stop=3.0))
+    assert run["x"] == pytest.approx(np.cos(run.time), abs=5e-5)
+
+
+def test_radau_goes_back_where_its_output_would_be_rough():
+    run = simulate(relaxing(1e6), options=RunOptions(solver="radau"))
+    assert run.stats["rejected"] > 0
+    assert run["x"] == pytest.approx(np.cos(run.time), abs=5e-6)
+
+
+@every_solver
+@pytest.mark.parametrize("size", [1e150, 1e-150])
+def test_huge_and_tiny_values(solver, size):
+    options = RunOptions(solver=solver, atol=1e-9 * size)
+    run = simulate(oscillator(q0=size, ledger=False).reduced(), options=options)
+    assert run["q"] / size == pytest.approx(np.cos(5 * run.time), abs=5e-4)
+
+
+# ------------------------------------------------------------------ times
+
+
+@every_solver
+@pytest.mark.parametrize(
+    ("rate", "options"),
+    [
+        (1.0, {"points": 2}),
+        (1.0, {"times": [0.0, 1e-9, 1e-3, 1.0, 1.0 + 1e-14, 5.0, 9.0]}),
+        (1.0, {"start": 1e9, "stop": 1e9 + 10}),
+        (1.0, {"start": -5.0, "stop": 5.0}),
+        (1e9, {"stop": 1e-8}),
+        (1.0, {"stop": 1e-9}),
+        (1e-9, {"stop": 1e9}),
+    ],
+    ids=["two", "uneven", "late", "negative", "short and fast", "short", "long"],
+)
+def test_odd_times(solver, rate, options):
+    run = simulate(one_state(lambda x: -rate * x), options=RunOptions(solver=solver, **options))
+    assert run["x"] == pytest.approx(np.exp(-rate * (run.time - run.time[0])), abs=2e-5)
+
+
+@every_solver
+def test_output_at_kinks(solver):
+    """x' = |t - 1| + (t > 2): x = 1/2 ∓ (t - 1)²/2 + max(0, t - 2)."""
+    jump = dag.if_(dag.function("gt", dag.TIME, dag.const(2.0)), dag.const(1.0), dag.const(0.0))
+    system = one_state(lambda x: dag.function("abs", dag.TIME - 1.0) + jump, 0.0)
+    times = np.array([0.0, 1 - 1e-15, 1.0, 1 + 1e-15, 1.5, 2.0, 2 + 1e-9, 3.0])
+    run = simulate(system, options=RunOptions(solver=solver, times=times, rtol=1e-9))
+    exact = 0.5 + np.sign(times - 1) * (times - 1) ** 2 / 2 + np.maximum(0, times - 2)
+    assert run["x"] == pytest.approx(exact, abs=1e-7)
+
+
+@every_solver
+def test_no_states_and_quadratures_alone(solver):
+    s = Scene()
+    s.quadrature("w", dag.function("cos", dag.TIME))
+    run = simulate(s.reduced(), options=RunOptions(solver=solver))
+    assert run["w"] == pytest.approx(np.sin(run.time), abs=2e-5)
+    s = Scene()
+    s.define("w", dag.function("cos", dag.TIME))
+    run = simulate(s.reduced(), options=RunOptions(solver=solver))
+    assert run["w"] == pytest.approx(np.cos(run.time), abs=1e-15) and run.stats["solver"] == "none"
+
+
+@every_solver
+def test_a_motion_faster_than_numbers_can_tell(solver):
+    """x'' = -1e300·x over a period of 6e-150 s."""
+    options = RunOptions(solver=solver, stop=6e-150, points=7, atol=1e-7, max_steps=3000)
+    try:
+        run = simulate(oscillator(m=1.0, k=1e300, ledger=False).reduced(), options=options)
+    except SimulationError as failure:  # squares overflow in the norms
+        run = failure.partial
+    assert run["q"] == pytest.approx(0.1 * np.cos(1e150 * run.time), abs=1e-2)
+
+
+# ------------------------------------------------------------------ functions and tables as inputs
+
+
+def failing(t):
+    if t > 1:
+        raise ValueError("my own mistake")
+    return 0.0
+
+
+@every_solver
+def test_what_a_function_for_an_input_raises_is_passed_on_with_its_place(solver):
+    with pytest.raises(ValueError, match="my own mistake") as raised:
+        simulate(oscillator().reduced(), options=RunOptions(solver=solver), inputs={"f": failing})
+    assert "input 'f' at t = 1." in raised.value.__notes__[0]
+
+
+@every_solver
+@pytest.mark.parametrize("value", [[1.0, 2.0], None, "a"])
+def test_a_function_for_an_input_that_stops_to_return_numbers(solver, value):
+    with pytest.raises(ModelError, match="input 'f' does not return a number at t = 1."):
+        simulate(
+            oscillator().reduced(), options=RunOptions(solver=solver), inputs={"f": lambda t: value if t > 1 else 0.0}
+        )
+
+
+@every_solver
+def test_a_function_for_an_input_that_returns_no_number(solver):
+    with pytest.raises(SimulationError, match=r"f has no finite value \(nan\)") as failure:
+        simulate(
+            oscillator().reduced(), options=RunOptions(solver=solver), inputs={"f": lambda t: np.nan if t > 1 else 0.0}
+        )
+    assert failure.value.time == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("table", "code", "words"),
+    [
+        (([0.0], [1.0]), "E0625", "fewer than two points"),
+        (([], []), "E0625", "fewer than two points"),
+        (([0, 2, 1], [0, 1, 2]), "E0625", "1 follows 2"),
+        (([0, 1, 1], [0, 1, 2]), "E0625", "1 follows 1"),
+        (([0, 1], [0, np.nan]), "E0625", "not finite"),
+        (([0, 1e-300], [0, 1]), "E0625", "too close together"),
+        (([0, 1], [1]), "E0521", "not understood"),
+        (np.ones((3, 3)), "E0521", "not understood"),
+    ],
+)
+def test_tables_that_cannot_be_used(table, code, words):
+    with pytest.raises(ModelError, match=words) as wrong:
+        simulate(oscillator().reduced(), inputs={"f": table})
+    assert wrong.value.diagnostics[0].code == code
+
+
+# ------------------------------------------------------------------ ended from outside
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    """Progress at every look at the clock."""
+    monkeypatch.setattr(base.Watch, "EVERY", 0.0)
+
+
+@every_solver
+def test_what_the_report_of_progress_raises_is_passed_on(solver, watched):
+    def report(t, stop):
+        raise RuntimeError("no screen")
+
+    if solver == "cvodes":  # a run of casadi's is one call: nobody is told
+        return
+    with pytest.raises(RuntimeError, match="no screen"):
+        simulate(oscillator().reduced(), options=RunOptions(solver=solver, stop=300), progress=report)
+
+
+@every_solver
+def test_an_interrupted_run_keeps_what_it_has(solver):
+    def push(t):
+        if t > 5:
+            signal.raise_signal(signal.SIGINT)
+        return 0.0
+
+    with pytest.raises(RunInterrupted, match="it was interrupted") as stopped:
+        simulate(oscillator().reduced(), options=RunOptions(solver=solver, rtol=1e-8), inputs={"f": push})
+    partial = stopped.value.partial
+    assert 0 < stopped.value.time <= 5 and len(partial.time) > 200
+    assert partial["q"] == pytest.approx(0.1 * np.cos(5 * partial.time), abs=1e-5)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@every_solver
+@pytest.mark.parametrize("limit", [{"max_seconds": 0.0}, {"max_steps": 100}], ids=["time", "steps"])
+def test_a_run_that_takes_too_long(solver, limit):
+    with pytest.raises(SimulationError, match="too many steps|the time allowed for the run is over") as failure:
+        simulate(oscillator().reduced(), options=RunOptions(solver=solver, stop=1e4, **limit))
+    partial = failure.value.partial
+    assert 0 <= failure.value.time < 100 and len(partial.time) >= 1
+    assert partial["q"] == pytest.approx(0.1 * np.cos(5 * partial.time), abs=1e-3)
+
+
+# ------------------------------------------------------------------ libraries, and what the statistics say
+
+
+def test_the_table_of_the_integrators_in_the_documentation():
+    text = (Path(__file__).parents[2] / "docs/architecture.md").read_text(encoding="utf-8")
+    for one in table():
+        stiff = "yes" if one.stiff else "no"
+        assert f"| `{one.name}` | {one.method} | {one.order} | {stiff} | {one.library} |" in text
+    assert {one.name for one in table()} | {"auto"} == set(SOLVERS)
+
+
+@pytest.fixture
+def without_sundials(monkeypatch):
+    monkeypatch.setattr(sundials, "_load", lambda: None)
+
+
+@pytest.mark.parametrize("solver", ["cvode", "adams", "ida"])
+def test_a_solver_that_is_not_at_hand(solver, without_sundials):
+    with pytest.raises(ModelError, match="the SUNDIALS libraries of scikit-sundae were not found") as wrong:
+        simulate(oscillator().reduced(), options=RunOptions(solver=solver))
+    assert wrong.value.diagnostics[0].code == "E0540"
+
+
+def test_a_stiff_run_without_sundials_goes_on_with_radau(without_sundials):
+    run = simulate(relaxing(1e6), options=RunOptions(rtol=1e-7))
+    assert run.stats["solver"] == "dop853, radau"
+    assert run["x"] == pytest.approx(np.cos(run.time), abs=1e-6)
+
+
+def test_the_statistics_name_what_has_done_the_work():
+    options = RunOptions(solver="cvodes")
+    assert simulate(oscillator().reduced(), options=options).stats["solver"] == "cvodes"
+    stats = simulate(oscillator().reduced(), options=options, inputs={"f": lambda t: 0.0}).stats
+    assert (stats["solver"], stats["reason"]) == ("cvode", "in place of cvodes, which does not take this run")
+
+
+@pytest.mark.parametrize("keep", [None, ["y"]])
+@pytest.mark.parametrize("solver", ["dop853", "cvode", "ida", "radau"])
+def test_a_partial_result_ends_where_the_run_broke_off(solver, keep):
+    dae = lmoc.compile_text("model M Real x(start = 1, fixed = true), y; equation der(x) = x^2; y = 2*x; end M;")
+    with pytest.raises(lmoc.SimulationError) as caught:
+        dae.simulate(stop=2, points=3, solver=solver, keep=keep)
+    partial = caught.value.partial
+    assert partial.time[-1] == caught.value.time == pytest.approx(1, abs=1e-3)
+    assert len(partial["y"]) == len(partial.time) and partial["y"][-1] > 1e6

@@ -1,0 +1,168 @@
+"""Initial equations with derivatives of anything: closed forms, and rates of whole programs by differences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.ir.program import Solve
+from lmoc.messages.diagnostics import ModelError, Report
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.signals.signals import default_signals
+from lmoc.numerics.start.initial_equations import InitialEquations
+from lmoc.structure.blocks.tangent import Tangent
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+def start(parts: str, equations: str, initial: str, inputs: dict | None = None) -> dict[str, float]:
+    text = f"model S\n{parts}\ninitial equation\n{initial}\nequation\n{equations}\nend S;"
+    dae = lmoc.compile_text(text)
+    run = dae.simulate(times=[0.0], inputs=inputs or {})
+    return {name: float(run[name][0]) for name in dae.variables}
+
+
+def plan_of(dae: lmoc.DAE) -> tuple[Plan, dict]:
+    report = Report()
+    signals = default_signals(dae.flat)
+    plan = build_plan(dae.reduced, signals, True, report)
+    report.check()
+    return plan, signals
+
+
+GEARED = (
+    "Inertia rotor(J = 1); Gear gear(N = 4); Drum drum(r = 0.5); Mass tip(m = 2, g = 10); Fixed w; Spring s(k = 8);"
+)
+TIED = (
+    "connect(rotor.shaft, gear.a); connect(gear.b, drum.shaft); connect(drum.flange, tip.flange);"
+    "connect(w.flange, s.a); connect(s.b, tip.flange);"
+)
+
+
+def test_velocity_of_a_geared_point():
+    value = start(GEARED, TIED, "der(tip.q) = 1;")
+    assert value["tip.v"] == pytest.approx(1)
+    assert value["rotor.omega"] == pytest.approx(4 / 0.5)
+
+
+def test_rest_by_two_derivatives_of_a_geared_point():
+    value = start(GEARED, TIED, "der(tip.q) = 0; der(der(tip.q)) = 0;")
+    assert value["tip.q"] == pytest.approx(2 * 10 / 8)  # weight over stiffness
+    assert value["rotor.omega"] == pytest.approx(0)
+
+
+def test_rate_of_a_force_and_of_its_square():
+    value = start(GEARED + "Real square;", TIED + "square = s.f^2;", "der(s.f) = 4; der(square) = 16;")
+    assert value["tip.v"] == pytest.approx(4 / 8)
+    assert value["s.f"] == pytest.approx(16 / (2 * 4))
+
+
+def test_jerk():
+    """m·a = m·g - k·q, so the rate of the force m·a is -k·v, that of the inertia behind the gear included."""
+    value = start(GEARED, TIED, "der(tip.a) = 3; tip.q = 0.1;")
+    mass = 2 + 1 * (4 / 0.5) ** 2
+    assert value["tip.v"] == pytest.approx(-3 * mass / 8)
+
+
+def test_velocity_at_the_end_of_an_arm():
+    parts = "Inertia rotor(J = 1, theta(start = 0.5, fixed = true)); Arm arm(l = 2); Mass load(m = 1);"
+    value = start(
+        parts, "connect(rotor.shaft, arm.shaft); connect(arm.flange, load.flange);", "der(arm.flange.q) = 0.3;"
+    )
+    assert value["rotor.omega"] == pytest.approx(0.3 / (2 * np.cos(0.5)))
+
+
+def test_rate_of_what_is_found_by_iteration():
+    parts = "Mass m(m = 1, q(start = 2, fixed = true)); Real u(start = 0.8); Real w;"
+    value = start(parts, "u + u^3 = m.q; w^3 + u*w = 2*u;", "der(u) = 1;")
+    assert value["u"] == pytest.approx(1)
+    assert value["m.v"] == pytest.approx(1 + 3)
+    # and one block behind the other: 3w²w' + u'w + u w' = 2u' with w = 1, u = 1
+    assert start(parts, "u + u^3 = m.q; w^3 + u*w = 2*u;", "der(w) = 0.5;")["m.v"] == pytest.approx(0.5 * 4 * 4)
+
+
+def test_rates_of_signals():
+    parts, equations = "input Real u = sin(3*time); Mass m(m = 1); Real gap;", "gap = m.q - 2*u;"
+    assert start(parts, equations, "der(gap) = 0;")["m.v"] == pytest.approx(2 * 3)
+    times = np.linspace(0, 1, 21)
+    table = (times, 5 * times + times**2)
+    assert start(parts, equations, "der(gap) = 0;", {"u": table})["m.v"] == pytest.approx(2 * 5, rel=1e-6)
+    value = start(parts, equations, "gap = 0; der(gap) = 0;", {"u": 3.0})
+    assert (value["m.q"], value["m.v"]) == pytest.approx((6, 0))
+    with pytest.raises(ModelError) as wrong:
+        start(parts, equations, "der(gap) = 0;", {"u": lambda t: t})
+    assert [d.code for d in wrong.value.diagnostics] == ["E0536"]
+    assert "der(gap) = 0" in wrong.value.diagnostics[0].found
+
+
+def test_constants_stand_still():
+    parts, equations = "Mass m(m = 1); Real gap; Real rate;", "gap = m.q - 2; rate = der(gap);"
+    assert start(parts, equations, "rate + der(gap) = 3;")["m.v"] == pytest.approx(1.5)
+
+
+def test_a_force_that_is_not_unique_cannot_be_asked_for():
+    parts = "Fixed w; Mass m(m = 1, g = 10); Rod left, right;"
+    joined = "".join(f"connect(w.flange, {r}.a); connect({r}.b, m.flange);" for r in ("left", "right"))
+    with pytest.raises(ModelError) as wrong:
+        start(parts, joined, "left.a.f = 3;")
+    assert [d.code for d in wrong.value.diagnostics] == ["E0536"]
+    assert "left.a.f" in wrong.value.diagnostics[0].message
+
+
+def test_many_rows_are_as_many_steps_as_few():
+    def steps(n: int) -> int:
+        dae = lmoc.compile_text(f"""
+            model S
+              Inertia j[{n}](each J = 1, each theta(start = 0.25, fixed = true));
+              Arm arm[{n}](each l = 2);
+              Mass m[{n}](each m = 1);
+            initial equation
+              for i in 1:{n} loop der(arm[i].flange.q) = i; end for;
+            equation
+              for i in 1:{n} loop
+                connect(j[i].shaft, arm[i].shaft);
+                connect(arm[i].flange, m[i].flange);
+              end for;
+            end S;""")
+        assert dae.simulate(times=[0.0])[f"j[{n}].omega"][0] == pytest.approx(n / (2 * np.cos(0.25)))
+        return len(InitialEquations(*plan_of(dae), Report()).program)
+
+    assert steps(30) == steps(300)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["hard/h08_turning_lever", "hard/h22_block_and_tackle", "hard/h15_cubic_spring", "bench/levers", "bench/network"],
+)
+def test_rates_agree_with_differences(name):
+    """The rate of every register along the flow, against a central difference."""
+    dae = lmoc.compile(MODELS / f"{name}.lmo")
+    plan, signals = plan_of(dae)
+    rate = np.full(plan.count, -1)
+    rate[plan.states] = plan.derivatives
+    tangent = Tangent(plan.full_program, rate)
+    tangent.advance()
+    run = Interpreter((*plan.full_program, *tangent.program), len(tangent.rate))
+    base = np.concatenate([plan.base(dae.reduced.values, signals), np.full(len(tangent.rate) - plan.count, np.nan)])
+    x = np.random.default_rng(1).uniform(-0.3, 0.3, len(plan.states))
+
+    def at(x: np.ndarray, time: float) -> np.ndarray:
+        w = base.copy()
+        w[plan.states] = x
+        run.run(w, time)
+        return w
+
+    h = 1e-5
+    here = at(x, 0.3)
+    flow = here[plan.derivatives]
+    by_difference = (at(x + h * flow, 0.3 + h) - at(x - h * flow, 0.3 - h)) / (2 * h)
+    made = np.flatnonzero((tangent.rate[: plan.count] >= 0) & np.isfinite(here[: plan.count]))
+    residuals = [s.residuals.ravel() for s in plan.full_program if isinstance(s, Solve)]
+    made = np.setdiff1d(made, np.concatenate([np.zeros(0, int), *residuals]))  # roundoff
+    assert len(made) > len(plan.states)
+    scale = 1 + np.abs(by_difference[made])
+    np.testing.assert_allclose(here[tangent.rate[made]] / scale, by_difference[made] / scale, atol=2e-6)

@@ -1,0 +1,52 @@
+"""Where a value is lost, one of the risks of its shape is lost too."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lmoc.expression.dag import BINARY, LOGICAL, UNARY, function, if_, lift, rebuild, slot
+from lmoc.expression.evaluate import evaluate
+from lmoc.ir.program import Apply
+from lmoc.numerics.failures.losable import losable, risks
+
+LEAVES = st.one_of(st.integers(0, 2).map(slot), st.sampled_from([-2.0, -1.0, 0.0, 0.5, 2.0, 3.0]).map(lift))
+
+
+def grown(children):
+    return st.one_of(
+        st.tuples(st.sampled_from(sorted(UNARY - LOGICAL)), children).map(lambda c: rebuild(c[0], c[1:])),
+        st.tuples(st.sampled_from(sorted(BINARY - LOGICAL)), children, children).map(lambda c: rebuild(c[0], c[1:])),
+        st.tuples(children, children, children).map(lambda c: if_(function("lt", c[0], c[1]), c[1], c[2])),
+    )
+
+
+SHAPES = st.recursive(LEAVES, grown, max_leaves=8)
+VALUES = st.lists(st.sampled_from([-3.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0]), min_size=3, max_size=3)
+
+
+@given(SHAPES, VALUES)
+def test_no_value_is_lost_without_a_risk(shape, values):
+    value = evaluate(shape, lambda k, _: np.float64(values[k]), 0.0)
+    if not math.isfinite(value):
+        lost = [evaluate(risk, lambda k, _, c=c: np.float64(values[c[k]]), 0.0) for risk, c in risks(shape)]
+        assert shape.is_const or not np.isfinite(lost).all()
+
+
+def test_sums_and_products_need_no_look():
+    assert risks(slot(0) * slot(1) - slot(2) ** 2 + function("sin", slot(0)) / 4.0) == ()
+
+
+def test_a_quotient_is_judged_by_its_divisor_alone():
+    ((risk, columns),) = risks(slot(0) / slot(1))
+    assert columns == [1]
+    assert evaluate(risk, lambda k, _: np.float64(0.0)) == pytest.approx(np.inf)
+
+
+def test_only_what_the_risks_read_is_computed():
+    inertia = Apply(slot(0) / slot(1), np.array([[2, 1]]), np.array([3]))
+    force = Apply(slot(0) * slot(1), np.array([[0, 1]]), np.array([2]))
+    steps, watched, count = losable((force, inertia), 4)
+    assert len(steps) == 1 and watched.tolist() == [4] and count == 5

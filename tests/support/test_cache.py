@@ -1,0 +1,69 @@
+"""What is kept between processes: used where it fits, made again where it does not, never trusted when damaged."""
+
+from pathlib import Path
+
+import pytest
+
+from lmoc.sources import library
+from lmoc.support import cache
+from lmoc.syntax import tables
+from lmoc.syntax.node import alike
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LMOC_CACHE", str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+def test_what_is_written_is_read(folder: Path) -> None:
+    assert cache.read("name", b"key") is None
+    cache.write("name", b"key", b"payload")
+    assert cache.read("name", b"key") == b"payload"
+    assert cache.read("name", b"another key") is None and cache.read("name", b"ke") is None
+
+
+def test_a_damaged_file_is_not_trusted(folder: Path) -> None:
+    cache.write("name", b"key", b"payload" * 10)
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    for damaged in (whole[:-1], whole[:-1] + b"?", b"", whole[:3], whole + b"more"):
+        file.write_bytes(damaged)
+        assert cache.read("name", b"key") is None
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("LMOC_CACHE", str(tmp_path / "file"))
+    cache.write("name", b"key", b"payload")
+    assert cache.read("name", b"key") is None
+
+
+def test_a_write_leaves_no_traces(folder: Path) -> None:
+    cache.write("name", b"key", b"one")
+    cache.write("name", b"key", b"two")
+    assert len(list(folder.iterdir())) == 1 and cache.read("name", b"key") == b"two"
+
+
+def test_the_library_from_the_cache_is_the_library_parsed(folder: Path) -> None:
+    parsed = library.load.__wrapped__()
+    kept = library.load.__wrapped__()
+    assert kept is not parsed and len(kept) == len(parsed)
+    for a, b in zip(parsed, kept, strict=True):
+        assert alike(a, b)
+        assert [c.span.text for c in a.classes] == [c.span.text for c in b.classes]
+        assert a.classes[0].name_span.line == b.classes[0].name_span.line
+
+
+def test_a_library_that_cannot_be_unpacked_is_parsed(folder: Path) -> None:
+    parsed = library.load.__wrapped__()
+    assert library._unpack(b"no pickle") is None
+    for file in folder.iterdir():
+        file.write_bytes(b"nonsense")
+    assert all(map(alike, parsed, library.load.__wrapped__()))
+
+
+def test_the_tables_from_the_cache_are_the_tables_made(folder: Path) -> None:
+    made = tables.load.__wrapped__()
+    kept = tables.load.__wrapped__()
+    assert (made.steps, made.gotos, made.rules, made.patterns) == (kept.steps, kept.gotos, kept.rules, kept.patterns)
