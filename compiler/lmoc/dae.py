@@ -14,6 +14,7 @@ import numpy as np
 from lmoc import pipeline
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import Names
+from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
 from lmoc.messages.source import Source
@@ -292,6 +293,14 @@ class DAE(SymbolicMethods):
         from lmoc.numerics.evaluate.functions import casadi_functions
 
         return casadi_functions(self.reduced, self.values)
+
+    def prepare(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
+        """Return the flat model, its reduction and the parameter values for other parameters; what was redone as notes.
+
+        A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
+        """
+        scene, reduced, values, notes = self.prepared(parameters or {}, clock)
+        return Prepared(scene.flat, reduced, values, tuple(notes))
 
     def prepared(
         self, parameters: Mapping[str, Value], clock: Clock | None = None

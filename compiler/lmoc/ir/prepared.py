@@ -1,0 +1,44 @@
+"""A scene made ready for one set of parameter values: what simulations and derivations start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.names import Names
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Diagnostic
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A flat model, its reduction for a set of parameter values, and these values.
+
+    Attributes
+    ----------
+    flat : FlatDAE
+        The model; another one than that of the default values where a parameter shapes it.
+    reduced : Reduced
+        Its guards hold for `values`.
+    values : (flat.count,)
+        Parameter values (`FlatDAE.parameter_values`).
+    notes : what had to be redone for these values
+    """
+
+    flat: FlatDAE
+    reduced: Reduced
+    values: np.ndarray
+    notes: tuple[Diagnostic, ...] = ()
+
+    @cached_property
+    def inputs(self) -> list[str]:
+        """Names of the top-level inputs."""
+        return list(Names(self.flat, np.flatnonzero(self.flat.kind == Kind.INPUT)))
+
+    @cached_property
+    def outputs(self) -> list[str]:
+        """Names of the top-level outputs."""
+        return list(Names(self.flat, np.flatnonzero(self.flat.per_variable(lambda b: b.output, bool))))
