@@ -27,12 +27,37 @@ SHAPES = st.recursive(LEAVES, grown, max_leaves=8)
 VALUES = st.lists(st.sampled_from([-3.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0]), min_size=3, max_size=3)
 
 
+def value_and_risks(shape, values):
+    lost = [evaluate(risk, lambda k, _, c=c: np.float64(values[c[k]]), 0.0) for risk, c in risks(shape)]
+    return evaluate(shape, lambda k, _: np.float64(values[k]), 0.0), lost
+
+
 @given(SHAPES, VALUES)
 def test_no_value_is_lost_without_a_risk(shape, values):
-    value = evaluate(shape, lambda k, _: np.float64(values[k]), 0.0)
-    if not math.isfinite(value):
-        lost = [evaluate(risk, lambda k, _, c=c: np.float64(values[c[k]]), 0.0) for risk, c in risks(shape)]
-        assert shape.is_const or not np.isfinite(lost).all()
+    value, lost = value_and_risks(shape, values)
+    assert math.isfinite(value) or shape.is_const or not np.isfinite(lost).all()
+
+
+# one shape for every way of losing a value, at arguments where it does: a random one may reach none of them
+LOST = [
+    (slot(0) / slot(1), (1.0, 0.0)),
+    (function("sqrt", slot(0)), (-1.0, 0.0)),
+    (function("log", slot(0)), (-1.0, 0.0)),
+    (function("log10", slot(0)), (0.0, 0.0)),
+    (function("asin", slot(0)), (2.0, 0.0)),
+    (function("acos", slot(0)), (-2.0, 0.0)),
+    (function("pow", slot(0), slot(1)), (-1.0, 0.5)),
+    (function("mod", slot(0), slot(1)), (1.0, 0.0)),
+    (function("rem", slot(0), slot(1)), (1.0, 0.0)),
+    (function("div_integer", slot(0), slot(1)), (1.0, 0.0)),
+    (function("sin", slot(0) / slot(1)) * 2.0 + slot(0), (1.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize("shape, values", LOST, ids=lambda v: repr(v) if not isinstance(v, tuple) else "")
+def test_every_way_of_losing_a_value_is_a_risk(shape, values):
+    value, lost = value_and_risks(shape, values)
+    assert not math.isfinite(value) and not np.isfinite(lost).all()
 
 
 def test_sums_and_products_need_no_look():

@@ -90,7 +90,10 @@ def test_a_determinant_that_comes_near_zero_and_turns_back_is_no_such_place(poin
 
 @pytest.mark.parametrize("name", ["andrews", "car_axis", "slider_crank"])
 def test_coordinates_that_carry_all_the_way(name):
-    lmoc.compile(ROOT / f"models/classic/{name}.lmo").simulate()  # to the end
+    dae = lmoc.compile(ROOT / f"models/classic/{name}.lmo")
+    run = dae.simulate()
+    assert run.time[-1] == dae.flat.experiment.stop
+    assert all(np.isfinite(run[state]).all() for state in dae.states)
 
 
 def test_the_look_at_the_coordinates_changes_nothing():

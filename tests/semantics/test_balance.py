@@ -35,10 +35,11 @@ def test_each_class_is_reported_once_and_assemblies_are_counted_without_their_pa
 
 
 def test_an_assembly_is_balanced_through_its_connections() -> None:
-    flat("""
+    dae = flat("""
         model Two Flange a, b; Spring s(k = 1); Damper d(c = 1); Real x = s.f;
         equation connect(a, s.a); connect(a, d.a); connect(s.b, b); connect(d.b, b); end Two;
         model A Two t[4]; Mass m[4](each m = 1); equation connect(t.b, m.flange); end A;""")
+    assert dae.equation_count == np.count_nonzero(dae.kind == Kind.UNKNOWN)
 
 
 def test_an_assembly_that_leaves_its_port_open() -> None:
