@@ -296,3 +296,44 @@ def test_a_spring_between_two_dampers_is_one_state():
     reduced = checked(flat)
     assert reduced.state_names == ["x", "der(x)", "y", "der(y)", "f"]
     assert len(reduced.quadratures) == 1
+
+
+MOTOR = """
+    parameter J = 0.1
+    parameter k = 2
+    parameter L = 3
+    var theta omega alpha tau i
+    der(theta) = omega
+    der(omega) = alpha
+    J*alpha = tau
+    tau = k*i
+    L*der(i) + 4*i + k*omega = 1
+"""
+
+
+def test_what_has_its_own_derivative_is_a_state_before_an_acceleration():
+    """The current of a motor, not the acceleration that is proportional to it."""
+    assert set(checked(flat_model(MOTOR)).state_names) == {"theta", "omega", "i"}
+
+
+@pytest.mark.parametrize("asked", ["i", "tau"])
+def test_the_one_asked_for_of_several_proportional_ones(asked):
+    states = ["theta", "omega", asked]
+    assert set(checked(flat_model(MOTOR), states=states).state_names) == set(states)
+
+
+def test_an_acceleration_asked_for_is_refused():
+    with pytest.raises(ModelError, match="'alpha' cannot be a state"):
+        reduce(flat_model(MOTOR), states=["theta", "omega", "alpha"])
+
+
+def test_a_force_with_its_own_derivative():
+    """A spring and a damper in series on a mass, written by the force."""
+    flat = flat_model("""
+        parameter m = 2
+        var x v F
+        der(x) = v
+        m*der(v) = F
+        der(F) = -5*v - 7*F
+    """)
+    assert set(checked(flat).state_names) - {"x"} == {"v", "F"}

@@ -192,8 +192,9 @@ class Elimination:
         """Replace v by c·der(x) along all rows that say so; whether there were any.
 
         A variable is replaced once; further rows for it, and rows that would close a circle, stay equations, and so
-        do those of a variable preferred as a state over x, and ``f = m·der(v)`` where positions tell f as well: it
-        is the force of a spring, and follows from these.
+        do those of a variable preferred as a state over x. ``f = m·der(v)`` stays where positions tell f as well (it
+        is the force of a spring, and follows from these), where f is differentiated itself (``J·der(w) = k·i`` beside
+        ``L·der(i) = …``: the current is a state, not the acceleration), and where f shall be a state.
         """
         pieces = [(g, f) for g in self.groups if (f := form_of(g.shape, g.kinds)).role == Role.DERIVATIVE]
         if not pieces:
@@ -202,7 +203,8 @@ class Elimination:
         parent = np.concatenate([g.column(f.leaves[1]) for g, f in pieces])
         wanted = self._score < PREFERRED
         definition = np.concatenate([np.full(len(g.source), f.link(0)[1] is ONE) for g, f in pieces])
-        free = np.flatnonzero((~wanted[child] | wanted[parent]) & (definition | ~self._beside_positions()[child]))
+        told = self._beside_positions() | self.differentiated | wanted
+        free = np.flatnonzero((~wanted[child] | wanted[parent]) & (definition | ~told[child]))
         taken = np.zeros(len(child), bool)
         taken[free] = first_without_circles(child[free], parent[free], self._score)
         if not taken.any():
