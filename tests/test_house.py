@@ -28,7 +28,6 @@ ORDER = (
 )
 # Circles that are still to be opened.
 KNOWN = {
-    frozenset({"lmoc.expression.dag", "lmoc.expression.text"}),
     frozenset({"lmoc.numerics.plan", "lmoc.numerics.signals.kinks"}),
     frozenset(
         {
@@ -46,17 +45,6 @@ KNOWN = {
         {"lmoc.numerics.start.gauss_newton", "lmoc.numerics.start.initialization", "lmoc.numerics.start.start_system"}
     ),
     frozenset({"lmoc.semantics.classes.resolve", "lmoc.semantics.classes.scope"}),
-    frozenset({"lmoc.semantics.classes.modification", "lmoc.semantics.instances.instance"}),
-    frozenset(
-        {
-            "lmoc.semantics.draft",
-            "lmoc.semantics.instances.elaboration",
-            "lmoc.semantics.instances.known",
-            "lmoc.semantics.values.context",
-            "lmoc.semantics.values.long_sums",
-            "lmoc.semantics.values.translate",
-        }
-    ),
     frozenset({"lmoc.report.files", "lmoc.report.plots", "lmoc.report.run", "lmoc.report.summary"}),
     frozenset({"lmoc.symbolic.linearize", "lmoc.symbolic.notebook"}),
     frozenset({"lmoc.symbolic.local", "lmoc.symbolic.motion"}),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from oracles.flattening import attribute, codes, equations, flat, mistakes, value
 
+from lmoc.expression.text import to_text
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.semantics import equations as equation_module
 from lmoc.semantics.values import builtins, constructors
@@ -103,7 +104,7 @@ def test_checks() -> None:
     first, second = dae.checks
     assert (first.message, first.error) == ("x is large", True)
     assert (second.message, second.error) == ("k", False)
-    assert repr(first.condition) == "#0 < 3"
+    assert to_text(first.condition) == "#0 < 3"
 
 
 def test_inputs_and_outputs() -> None:

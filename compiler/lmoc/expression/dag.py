@@ -82,9 +82,20 @@ class Expr:
         return _intern, (self.op, self.args, self.value)  # a copy is the same node again
 
     def __repr__(self) -> str:
-        from lmoc.expression.text import to_text
+        """Return the node in prefix form, such as ``mul(#0, der(#1))``; `lmoc.expression.text` writes it for users."""
+        made: dict[int, str] = {}
+        for node in postorder(self):
+            made[id(node)] = _prefix_text(node, [made[id(a)] for a in node.args])
+        return made[id(self)]
 
-        return to_text(self)
+
+def _prefix_text(node: Expr, args: list[str]) -> str:
+    if node.op == "slot":
+        column, order = node.value
+        return "der(" * order + f"#{column}" + ")" * order
+    if node.op == "const":
+        return f"{node.value:g}"
+    return f"{node.op}({', '.join(args)})" if args else node.op
 
 
 _TABLE: dict[tuple, Expr] = {}
@@ -96,7 +107,7 @@ def _intern(op: str, args: tuple[Expr, ...], value=None) -> Expr:
     if node is None:
         node = object.__new__(Expr)
         node.op, node.args, node.value, node._memo = op, args, value, None
-        _TABLE[key] = node
+        node = _TABLE.setdefault(key, node)  # one step: of two threads that make it, both get the same node
     return node
 
 

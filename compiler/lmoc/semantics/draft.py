@@ -11,8 +11,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.messages.source import Span
-from lmoc.semantics.classes.modification import Binding
-from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.instances.instance import Binding, Instance, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Index, Leaf, align, positions
 from lmoc.semantics.values.translate import dims_text

@@ -6,54 +6,15 @@ place it was written at, because there its names are looked up and its array dim
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+
+import numpy as np
 
 from lmoc.messages.diagnostics import Label
-from lmoc.messages.source import Span
+from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.instances.instance import NOTHING, Binding, Instance, Modifier
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lmoc.semantics.classes.scope import Scope
-    from lmoc.semantics.instances.instance import Instance
-
-
-@dataclass(frozen=True, slots=True)
-class Binding:
-    """A value given to an element.
-
-    Attributes
-    ----------
-    expression : syntax tree, or what the caller gave
-    node : the instance in whose class the expression is written; None for a caller's number
-    scope : the class whose text it is
-    each : the `each` marks on the way to it: its own argument's first, then that of the argument around it, ...
-    alike : for each array dimension between `node` and the element, whether all along it get the same
-    """
-
-    expression: tree.Expression | np.ndarray
-    node: Instance | None
-    scope: Scope | None
-    span: Span | None
-    each: tuple[bool, ...] = ()
-    alike: tuple[bool, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Modifier:
-    """What is given to one element and to what lies inside it."""
-
-    value: Binding | None = None
-    inside: dict[str, Modifier] = field(default_factory=dict)
-    final: bool = False
-    redeclaration: tuple[tree.Redeclaration, Scope] | None = None
-    span: Span | None = None
-
-
-NOTHING = Modifier()
 
 
 def from_tree(modification: tree.Modification | None, node: Instance | None, scope: Scope) -> Modifier:

@@ -10,8 +10,8 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.ir.flat import Assignments, Kind, parse_name
 from lmoc.messages.diagnostics import Report, nearest
-from lmoc.semantics.classes.modification import Modifier, given
-from lmoc.semantics.instances.instance import Broken, Instance, Variable
+from lmoc.semantics.classes.modification import given
+from lmoc.semantics.instances.instance import Broken, Instance, Modifier, Variable
 
 Path = tuple[str, ...]
 

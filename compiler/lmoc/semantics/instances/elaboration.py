@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,20 +14,17 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes import modification as mods
-from lmoc.semantics.classes.modification import Binding, Modifier
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import Resolved, resolve
 from lmoc.semantics.classes.scope import Member, Scope, redeclared_class
-from lmoc.semantics.instances.instance import Absent, Broken, Instance, Node, Variable
+from lmoc.semantics.instances.instance import Absent, Binding, Broken, Instance, Modifier, Node, Variable
 from lmoc.semantics.instances.known import ElementValues, KnownValues, at_events_only
 from lmoc.semantics.instances.records import record_fields
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.long_sums import LongSums
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree
-
-if TYPE_CHECKING:
-    from lmoc.semantics.values.long_sums import LongSums
 
 ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
 PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})

@@ -6,16 +6,53 @@ path. A chain of 10⁵ masses has one node `m`, and one for each variable inside
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from math import prod
+
+import numpy as np
 
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.messages.source import Span
-from lmoc.semantics.classes.modification import NOTHING, Binding, Modifier
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
 from lmoc.syntax import tree
 
 Path = tuple[tuple[str, tuple[int, ...]], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """A value given to an element.
+
+    Attributes
+    ----------
+    expression : syntax tree, or what the caller gave
+    node : the instance in whose class the expression is written; None for a caller's number
+    scope : the class whose text it is
+    each : the `each` marks on the way to it: its own argument's first, then that of the argument around it, ...
+    alike : for each array dimension between `node` and the element, whether all along it get the same
+    """
+
+    expression: tree.Expression | np.ndarray
+    node: Instance | None
+    scope: Scope | None
+    span: Span | None
+    each: tuple[bool, ...] = ()
+    alike: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Modifier:
+    """What is given to one element and to what lies inside it."""
+
+    value: Binding | None = None
+    inside: dict[str, Modifier] = field(default_factory=dict)
+    final: bool = False
+    redeclaration: tuple[tree.Redeclaration, Scope] | None = None
+    span: Span | None = None
+
+
+NOTHING = Modifier()
 
 
 class Node:

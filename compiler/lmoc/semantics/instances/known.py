@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.semantics.classes.modification import Binding
 from lmoc.semantics.classes.overrides import element_positions, other_type
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.instance import Variable
-from lmoc.semantics.values.context import Context
+from lmoc.semantics.instances.instance import Binding, Variable
+from lmoc.semantics.values.context import Context, Model
 from lmoc.semantics.values.value import Value, from_numbers
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
-
-if TYPE_CHECKING:
-    from lmoc.semantics.instances.elaboration import Elaboration
 
 ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
 
@@ -35,7 +30,7 @@ class KnownValues:
     undetermined : variables of whose values it has been said that they are wrong
     """
 
-    def __init__(self, model: Elaboration, elements: ElementValues):
+    def __init__(self, model: Model, elements: ElementValues):
         self._model = model
         self._elements = elements
         self._numbers: dict[Variable, np.ndarray] = {}

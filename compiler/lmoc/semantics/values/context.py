@@ -4,23 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import prod
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from lmoc.expression import dag
 from lmoc.ir.flat import Block, Kind
-from lmoc.messages.diagnostics import Label
+from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.instance import Instance
+from lmoc.semantics.instances.instance import Binding, Instance, Node, Variable
 from lmoc.semantics.values.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.values.value import Arrays, Value
 from lmoc.semantics.wrong import NotAlike, Wrong
+from lmoc.syntax import tree
 
-if TYPE_CHECKING:
-    from lmoc.semantics.instances.elaboration import Elaboration
-    from lmoc.syntax import tree
+
+class Known(Protocol):
+    """Values that are computed while the model is made."""
+
+    def numbers(self, variable: Variable) -> np.ndarray: ...
+
+    def binding(self, binding: Binding) -> tuple[Context, Value]: ...
+
+    def constant(self, component: tree.Component, expression: tree.Expression, scope: Scope) -> Value: ...
+
+
+class Summation(Protocol):
+    """Sums that get a variable of their own."""
+
+    def fits(self, context: Context, array: Value) -> bool: ...
+
+    def add(self, context: Context, array: Value, span: Span) -> Value: ...
+
+
+class Model(Protocol):
+    """The model in the making, as far as its expressions need it."""
+
+    report: Report
+    known: Known
+    long_sums: Summation
+
+    def child(self, instance: Instance, name: str) -> Node: ...
+
+    def say_once(self, code: str, message: str, span: Span, **more: object) -> None: ...
+
+    def not_said(self, code: str, span: Span) -> bool: ...
+
 
 # how each kind of syntax node is translated; the modules of the translation fill it
 TRANSLATORS: dict[type, Callable[[Context, object], Value]] = {}
@@ -58,7 +88,7 @@ class Context:
 
     def __init__(
         self,
-        model: Elaboration,
+        model: Model,
         node: Instance | None,
         scope: Scope,
         space: Space | None = None,
