@@ -20,7 +20,7 @@ import time
 from benchmarks.common import ROOT, save, table
 
 SCENE = ROOT / "models/notes/ex02_spring_mass_damper.lmo"
-RUN = [sys.executable, "-m", "lmoc.cli.main", "run", str(SCENE)]
+RUN = [sys.executable, "-m", "lmoc", "run", str(SCENE)]
 BASE = [sys.executable, "-c", "import numpy, casadi"]
 BARE = [sys.executable, "-c", "pass"]
 # an installed package has its bytecode; a working tree may be told not to keep any

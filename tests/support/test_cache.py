@@ -1,5 +1,7 @@
 """What is kept between processes: used where it fits, made again where it does not, never trusted when damaged."""
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -67,3 +69,46 @@ def test_the_tables_from_the_cache_are_the_tables_made(folder: Path) -> None:
     made = tables.load.__wrapped__()
     kept = tables.load.__wrapped__()
     assert (made.steps, made.gotos, made.rules, made.patterns) == (kept.steps, kept.gotos, kept.rules, kept.patterns)
+
+
+@pytest.mark.parametrize("chosen", ["", "relative", "~/somewhere"])
+def test_a_relative_folder_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chosen: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("LMOC_CACHE", chosen)
+    cache.write("name", b"key", b"payload")
+    assert cache.folder() is None and cache.read("name", b"key") is None and not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="the places of Linux")
+def test_without_a_home_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pwd
+
+    def unknown(_: int) -> None:
+        raise KeyError
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("LMOC_CACHE", raising=False)
+    monkeypatch.delenv("HOME", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    assert cache.folder() is None
+    cache.write("name", b"key", b"payload")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache.folder() == str(tmp_path / "lmoc")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners are those of Unix")
+def test_what_others_could_have_written_is_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache.write("name", b"key", b"payload")
+    (file,) = folder.iterdir()
+    assert file.stat().st_mode & 0o077 == 0 and folder.stat().st_mode & 0o077 == 0
+    file.chmod(0o666)
+    assert cache.read("name", b"key") is None
+    file.chmod(0o600)
+    folder.chmod(0o775)  # by a umask that lets the group write: mended, since the folder is one's own
+    assert cache.read("name", b"key") == b"payload" and folder.stat().st_mode & 0o022 == 0
+    monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
+    assert cache.read("name", b"key") is None
+    cache.write("other", b"key", b"payload")
+    assert len(list(folder.iterdir())) == 1

@@ -61,7 +61,11 @@ def formatted(source: Source) -> str:
 
 
 def _write(path: Path, text: str) -> None:
+    from lmoc.support.replacing import replace_text
+
     try:
-        path.write_text(text, encoding="utf-8", newline="\n")
+        replace_text(path, text)
     except OSError as error:
-        raise ModelError([Diagnostic("E0623", f"'{path}' cannot be written: {error.strerror}")]) from None
+        reason = error.strerror or error
+        message = f"'{path}' cannot be written: {reason}"
+        raise ModelError([Diagnostic("E0623", message, hint="the file is as it was")]) from None

@@ -1,6 +1,7 @@
 """The command `lmoc`: finds the verb, understands the arguments, and turns every outcome into words and an exit code.
 
-Exit codes: 0 done, 1 the model is wrong, 2 the command is wrong, 3 the run failed, 70 the compiler itself failed.
+Exit codes: 0 done, 1 the model is wrong, 2 the command is wrong (or its output cannot be written), 3 the run failed,
+70 the compiler itself failed, 130 and 143 interrupted and terminated.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from lmoc.cli import terminal
+from lmoc.cli import process, terminal
 from lmoc.cli.arguments import Parser, UsageError
 from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
 
-DONE, WRONG_MODEL, WRONG_COMMAND, FAILED_RUN, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
+DONE, WRONG_MODEL, WRONG_COMMAND, FAILED_RUN, INTERNAL = 0, 1, 2, 3, 70
 
 # verb → what it does; each is a module of this package with `configure(parser)` and `execute(arguments) -> exit code`
 VERBS = {
@@ -33,9 +34,23 @@ VERBS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with the given arguments (default: those of the process); returns the exit code."""
-    terminal.tolerate_narrow_encodings()
+    process.prepare()
     try:
-        code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+        return _outcome(list(sys.argv[1:] if argv is None else argv))
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        process.give_up_output()
+        return DONE
+    except OSError as error:
+        if not process.is_lost_output(error):
+            raise
+        process.give_up_output()
+        terminal.failure(f"standard output cannot be written: {error.strerror}")
+        return WRONG_COMMAND
+
+
+def _outcome(argv: list[str]) -> int:
+    try:
+        code = _dispatch(argv)
         sys.stdout.flush()
         return code
     except ModelError as error:
@@ -45,14 +60,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         terminal.failure(str(error))
         return FAILED_RUN
     except KeyboardInterrupt:
-        terminal.failure("interrupted")
-        return INTERRUPTED
-    except BrokenPipeError:  # the reader of a pipe has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+        return _interrupted()
     except Exception as error:
+        if isinstance(error, BrokenPipeError) or isinstance(error, OSError) and process.is_lost_output(error):
+            raise
+        if process.came_from_interruption(error):
+            return _interrupted()
         terminal.internal_error(error)
         return INTERNAL
+
+
+def _interrupted() -> int:
+    terminal.failure("interrupted")
+    return process.interruption_code()
 
 
 # states to prefer, signals, solver, times, what to keep: options whose mistakes are found later
@@ -101,7 +121,3 @@ def _unknown_verb(word: str) -> Diagnostic:
     else:
         hint = nearest(word, VERBS)
     return Diagnostic("E0620", f"'{word}' is not a verb of lmoc", expected=", ".join(VERBS), hint=hint)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lmoc.cli import terminal
+from lmoc.cli import process, terminal
 from lmoc.cli.arguments import (
     Parser,
     add_model_arguments,
@@ -24,7 +24,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, Si
 if TYPE_CHECKING:
     from lmoc.report.run import Run
 
-FAILED_RUN, INTERRUPTED = 3, 130
+FAILED_RUN = 3
 
 
 def configure(parser: Parser) -> None:
@@ -124,4 +124,4 @@ def _failed(failure: SimulationError | RunInterrupted, arguments: argparse.Names
     terminal.failure(str(failure))
     if run is not None and arguments.output is not None:
         print(f"        the result until then is in {arguments.output}", file=sys.stderr)
-    return INTERRUPTED if isinstance(failure, RunInterrupted) else FAILED_RUN
+    return process.interruption_code() if isinstance(failure, RunInterrupted) else FAILED_RUN

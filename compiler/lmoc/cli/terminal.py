@@ -13,13 +13,6 @@ from lmoc.messages.diagnostics import Diagnostic, render
 _COLOUR = {"error": "31", "warning": "33", "note": "36"}
 
 
-def tolerate_narrow_encodings() -> None:
-    """Let a terminal that cannot show a sign (→, ², ẍ) show a question mark instead of ending the command."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
-
-
 def coloured(stream: TextIO) -> bool:
     """Whether to write colours to a stream: a terminal, and NO_COLOR not set."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
@@ -59,13 +52,16 @@ def internal_error(error: BaseException) -> None:
     import traceback
 
     text = "".join(traceback.format_exception(error))
-    with tempfile.NamedTemporaryFile("w", prefix="lmoc-", suffix=".txt", delete=False, encoding="utf-8") as file:
-        file.write(f"command: {' '.join(sys.argv)}\n\n{text}")
+    said = (
+        f"internal error: {type(error).__name__}: {str(error)[:300]}\n"
+        "This is a mistake in lmoc, not in your model. Please report it with the model and "
+    )
+    try:
+        with tempfile.NamedTemporaryFile("w", prefix="lmoc-", suffix=".txt", delete=False, encoding="utf-8") as file:
+            file.write(f"command: {' '.join(sys.argv)}\n\n{text}")
+    except OSError:  # a full disk
+        print(f"{said}this:\n{text}", file=sys.stderr)
+        return
     if os.environ.get("LMOC_TRACEBACK"):
         print(text, file=sys.stderr)
-    print(
-        f"internal error: {type(error).__name__}: {str(error)[:300]}\n"
-        "This is a mistake in lmoc, not in your model. Please report it with the model and this file:\n"
-        f"  {file.name}",
-        file=sys.stderr,
-    )
+    print(f"{said}this file:\n  {file.name}", file=sys.stderr)

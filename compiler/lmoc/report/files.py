@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.support.replacing import replace_file
 
 if TYPE_CHECKING:
     from lmoc.report.run import Run
@@ -18,7 +20,9 @@ Columns = dict[str, np.ndarray]
 
 def _csv(path: Path, columns: Columns) -> None:
     def quoted(name: str) -> str:
-        return f'"{name}"' if "," in name else name  # an index pair: m[1,2].q
+        """A name as in RFC 4180: within quotation marks where it has a comma (m[1,2].q), such a mark or a line end."""
+        doubled = name.replace('"', '""')
+        return f'"{doubled}"' if any(sign in name for sign in ',"\r\n') else name
 
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(map(quoted, columns)) + "\n")
@@ -27,7 +31,11 @@ def _csv(path: Path, columns: Columns) -> None:
 
 
 def _npz(path: Path, columns: Columns) -> None:
-    np.savez_compressed(path, **columns)
+    """As `numpy.savez_compressed`, which takes names as keywords and so refuses or drops some ('file')."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, values in columns.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.ascontiguousarray(values), allow_pickle=False)
 
 
 def _parquet(path: Path, columns: Columns) -> None:
@@ -50,9 +58,9 @@ PICTURES = (".png", ".svg", ".pdf")
 def save(run: Run, path: Path, names: Sequence[str] | None = None) -> Path:
     """Write the columns of a run; the ending of the name says how. Errors as `Run.save`."""
     check_target(path, tuple(FORMATS))
-    write = FORMATS[path.suffix.lower()]
+    write, columns = FORMATS[path.suffix.lower()], run.columns(names)
     try:
-        write(path, run.columns(names))
+        replace_file(path, lambda target: write(target, columns))
     except ImportError as error:
         hint = "pip install pyarrow" if path.suffix.lower() == ".parquet" else ""
         raise _refusal("E0623", f"'{path}' cannot be written: {_first_line(error)}", hint) from None
@@ -80,9 +88,11 @@ def check_target(path: Path, endings: Sequence[str]) -> None:
 
 
 def _check_permission(path: Path) -> None:
+    """A file is made beside the one that it replaces: both it and its folder must be writable."""
     import os
 
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
+    places = [path, path.parent] if path.is_file() else [path if path.exists() else path.parent]
+    if not all(os.access(place, os.W_OK) for place in places):
         raise _refusal("E0623", f"'{path}' cannot be written: permission denied")
 
 

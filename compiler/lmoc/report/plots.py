@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.report.files import PICTURES, check_target
+from lmoc.support.replacing import replace_file
 from lmoc.symbolic.styles import unit_text
 
 if TYPE_CHECKING:
@@ -204,8 +205,12 @@ def _spread(total: int, most: int) -> list[int]:
 
 def write(figure: Figure, path: Path) -> None:
     """Write a picture; E0623 where the system refuses."""
+    from io import BytesIO
+
+    picture = BytesIO()  # matplotlib's own writers of files do not all survive a full disk
+    figure.savefig(picture, format=path.suffix[1:].lower())
     try:
-        figure.savefig(path)
+        replace_file(path, lambda target: target.write_bytes(picture.getvalue()))
     except OSError as error:
         reason = error.strerror or error
         raise ModelError([Diagnostic("E0623", f"'{path}' cannot be written: {reason}")]) from None

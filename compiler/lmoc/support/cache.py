@@ -11,24 +11,75 @@ import sys
 from zlib import crc32
 
 
-def folder() -> str:
-    """The folder: ``LMOC_CACHE``, else ``lmoc`` in the platform's place for caches."""
-    chosen = os.environ.get("LMOC_CACHE")
-    if chosen:
-        return chosen
+def folder() -> str | None:
+    """The folder: ``LMOC_CACHE``, else ``lmoc`` in the platform's place for caches; None where there is none.
+
+    A relative name is none: it would be another folder wherever one stands (the XDG specification says the same).
+    """
+    if "LMOC_CACHE" in os.environ:
+        chosen = os.environ["LMOC_CACHE"]
+        return chosen if os.path.isabs(chosen) else None
     if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or os.path.expanduser("~\\AppData\\Local")
+        places = [os.environ.get("LOCALAPPDATA", ""), os.path.expanduser("~\\AppData\\Local")]
     elif sys.platform == "darwin":
-        base = os.path.expanduser("~/Library/Caches")
+        places = [os.path.expanduser("~/Library/Caches")]
     else:
-        base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return os.path.join(base, "lmoc")
+        places = [os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")]
+    return next((os.path.join(place, "lmoc") for place in places if os.path.isabs(place)), None)
+
+
+def own_folder(*below: str) -> str | None:
+    """The folder, or one below it, made where it is missing; None where it is not the user's own.
+
+    What is kept is executed (compiled kernels, pickles), so nobody else may be able to put a file there.
+    """
+    root = folder()
+    if root is None:
+        return None
+    path = root
+    try:
+        os.makedirs(root, mode=0o700, exist_ok=True)
+        for name in ("", *below):
+            path = os.path.join(path, name) if name else path
+            os.makedirs(path, mode=0o700, exist_ok=True)
+            if not (is_own(path) or _keep_others_out(path)):
+                return None
+    except OSError:
+        return None
+    return path
+
+
+def is_own(path: str) -> bool:
+    """Whether a file or folder belongs to the user alone: nobody else could have written to it.
+
+    Raises
+    ------
+    OSError
+        There is no such file.
+    """
+    if not hasattr(os, "getuid"):
+        return True  # Windows keeps others out of a user's folders by its own rights
+    status = os.stat(path)
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022
+
+
+def _keep_others_out(path: str) -> bool:
+    """Take the permission to write from others, who may have it by the user's umask; whether that was possible."""
+    status = os.stat(path)
+    if status.st_uid == os.getuid():
+        os.chmod(path, status.st_mode & 0o7755)
+    return is_own(path)
 
 
 def read(name: str, key: bytes) -> bytes | None:
-    """What was kept under `name` if it was made from `key` and is undamaged, else None."""
+    """What was kept under `name` if it was made from `key`, is undamaged and the user's own, else None."""
+    place = _place(name)
+    if place is None:
+        return None
     try:
-        with open(_place(name), "rb") as file:
+        if not is_own(place):
+            return None
+        with open(place, "rb") as file:
             found = file.read()
     except OSError:
         return None
@@ -42,11 +93,12 @@ def read(name: str, key: bytes) -> bytes | None:
 def write(name: str, key: bytes, payload: bytes) -> None:
     """Keep `payload` under `name`; silently does nothing where that is not possible."""
     place = _place(name)
+    if place is None:
+        return
     partial = f"{place}.{os.getpid()}"
     kept = _head(key) + payload
     try:
-        os.makedirs(folder(), exist_ok=True)
-        with open(partial, "wb") as file:
+        with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
             file.write(_check(kept) + kept)
         os.replace(partial, place)  # readers see the old file or the new one, never half of it
     except OSError:
@@ -56,10 +108,11 @@ def write(name: str, key: bytes, payload: bytes) -> None:
             pass
 
 
-def _place(name: str) -> str:
-    """The file of a name: one for each installation of lmoc, so that two do not take turns in overwriting it."""
+def _place(name: str) -> str | None:
+    """The file of a name, one for each installation of lmoc, so that two do not take turns in overwriting it."""
     installation = f"{__file__} {sys.implementation.cache_tag}"
-    return os.path.join(folder(), f"{name}-{crc32(installation.encode()):08x}")
+    own = own_folder()
+    return None if own is None else os.path.join(own, f"{name}-{crc32(installation.encode()):08x}")
 
 
 def fingerprint(*files: str) -> bytes:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.support.replacing import replace_file
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.stability import Spectrum, spectrum, stability
@@ -218,11 +219,12 @@ class LinearModel:
         """
         path, arrays = Path(path), self.arrays()
         if path.suffix.lower() == ".npz":
-            np.savez(path, **arrays)
+            replace_file(path, lambda target: np.savez(target, **arrays))
         elif path.suffix.lower() == ".mat":
             from scipy.io import savemat
 
-            savemat(path, {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()})
+            cells = {key: v.astype(object) if v.dtype.kind == "U" else v for key, v in arrays.items()}
+            replace_file(path, lambda target: savemat(target, cells))
         else:
             message = f"the format of '{path}' is not known"
             raise ModelError([Diagnostic("E0624", message, expected=".mat, .npz", found=f"'{path.suffix}'")])

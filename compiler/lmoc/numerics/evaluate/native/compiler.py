@@ -29,9 +29,10 @@ def find_compiler() -> str | None:
     return next((path for name in ("gcc", "clang", "cc", "tcc") if (path := shutil.which(name))), None)
 
 
-def cache_folder() -> Path:
-    """Where compiled kernels are kept between runs."""
-    return Path(cache.folder()) / "kernels"
+def cache_folder() -> Path | None:
+    """The user's own folder for compiled kernels, None where there is none."""
+    found = cache.own_folder("kernels")
+    return None if found is None else Path(found)
 
 
 def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
@@ -56,9 +57,10 @@ def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
 
 def _load_kept(key: str) -> ctypes.CDLL | None:
     """A library from the cache. Its name ends in its checksum: loading a damaged one could end the process."""
-    for path in cache_folder().glob(f"{key}-*.so"):
+    folder = cache_folder()
+    for path in folder.glob(f"{key}-*.so") if folder is not None else ():
         try:
-            if path.name == _name(key, path.read_bytes()):
+            if cache.is_own(str(path)) and path.name == _name(key, path.read_bytes()):
                 return ctypes.CDLL(str(path))
             path.unlink()
         except OSError:
@@ -81,10 +83,11 @@ def _make(compiler: str, text: str, optimization: str, key: str) -> ctypes.CDLL 
 def _keep(path: Path, key: str) -> Path | None:
     """Copy a library into the cache; None where that cannot be written."""
     content, folder = path.read_bytes(), cache_folder()
+    if folder is None:
+        return None
     kept = folder / _name(key, content)
     partial = kept.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         partial.write_bytes(content)
         os.replace(partial, kept)  # atomic: two processes may compile the same text at once
         return kept

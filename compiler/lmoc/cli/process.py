@@ -1,0 +1,85 @@
+"""What the command is to the system: its standard streams, the signals that end it, and how it ends quietly."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import signal
+import sys
+
+INTERRUPTED, TERMINATED = 130, 143  # 128 + the number of the signal, as shells tell it
+_OUTPUT_LOST = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBADF, errno.EINVAL})
+_terminated = False
+
+
+class _Closed(io.TextIOBase):
+    """Standard output that was closed before the command began: the first word written to it is an error."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+
+
+def prepare() -> None:
+    """Make the streams usable, and have SIGTERM end the command as Ctrl-C does: what there is by then is kept."""
+    global _terminated
+    _terminated = False
+    _occupy_closed_streams()
+    if sys.stdout is None:
+        sys.stdout = _Closed()
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal that cannot show a sign (→, ẍ) shows a question mark
+    try:
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, _terminate)
+    except ValueError:
+        pass  # not the main thread, which alone gets signals
+
+
+def _occupy_closed_streams() -> None:
+    """Open the null device for closed streams: else the next file opened gets their number, and what is meant for
+    standard error goes into it."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+
+
+def _terminate(*_: object) -> None:
+    global _terminated
+    _terminated = True
+    if not callable(signal.getsignal(signal.SIGINT)):  # ignored, as in a background job of a shell script
+        raise KeyboardInterrupt
+    signal.raise_signal(signal.SIGINT)  # whoever handles Ctrl-C at the moment
+
+
+def interruption_code() -> int:
+    """The exit code of a command that was interrupted: from the keyboard, or by SIGTERM."""
+    return TERMINATED if _terminated else INTERRUPTED
+
+
+def came_from_interruption(error: BaseException) -> bool:
+    """Whether an exception follows from Ctrl-C: C extensions report one that meets their import as an error of it."""
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, KeyboardInterrupt):
+            return True
+        seen = seen.__cause__ or seen.__context__
+    return False
+
+
+def is_lost_output(error: OSError) -> bool:
+    """Whether standard output could not be written (errors of files are ModelErrors or have a file name)."""
+    return error.filename is None and error.errno in _OUTPUT_LOST
+
+
+def give_up_output() -> None:
+    """Send what is still to be written to standard output nowhere, so that Python does not fail again at its end."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, ValueError):
+        pass  # it has no descriptor: closed from the beginning, or captured

@@ -1,0 +1,120 @@
+"""The command among other processes: closed and full streams, full disks, signals."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import SPRING
+
+COMMAND = [sys.executable, "-m", "lmoc"]
+LONG = ["run", "oscillator.lmo", "--stop", "1e6", "--points", "100001", "-o", "kept.csv"]
+
+
+def lmoc(*words: str, before=None, **settings) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [*COMMAND, *words], preexec_fn=before, stderr=subprocess.PIPE, text=True, timeout=120, **settings
+    )
+
+
+def small_files() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, scene: Path) -> Path:
+    assert scene.parent == tmp_path
+    return tmp_path
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device of Linux")
+@pytest.mark.parametrize("words", [["run", "oscillator.lmo"], ["--help"], ["check", "oscillator.lmo"]])
+def test_a_full_device_is_told_in_a_line(folder, words):
+    with open("/dev/full", "w") as full:
+        answer = lmoc(*words, stdout=full, cwd=folder)
+    assert answer.returncode == 2
+    assert answer.stderr == "failed: standard output cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize(("words", "code"), [(["--quiet"], 0), ([], 2)])
+def test_closed_output_matters_where_there_is_something_to_say(folder, words, code):
+    answer = lmoc("run", "oscillator.lmo", "-o", "x.csv", *words, before=lambda: os.close(1), cwd=folder)
+    assert answer.returncode == code
+    assert answer.stderr == ("" if code == 0 else "failed: standard output cannot be written: Bad file descriptor\n")
+    assert np.genfromtxt(folder / "x.csv", delimiter=",", names=True)["time"][-1] == 3
+
+
+def test_nothing_of_standard_error_ends_up_in_a_result(folder):
+    def close_all() -> None:
+        for number in range(3):
+            os.close(number)
+
+    wrong = SPRING.replace("k = k", "k = k, L = L").replace("parameter", "parameter Real L = 0; parameter", 1)
+    (folder / "oscillator.lmo").write_text(wrong.replace('Real k(unit = "N/m")', 'Real k(unit = "N")'))
+    lmoc("run", "oscillator.lmo", "-o", "x.csv", before=close_all, cwd=folder)
+    assert not (folder / "x.csv").exists()
+
+
+def test_a_reader_that_has_seen_enough_hears_nothing(folder):
+    reading, writing = os.pipe()
+    os.close(reading)
+    answer = lmoc("run", "oscillator.lmo", stdout=writing, cwd=folder)
+    os.close(writing)
+    assert (answer.returncode, answer.stderr) == (0, "")
+
+
+def test_formatting_on_a_full_disk_leaves_the_file(folder):
+    before = (folder / "oscillator.lmo").read_text().replace("  Fixed", "     Fixed")
+    (folder / "oscillator.lmo").write_text(before)
+    answer = lmoc("fmt", "oscillator.lmo", before=small_files, cwd=folder)
+    assert answer.returncode == 2 and "error[E0623]" in answer.stderr and "as it was" in answer.stderr
+    assert (folder / "oscillator.lmo").read_text() == before
+    assert os.listdir(folder) == ["oscillator.lmo"]
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.npz", "x.mat", "x.png", "x.svg", "x.pdf"])
+def test_a_result_on_a_full_disk_leaves_the_one_before(folder, name):
+    (folder / name).write_text("the result of yesterday")
+    option = "--plot" if name.endswith(("png", "svg", "pdf")) else "-o"
+    answer = lmoc("run", "oscillator.lmo", option, name, before=small_files, cwd=folder)
+    assert answer.returncode == 2 and "error[E0623]" in answer.stderr and "internal" not in answer.stderr
+    assert (folder / name).read_text() == "the result of yesterday"
+    assert sorted(os.listdir(folder)) == ["oscillator.lmo", name]
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("background", [False, True])
+def test_a_signal_while_running_keeps_what_there_is(folder, number, code, background):
+    """A shell script starts its background jobs with Ctrl-C ignored."""
+    if background and number == signal.SIGINT:
+        pytest.skip("ignored, as it must be")
+    before = (lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)) if background else None
+    process = subprocess.Popen([*COMMAND, *LONG], cwd=folder, preexec_fn=before, text=True, stderr=subprocess.PIPE,
+                               stdout=subprocess.DEVNULL)  # fmt: skip
+    time.sleep(2.5)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == code and "Traceback" not in said and "it was interrupted" in said
+    times = np.genfromtxt(folder / "kept.csv", delimiter=",", names=True)["time"]
+    assert 1 < len(times) < 100001 and (np.diff(times) > 0).all()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_at_any_moment_ends_quietly(folder, number):
+    """While files are imported, parsed, reduced: a line, no traceback, no file of an internal error."""
+    for wait in np.linspace(0.12, 0.9, 14):
+        environment = {**os.environ, "TMPDIR": str(folder)}
+        process = subprocess.Popen([*COMMAND, *LONG], cwd=folder, text=True, env=environment,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)  # fmt: skip
+        time.sleep(wait)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+        assert "mistake in lmoc" not in said
+        if "Traceback" in said:  # Python itself was still starting: nothing of lmoc had been run
+            assert "lmoc/" not in said
+    assert not list(folder.glob("lmoc-*.txt"))
