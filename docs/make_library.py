@@ -13,7 +13,9 @@ PAGE = Path(__file__).with_name("library.md")
 INTRODUCTION = """\
 # The library
 
-These parts need no import. A name of your own in a file hides the library's.
+These parts need no import, but for those of [the plane](#the-plane): `import Planar.*;` inside a model brings them, and
+hides the global names of the same parts, which stay reachable as `.Spring`. A name of your own in a file hides the
+library's.
 
 *This page is made from `stdlib/*.lmo` by `python docs/make_library.py`.*
 
@@ -25,8 +27,12 @@ These parts need no import. A name of your own in a file hides the library's.
   connection they add up to zero; a port that is connected to nothing has none.
 - **Tension.** Elements with two ends carry a tension: `a.f = -f`, `b.f = +f`, so a positive `f` pulls the ends together
   (and `tau` turns `b` back towards `a`). It grows with the length `b.q - a.q`. This holds for rods too.
-- **Gravity** is a parameter of a mass, and acts along `+q`: `g = 9.81` where positions count downwards, `g = -9.81`
-  where they count upwards.
+- **Gravity** along a line is a parameter of a mass, and acts along `+q`: `g = 9.81` where positions count downwards,
+  `g = -9.81` where they count upwards.
+- **The plane.** A `Point` has a position `x`, `y` (upwards), a `Frame` a direction `theta` as well (counter-clockwise);
+  all are counted from one frame of reference. A point `(rx, ry)` of a body, seen from its frame, is at
+  `x + rx*cos(theta) - ry*sin(theta)`, `y + rx*sin(theta) + ry*cos(theta)`. The tension of an element between two
+  points acts along the line between them. Gravity belongs to the `World` that all bodies share, and acts along `-y`.
 - **Signs of ratios.** Ratios, radii and arms may be negative: the opposite sense of rotation or motion.
 - **Energy.** What a part stores is its `energy`, what it dissipates its `loss`, what it supplies its `power`. Ideal
   transmissions neither store nor lose. A run adds them up: `run.energy`.
@@ -35,18 +41,22 @@ These parts need no import. A name of your own in a file hides the library's.
   `Force push(f = 3*sin(2*time))`. A prescribed motion needs a signal with as many derivatives as the scene asks for.
 """
 
-TITLES = {"translational.lmo": "Motion along a line", "rotational.lmo": "Rotation", "couplings.lmo": "Couplings"}
+TITLES = {"translational.lmo": "Motion along a line", "rotational.lmo": "Rotation", "couplings.lmo": "Couplings",
+          "planar.lmo": "The plane"}  # fmt: skip
 
 
 def page() -> str:
     """The whole page as Markdown."""
     files = {file.span.source.name.rpartition("/")[2]: file for file in library.load()}
-    classes = {c.name: c for file in files.values() for c in file.classes}
-    units = {c.name: _unit(c) for c in classes["Units"].elements if isinstance(c, tree.Class)}
+    top = {c.name: c for file in files.values() for c in file.classes}
+    units = {c.name: _unit(c) for c in top["Units"].elements if isinstance(c, tree.Class)}
     text = [INTRODUCTION]
     for name, title in TITLES.items():
         text.append(f"## {title}\n\n`stdlib/{name}`\n")
-        text += [_part(c, classes, units) for c in files[name].classes if not c.partial]
+        for package in [c for c in files[name].classes if c.kind == "package"] or [None]:
+            inside = [e for e in package.elements if isinstance(e, tree.Class)] if package else files[name].classes
+            classes = top | {c.name: c for c in inside}
+            text += [_part(c, classes, units) for c in inside if not c.partial]
     return "\n".join(text)
 
 
@@ -80,7 +90,7 @@ def _members(part: tree.Class, classes: Mapping[str, tree.Class]) -> Iterator[tr
         if isinstance(element, tree.Extends):
             yield from _members(classes[str(element.base)], classes)
     for element in part.elements:
-        if isinstance(element, tree.Component):
+        if isinstance(element, tree.Component) and not element.outer:
             yield element
 
 

@@ -128,7 +128,7 @@ def flatten(scene: Scene, clock: Clock) -> FlatDAE:
     with clock.stage("library"):
         from lmoc.sources import library
 
-        parts = library.load()
+        parts = library.load(file.span.source.text for file in scene.files)
     with clock.stage("flatten"):
         from lmoc.semantics.flatten import flatten as flatten_files
 

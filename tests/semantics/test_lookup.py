@@ -110,6 +110,24 @@ def test_inner_and_outer_are_one_variable() -> None:
     assert equations(dae, "binding") == ["g = 9.81", "m[1].p.x = g", "m[2].p.x = g"]
 
 
+def test_an_inner_part_that_nobody_declared_has_its_own_values() -> None:
+    dae = flat("""
+        model World parameter Real g = 9.81; end World;
+        model Body outer World world; Real w = 2*world.g; end Body;
+        model Pair Body a, b; end Pair;
+        model A Pair p[2]; end A;""")
+    assert sorted(equations(dae, "binding")) == [f"p[{i}].{body}.w = 2*world.g" for i in (1, 2) for body in "ab"]
+    assert value(dae, "world.g") == 9.81
+
+
+def test_no_default_stands_in_for_a_name_that_is_taken() -> None:
+    with pytest.raises(ModelError, match="E0214"):
+        flat("""
+            model World parameter Real g = 9.81; end World;
+            model Body outer World world; Real w = 2*world.g; end Body;
+            model A Real world = 3; Body a; end A;""")
+
+
 def test_an_inner_part_is_shared() -> None:
     dae = flat("""
         model World parameter Real g = 9.81; end World;

@@ -12,6 +12,11 @@ from lmoc.syntax import tables
 from lmoc.syntax.node import alike
 
 
+def load_again() -> tuple:
+    library._load.cache_clear()
+    return library.load()
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LMOC_CACHE", str(tmp_path / "kept"))
@@ -48,8 +53,8 @@ def test_a_write_leaves_no_traces(folder: Path) -> None:
 
 
 def test_the_library_from_the_cache_is_the_library_parsed(folder: Path) -> None:
-    parsed = library.load.__wrapped__()
-    kept = library.load.__wrapped__()
+    parsed = load_again()
+    kept = load_again()
     assert kept is not parsed and len(kept) == len(parsed)
     for a, b in zip(parsed, kept, strict=True):
         assert alike(a, b)
@@ -58,11 +63,17 @@ def test_the_library_from_the_cache_is_the_library_parsed(folder: Path) -> None:
 
 
 def test_a_library_that_cannot_be_unpacked_is_parsed(folder: Path) -> None:
-    parsed = library.load.__wrapped__()
+    parsed = load_again()
     assert library._unpack(b"no pickle") is None
     for file in folder.iterdir():
         file.write_bytes(b"nonsense")
-    assert all(map(alike, parsed, library.load.__wrapped__()))
+    assert all(map(alike, parsed, load_again()))
+
+
+def test_a_package_is_left_out_where_nobody_names_it(folder: Path) -> None:
+    names = lambda files: {c.name for file in files for c in file.classes}  # noqa: E731
+    assert names(library.load()) - names(library.load(["model A Mass m; end A;"])) == {"Planar"}
+    assert names(library.load(["model A", "import Planar.*;"])) == names(library.load())
 
 
 def test_the_tables_from_the_cache_are_the_tables_made(folder: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import pickle
+from collections.abc import Iterable
 from functools import cache as once
 
 from lmoc.messages.diagnostics import Report
@@ -15,27 +16,52 @@ from lmoc.messages.source import Source
 from lmoc.support import cache
 from lmoc.syntax import tree
 
+# packages of parts that a scene must name to have them: {file: package}
+PACKAGES = {"planar.lmo": "Planar"}
 
-@once
-def load() -> tuple[tree.File, ...]:
-    """All files of the library, in the order of their names.
+
+def load(texts: Iterable[str] | None = None) -> tuple[tree.File, ...]:
+    """Return the files of the library.
+
+    Parameters
+    ----------
+    texts : what the scene is written in: a package whose name does not occur there is left out; None: all files
 
     Raises
     ------
     ModelError
         If a file of the library has a syntax error.
     """
-    texts = _texts()
+    named = set(PACKAGES) if texts is None else {f for text in texts for f, name in PACKAGES.items() if name in text}
+    return tuple(file for part in ("", *sorted(named)) for file in _load(part))
+
+
+def packages_with(name: str) -> list[str]:
+    """Return the packages of the library that have a class of that name."""
+    files = {package: _load(file) for file, package in PACKAGES.items()}
+    return [
+        package
+        for package, (file,) in files.items()
+        if any(isinstance(e, tree.Class) and e.name == name for e in file.classes[0].elements)
+    ]
+
+
+@once
+def _load(package: str) -> tuple[tree.File, ...]:
+    """The files of global names, or the file of a package."""
+    texts = [(name, text) for name, text in _texts() if (name if name in PACKAGES else "") == package]
+    entry = f"library-{package.partition('.')[0]}" if package else "library"
     key = b"\0".join(part.encode() for text in texts for part in text) + _program()
-    kept = cache.read("library", key)
+    kept = cache.read(entry, key)
     files = _unpack(kept) if kept else None
     if files is None:
         files = _parse(texts)
-        cache.write("library", key, pickle.dumps(files, protocol=5))
+        cache.write(entry, key, pickle.dumps(files, protocol=5))
     return files
 
 
-def _texts() -> list[tuple[str, str]]:
+@once
+def _texts() -> tuple[tuple[str, str], ...]:
     """Names and texts of the library's files."""
     import lmoc.stdlib
 
@@ -45,9 +71,10 @@ def _texts() -> list[tuple[str, str]]:
         if name.endswith(".lmo"):
             with open(os.path.join(folder, name), encoding="utf-8") as file:
                 found.append((name, file.read()))
-    return found
+    return tuple(found)
 
 
+@once
 def _program() -> bytes:
     """What the trees are made by: they are made again when it changes."""
     import lmoc.grammar

@@ -71,7 +71,8 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0214": Entry(
         "outer without inner",
-        "`outer` refers to a declaration `inner` of the same name in one of the parts around. There is none.",
+        "`outer` refers to a declaration `inner` of the same name in one of the parts around. There is none, and none\n"
+        "can be made up: it is a variable, a partial class, or something else has that name.",
     ),
     "E0215": Entry(
         "index out of range",
@@ -141,6 +142,11 @@ SEMANTICS: dict[str, Entry] = {
         "not available yet",
         "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"
         "mainly events (`when`, `pre`, `sample`, `reinit`, `terminate`) and discrete variables.",
+    ),
+    "N0241": Entry(
+        "an inner part with its own values",
+        "Parts of the scene share an `outer` part that nobody declared: one of its class is taken, with the values\n"
+        "that stand there. `inner World world(g = 1.62);` gives others.",
     ),
     "W0231": Entry(
         "unknown entry of an annotation",

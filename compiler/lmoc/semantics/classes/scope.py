@@ -15,6 +15,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import BUILTINS, FOREIGN_TYPES, Builtin
 from lmoc.semantics.classes.resolve import Resolved, resolve
 from lmoc.semantics.wrong import Wrong
+from lmoc.sources import library
 from lmoc.syntax import tree
 
 # the kinds of classes that a kind can extend, where it is not only its own (7.1.3)
@@ -280,7 +281,8 @@ class Scope:
         if isinstance(first, Scope) and len(path) == 2:
             return nearest(path[1], first.table) or _classes_hint(first)
         around = self.root.parent or self.root
-        return nearest(path[0], (*self.root.local, *around.local)) if first is None else ""
+        names = (*self.root.local, *around.local, *library.PACKAGES.values())
+        return nearest(path[0], names) if first is None else ""
 
     def check_import(self, element: tree.Import) -> None:
         """Raise `Wrong` where an import means nothing."""
@@ -339,6 +341,9 @@ class Scope:
         """A hint with the visible name most like this one."""
         if name in FOREIGN_TYPES:
             return f"write '{FOREIGN_TYPES[name]}'"
+        packages = library.packages_with(name)
+        if packages:
+            return f"'import {packages[0]}.*;' in the model brings the library's {packages[0]}.{name}"
         visible = set(self.visible())
         return f"did you mean '{name}'?" if name in visible else nearest(name, sorted(visible))
 

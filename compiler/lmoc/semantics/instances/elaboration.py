@@ -17,7 +17,7 @@ from lmoc.semantics.classes import modification as mods
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import Resolved, resolve
 from lmoc.semantics.classes.scope import Member, Scope, redeclared_class
-from lmoc.semantics.instances.instance import Absent, Binding, Broken, Instance, Modifier, Node, Variable
+from lmoc.semantics.instances.instance import NOTHING, Absent, Binding, Broken, Instance, Modifier, Node, Variable
 from lmoc.semantics.instances.known import ElementValues, KnownValues, at_events_only
 from lmoc.semantics.instances.records import record_fields
 from lmoc.semantics.values.context import Context
@@ -47,6 +47,7 @@ class Elaboration:
         self.report = report
         self.known = KnownValues(self, elements)
         self._open: set[tuple[int, str]] = set()
+        self._defaults: dict[str, Instance] = {}  # `inner` parts that nobody declared
         self._short_modifiers: dict[tuple[int, int], Modifier] = {}
         self.said: set[tuple[str, int, int]] = set()
 
@@ -65,9 +66,12 @@ class Elaboration:
                 continue
             if isinstance(child, Instance) and child.parent is instance:
                 self.populate(child)
-        # children are made when first used; the table's order is that of the declarations
+        # children are made when first used; the table's order is that of the declarations, before what `outer` added
         order = [name for name in instance.cls.table if name in instance.children]
-        instance.children = {name: instance.children[name] for name in order}
+        instance.children = {name: instance.children[name] for name in order} | instance.children
+        if instance is self.root:
+            for child in self._defaults.values():
+                self.populate(child)
 
     def _check_names(self, instance: Instance) -> None:
         table = instance.cls.table
@@ -166,12 +170,39 @@ class Elaboration:
             if isinstance(found, Member) and found.component.inner:
                 return self.child(around, component.name)
             around = around.parent
+        default = self._default_inner(instance, component)
+        if default is not None:
+            return default
         raise Wrong(
             "E0214",
             f"'outer {component.name}' finds no 'inner {component.name}' in the parts around it",
             component.span,
             hint=f"declare 'inner {component.type} {component.name};' in the model",
         )
+
+    def _default_inner(self, instance: Instance, component: tree.Component) -> Instance | None:
+        """The `inner` element that nobody declared: the class as it stands, at the top of the model (5.4).
+
+        A variable, a partial class, or a name that stands for something else there has none.
+        """
+        name = component.name
+        if name in self._defaults:
+            return self._defaults[name]
+        resolved = instance.cls.table[name].scope.type_of(component)
+        if isinstance(resolved.base, Builtin) or name in self.root.cls.table:
+            return None
+        scope = instance.cls.table[name].scope
+        member = Member(component, scope, (), False)
+        made = self._instance(self.root, component, member, resolved, NOTHING, ())
+        self.root.children[name] = self._defaults[name] = made
+        values = _parameters_text(made.cls)
+        self.report.note(
+            "N0241",
+            f"there is no 'inner {component.type} {name}': one with {values or 'its own values'} is taken",
+            self.root.cls.definition.name_span,
+            hint=f"declare 'inner {component.type} {name}(…);' to say otherwise",
+        )
+        return made
 
     def _present(self, instance: Instance, component: tree.Component, scope: Scope) -> bool:
         context = Context(self, instance, scope)
@@ -283,6 +314,14 @@ class Elaboration:
 def _elements_hint(table: Mapping[str, object]) -> str:
     names = [n for n, m in table.items() if isinstance(m, Member) and m.component.variability == "parameter"]
     return f"its parameters are {', '.join(names)}" if names else ""
+
+
+def _parameters_text(cls: Scope) -> str:
+    """The parameters of a class with their values, for a message."""
+    declared = [m.component for m in cls.table.values() if isinstance(m, Member)]
+    found = [c for c in declared if c.variability == "parameter" and c.modification]
+    given = [(c.name, c.modification.value) for c in found if c.modification.value]
+    return ", ".join(f"{name} = {value.span.text}" for name, value in given)
 
 
 def _in_connector(instance: Instance | None) -> bool:
