@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lmoc.expression.dag import BINARY, LOGICAL, UNARY, function, if_, lift, rebuild, slot
+from lmoc.expression.dag import function, if_, lift, rebuild, slot
 from lmoc.expression.evaluate import evaluate
+from lmoc.expression.functions import BINARY, LOGICAL, UNARY
 from lmoc.ir.program import Apply
 from lmoc.numerics.failures.losable import losable, risks
 

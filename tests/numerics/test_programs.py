@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lmoc.expression import dag
-from lmoc.expression.dag import BINARY, LOGICAL, UNARY, function, slot, slots
+from lmoc.expression.dag import function, slot, slots
+from lmoc.expression.functions import BINARY, LOGICAL, UNARY
 from lmoc.ir.program import Apply, Solve, Total
 from lmoc.numerics.evaluate.casadi_system import Lowered
 from lmoc.numerics.evaluate.interpreter import Interpreter, segment_sums

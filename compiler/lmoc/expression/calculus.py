@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection
 
 from lmoc.expression.dag import (
@@ -11,39 +10,18 @@ from lmoc.expression.dag import (
     ZERO,
     Expr,
     add,
-    const,
     div,
     function,
     if_,
+    lift,
     mul,
     neg,
     postorder,
-    power,
     rebuild,
     slot,
     sub,
 )
-
-# derivative of f(x) by x, as a function of (the node, x)
-_UNARY_RULES: dict[str, Callable[[Expr, Expr], Expr]] = {
-    "neg": lambda f, x: const(-1),
-    "abs": lambda f, x: function("sign", x),
-    "sqrt": lambda f, x: div(const(0.5), f),
-    "sin": lambda f, x: function("cos", x),
-    "cos": lambda f, x: neg(function("sin", x)),
-    "tan": lambda f, x: add(ONE, power(f, const(2))),
-    "asin": lambda f, x: div(ONE, function("sqrt", sub(ONE, power(x, const(2))))),
-    "acos": lambda f, x: neg(div(ONE, function("sqrt", sub(ONE, power(x, const(2)))))),
-    "atan": lambda f, x: div(ONE, add(ONE, power(x, const(2)))),
-    "sinh": lambda f, x: function("cosh", x),
-    "cosh": lambda f, x: function("sinh", x),
-    "tanh": lambda f, x: sub(ONE, power(f, const(2))),
-    "exp": lambda f, x: f,
-    "log": lambda f, x: div(ONE, x),
-    "log10": lambda f, x: div(const(1 / math.log(10)), x),
-}
-# piecewise constant: the derivative is zero wherever it exists
-_FLAT = frozenset("sign floor ceil integer lt le gt ge eq ne and or not div_integer".split())
+from lmoc.expression.functions import FUNCTIONS
 
 
 def _push(root: Expr, seed: Callable[[Expr], Expr]) -> Expr:
@@ -60,10 +38,8 @@ def _push(root: Expr, seed: Callable[[Expr], Expr]) -> Expr:
 
 def _chain(node: Expr, da: list[Expr]) -> Expr:
     op, args = node.op, node.args
-    if op in _UNARY_RULES:
-        return neg(da[0]) if op == "neg" else mul(_UNARY_RULES[op](node, args[0]), da[0])
-    if op in _FLAT:
-        return ZERO
+    if op == "neg":
+        return neg(da[0])
     if op == "add":
         return add(da[0], da[1])
     if op == "sub":
@@ -72,24 +48,16 @@ def _chain(node: Expr, da: list[Expr]) -> Expr:
         return add(mul(da[0], args[1]), mul(args[0], da[1]))
     if op == "div":
         return sub(div(da[0], args[1]), mul(div(node, args[1]), da[1]))
-    if op == "pow":
-        base, exponent = args
-        by_base = mul(mul(exponent, power(base, sub(exponent, ONE))), da[0])
-        by_exponent = ZERO if da[1] is ZERO else mul(mul(node, function("log", base)), da[1])
-        return add(by_base, by_exponent)
-    if op == "atan2":
-        y, x = args
-        r2 = add(power(x, const(2)), power(y, const(2)))
-        return div(sub(mul(x, da[0]), mul(y, da[1])), r2)
     if op == "if":
         return if_(args[0], da[1], da[2])
     if op in ("min", "max"):
         relation = function("le" if op == "min" else "ge", args[0], args[1])
         return if_(relation, da[0], da[1])
-    if op in ("mod", "rem"):  # x - n(x/y)·y with n piecewise constant
-        quotient = div(sub(args[0], node), args[1])
-        return sub(da[0], mul(quotient, da[1]))
-    raise ValueError(f"no derivative rule for '{op}'")
+    total = ZERO
+    for rule, inner in zip(FUNCTIONS[op].derivatives, da):  # no rules at all: piecewise constant
+        if inner is not ZERO:
+            total = add(total, mul(lift(rule(function, node, *args)), inner))
+    return total
 
 
 def differentiate(root: Expr, leaf: Expr) -> Expr:

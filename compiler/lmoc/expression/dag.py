@@ -14,14 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-# operator -> number of arguments; the elementary functions are those of the Modelica specification, 3.7.1-3.7.3
-UNARY = frozenset(
-    "neg not abs sign sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil integer".split()
-)
-BINARY = frozenset("add sub mul div pow atan2 min max mod rem div_integer lt le gt ge eq ne and or".split())
-TERNARY = frozenset({"if"})  # condition, value if true, value if false
-RELATIONS = frozenset("lt le gt ge eq ne".split())
-LOGICAL = RELATIONS | {"and", "or", "not"}
+from lmoc.expression.functions import FUNCTIONS
 
 Number = int | float
 
@@ -32,7 +25,7 @@ class Expr:
     Attributes
     ----------
     op : str
-        ``const``, ``slot``, ``time`` or a member of UNARY, BINARY, TERNARY.
+        ``const``, ``slot``, ``time`` or the name of an entry of `functions.FUNCTIONS`.
     args : tuple of Expr
     value : float | tuple[int, int] | None
         The number of a ``const``; (column, order) of a ``slot``.
@@ -230,58 +223,13 @@ def if_(condition: Expr, then: Expr, otherwise: Expr) -> Expr:
 # ------------------------------------------------- functions and relations
 
 
-def _sign(x: float) -> float:
-    return float((x > 0) - (x < 0))
-
-
-def _truncated_division(x: float, y: float) -> float:
-    return float(math.trunc(x / y))
-
-
-FUNCTIONS: dict[str, Callable[..., float]] = {
-    "abs": abs,
-    "sign": _sign,
-    "sqrt": math.sqrt,
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "asin": math.asin,
-    "acos": math.acos,
-    "atan": math.atan,
-    "sinh": math.sinh,
-    "cosh": math.cosh,
-    "tanh": math.tanh,
-    "exp": math.exp,
-    "log": math.log,
-    "log10": math.log10,
-    "floor": math.floor,
-    "ceil": math.ceil,
-    "integer": math.floor,
-    "atan2": math.atan2,
-    "min": min,
-    "max": max,
-    "mod": lambda x, y: x - math.floor(x / y) * y,
-    "rem": lambda x, y: x - _truncated_division(x, y) * y,
-    "div_integer": _truncated_division,
-    "lt": lambda x, y: x < y,
-    "le": lambda x, y: x <= y,
-    "gt": lambda x, y: x > y,
-    "ge": lambda x, y: x >= y,
-    "eq": lambda x, y: x == y,
-    "ne": lambda x, y: x != y,
-    "and": lambda x, y: x != 0 and y != 0,
-    "or": lambda x, y: x != 0 or y != 0,
-    "not": lambda x: x == 0,
-}
-
-
 def function(name: str, *args: Expr) -> Expr:
     """An elementary function, relation or logical operator applied to nodes.
 
     Folds constants where the value is finite; keeps the node where it is not.
     """
     if all(a.op == "const" for a in args):
-        value = _finite(FUNCTIONS[name], *(a.value for a in args))
+        value = _finite(FUNCTIONS[name].value, *(a.value for a in args))
         if value is not None:
             return const(value)
     return _intern(name, args)

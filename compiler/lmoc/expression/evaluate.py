@@ -7,54 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.functions import FUNCTIONS, resolve
 
-
-def _integer_quotient(x, y):
-    return np.trunc(np.divide(x, y))  # two plain numbers too: x / 0 is infinite, not an exception
-
-
-OPERATIONS: dict[str, Callable] = {
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.divide,
-    "pow": np.power,
-    "neg": np.negative,
-    "abs": np.abs,
-    "sign": np.sign,
-    "sqrt": np.sqrt,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "sinh": np.sinh,
-    "cosh": np.cosh,
-    "tanh": np.tanh,
-    "exp": np.exp,
-    "log": np.log,
-    "log10": np.log10,
-    "floor": np.floor,
-    "ceil": np.ceil,
-    "integer": np.floor,
-    "atan2": np.arctan2,
-    "min": np.minimum,
-    "max": np.maximum,
-    "mod": np.mod,
-    "rem": np.fmod,
-    "div_integer": _integer_quotient,
-    "lt": np.less,
-    "le": np.less_equal,
-    "gt": np.greater,
-    "ge": np.greater_equal,
-    "eq": np.equal,
-    "ne": np.not_equal,
-    "and": np.logical_and,
-    "or": np.logical_or,
-    "not": np.logical_not,
-    "if": np.where,
-}
+OPERATIONS: dict[str, Callable] = {name: resolve(f.numpy, np) for name, f in FUNCTIONS.items()}
 
 
 def evaluate(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):

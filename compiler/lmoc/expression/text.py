@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.functions import FUNCTIONS
 
 # binding strength, loosest first; a child that binds no tighter than its parent needs is put in brackets
 _STRENGTH = {
@@ -16,7 +17,6 @@ _SYMBOL = {
     "add": " + ", "sub": " - ", "mul": "*", "div": "/", "pow": "^", "or": " or ", "and": " and ",
     "lt": " < ", "le": " <= ", "gt": " > ", "ge": " >= ", "eq": " == ", "ne": " <> ",
 }  # fmt: skip
-_CALL = {"div_integer": "div"}
 _ATOM = 10.0
 
 
@@ -62,7 +62,7 @@ def _node_text(node: Expr, args: list[tuple[str, float]], name: Callable[[int, i
         left = _bracket(args[0], strength + (0.1 if strength in (4, 8) else 0))
         right = _bracket(args[1], strength + 0.1)
         return left + _SYMBOL[op] + right, strength
-    return f"{_CALL.get(op, op)}({', '.join(a[0] for a in args)})", _ATOM
+    return f"{FUNCTIONS[op].text}({', '.join(a[0] for a in args)})", _ATOM
 
 
 def _bracket(arg: tuple[str, float], needed: float) -> str:

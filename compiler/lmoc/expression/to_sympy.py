@@ -8,8 +8,8 @@ from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING
 
-from lmoc.expression.arithmetic import ARITHMETIC
 from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.functions import FUNCTIONS, resolve
 
 if TYPE_CHECKING:
     import sympy
@@ -66,41 +66,6 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
 @cache
 def _operations() -> dict[str, Callable]:
     """The operators of the DAG in SymPy; made when first asked for, because SymPy takes long to import."""
-    import sympy as sp
+    import sympy
 
-    names = "sin cos tan asin acos atan sinh cosh tanh exp log sqrt sign floor atan2"
-    table: dict[str, Callable] = {name: getattr(sp, name) for name in names.split()}
-    table |= ARITHMETIC | {
-        "abs": sp.Abs,
-        "ceil": sp.ceiling,
-        "integer": sp.floor,
-        "log10": lambda a: sp.log(a, 10),
-        "min": sp.Min,
-        "max": sp.Max,
-        "mod": lambda a, b: a - b * sp.floor(a / b),
-        "div_integer": _quotient,
-        "rem": lambda a, b: a - b * _quotient(a, b),
-        "lt": sp.Lt,
-        "le": sp.Le,
-        "gt": sp.Gt,
-        "ge": sp.Ge,
-        "eq": sp.Eq,
-        "ne": sp.Ne,
-        "and": lambda a, b: sp.And(_condition(a), _condition(b)),
-        "or": lambda a, b: sp.Or(_condition(a), _condition(b)),
-        "not": lambda a: sp.Not(_condition(a)),
-        "if": lambda c, a, b: sp.Piecewise((a, _condition(c)), (b, True)),
-    }
-    return table
-
-
-def _quotient(a, b):
-    import sympy as sp
-
-    return sp.sign(a / b) * sp.floor(sp.Abs(a / b))
-
-
-def _condition(value):
-    import sympy as sp
-
-    return sp.true if value.is_Number and value != 0 else sp.false if value.is_Number else value
+    return {name: resolve(f.sympy, sympy) for name, f in FUNCTIONS.items()}

@@ -10,6 +10,7 @@ import difflib
 from collections.abc import Iterator
 from functools import partial
 
+from lmoc.expression.functions import CALLABLE
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.syntax.tables import END_OF_TEXT
 from lmoc.syntax.trouble import Edit, Slip, Trouble
@@ -30,7 +31,7 @@ _WANT_OPERAND = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> = := and or not ( 
 _SIGNS = {"=": (":=", "in", "=="), ":=": ("=", "in"), "==": ("=", ":=")}
 _CONDITIONS = {"if", "elseif", "when", "elsewhen", "while", "("}
 _DECLARES = {"parameter", "constant", "discrete", "input", "output", "flow", "final", "inner", "outer", "replaceable"}
-_FUNCTIONS = set("der pre abs sign sqrt sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10".split())
+_FUNCTIONS = {"der", "pre", *CALLABLE}
 _ATTRIBUTES = set("start fixed unit min max nominal stateSelect displayUnit quantity".split())
 # So far back a misspelled keyword is looked for: it may have been taken for the name of a type.
 _LOOK_BACK = 40

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from lmoc.expression.arithmetic import ARITHMETIC
 from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.functions import FUNCTIONS, resolve
 from lmoc.ir.program import Apply, Program, Solve, Total
 
 CASADI_ROWS = 10_000  # programs with more rows are evaluated faster by numpy
@@ -28,41 +28,24 @@ def can_lower(program: Program) -> bool:
 
 @lru_cache(maxsize=1)
 def _operations() -> dict:
-    import casadi as ca
+    import casadi
 
-    # fmin and fmax of C would drop an argument that is not a number
-    smaller = lambda a, b: ca.if_else(a < b, a, ca.if_else(a >= b, b, ca.SX.nan()))  # noqa: E731
-    larger = lambda a, b: ca.if_else(a > b, a, ca.if_else(a <= b, b, ca.SX.nan()))  # noqa: E731
-    quotient = lambda a, b: ca.sign(a / b) * ca.floor(ca.fabs(a / b))  # noqa: E731
-    names = "sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2 sign"
-    table = {name: getattr(ca, name) for name in names.split()}
-    return (
-        table
-        | ARITHMETIC
-        | {
-            "abs": ca.fabs,
-            "integer": ca.floor,
-            "min": smaller,
-            "max": larger,
-            "mod": lambda a, b: a - b * ca.floor(a / b),
-            "rem": lambda a, b: a - b * quotient(a, b),
-            "div_integer": quotient,
-            "lt": lambda a, b: a < b,
-            "le": lambda a, b: a <= b,
-            "gt": lambda a, b: a > b,
-            "ge": lambda a, b: a >= b,
-            "eq": lambda a, b: a == b,
-            "ne": lambda a, b: a != b,
-            "and": ca.logic_and,
-            "or": ca.logic_or,
-            "not": ca.logic_not,
-            "if": ca.if_else,
-        }
-    )
+    return {name: resolve(f.casadi, casadi) for name, f in FUNCTIONS.items()}
 
 
 def lower_shape(shape: Expr, columns, time):
     """A shape with casadi values in its slots; ``columns(k)`` gives that of column k."""
+    import casadi as ca
+
+    # casadi would make 1 of x/x and x of sqrt(x)^2, where the other evaluators find that there is no value
+    ca.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        return _lower_nodes(shape, columns, time)
+    finally:
+        ca.GlobalOptions.setSimplificationOnTheFly(True)
+
+
+def _lower_nodes(shape: Expr, columns, time):
     table = _operations()
     values: dict[int, object] = {}
     for node in postorder(shape):

@@ -12,12 +12,8 @@ from functools import lru_cache
 import numpy as np
 
 from lmoc.expression.dag import Expr, depends_on_time, lift, postorder, slot, slots, substitute
+from lmoc.expression.functions import FUNCTIONS
 from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, written
-
-# finite for all finite arguments
-_TOTAL = frozenset("add sub mul neg abs sign sin cos atan tanh floor ceil integer atan2 min max if and or not".split())
-_TOTAL |= frozenset("lt le gt ge eq ne".split())
-_DIVISIONS = frozenset("div mod rem div_integer".split())
 
 
 def losable(program: Program, count: int) -> tuple[Program, np.ndarray, int]:
@@ -96,8 +92,8 @@ def risks(shape: Expr) -> tuple[tuple[Expr, list[int]], ...]:
     """
     found: dict[Expr, None] = {}
     for node in postorder(shape):
-        if node.args and node.op not in _TOTAL:
-            risk = _inverse(node.args[1]) if node.op in _DIVISIONS else node
+        if node.args and FUNCTIONS[node.op].losable:
+            risk = _inverse(node.args[1]) if FUNCTIONS[node.op].divides else node
             if not (risk.is_const or _is_polynomial(node)):
                 found[risk] = None
     return tuple(_compact(risk) for risk in found)

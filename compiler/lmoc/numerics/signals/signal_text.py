@@ -6,6 +6,7 @@ import math
 
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
+from lmoc.expression.functions import CALLABLE
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Source
@@ -89,11 +90,10 @@ def _call(node: tree.Call, arguments: list[Expr]) -> Expr:
     name = str(node.function)
     if name in ("noEvent", "smooth") and arguments:
         return arguments[-1]
-    name = {"div": "div_integer"}.get(name, name)
-    known = name in dag.FUNCTIONS and name not in dag.LOGICAL
-    if not known or len(arguments) != (1 if name in dag.UNARY else 2):
-        raise _NotUnderstood(node.span.text, node, nearest(name, [f for f in dag.FUNCTIONS if f not in dag.LOGICAL]))
-    return dag.function(name, *arguments)
+    known = CALLABLE.get(name)
+    if known is None or len(arguments) != known.arity:
+        raise _NotUnderstood(node.span.text, node, nearest(name, [*CALLABLE]))
+    return dag.function(known.name, *arguments)
 
 
 def _reference(node: tree.Ref, flat: FlatDAE, columns: dict[int, int]) -> Expr:

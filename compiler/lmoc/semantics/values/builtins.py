@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
+from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
 from lmoc.semantics.instances.instance import Node
 from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, join
 from lmoc.semantics.values.context import Context
@@ -21,8 +22,7 @@ from lmoc.syntax import tree
 Handler = Callable[[Context, tree.Call], Value]
 BUILTIN_FUNCTIONS: dict[str, Handler] = {}
 
-SMOOTH = "sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10".split()
-KINKED = {"abs": "abs", "sign": "sign", "floor": "floor", "ceil": "ceil", "integer": "integer"}
+KINKED = tuple(f.name for f in FUNCTIONS.values() if f.kind is Kind.KINKED and f.arity == 1)
 EVENTS = "pre edge change sample reinit terminate initial terminal delay spatialDistribution".split()
 
 

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lmoc.expression.dag import LOGICAL, RELATIONS, Expr, postorder
+from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.functions import FUNCTIONS, UnitRule
 from lmoc.expression.text import to_text
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
 from lmoc.semantics.draft import Column, Drafts
 from lmoc.semantics.instances.instance import Variable
 from lmoc.semantics.values.units import ONE_UNIT, SECOND, Unit, UnitError, parse_unit
-
-_ANGLE_FUNCTIONS = frozenset("sin cos tan asin acos atan sinh cosh tanh exp log log10".split())
-_KEEPING = frozenset("neg abs floor ceil integer".split())
-_SUMS = frozenset("add sub min max mod rem atan2".split()) | RELATIONS
 
 
 class _Mismatch(Exception):
@@ -164,38 +161,33 @@ def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None
         return None if unit is None else unit / SECOND ** node.value[1] if node.value[1] else unit
     if op in ("const", "time"):  # sin(time) is a signal that people write: time counts as a plain number
         return None
-    if op in _SUMS:
-        return _infer_sum(node, args)
-    if op in ("mul", "div"):
+    rule = FUNCTIONS[op].unit
+    if rule in (UnitRule.COMMON, UnitRule.COMPARED):
+        unit = _common(node.args[0], args[0], node.args[1], args[1])
+        return unit if rule is UnitRule.COMMON else ONE_UNIT
+    if rule in (UnitRule.PRODUCT, UnitRule.QUOTIENT):
         if args[0] is None or args[1] is None:
             return None
-        return args[0] * args[1] if op == "mul" else args[0] / args[1]
-    if op == "pow":
+        return args[0] * args[1] if rule is UnitRule.PRODUCT else args[0] / args[1]
+    if rule is UnitRule.POWER:
         return _infer_power(node, args)
-    if op == "sqrt":
+    if rule is UnitRule.ROOT:
         return args[0] and _to_power(args[0], 0.5)
-    if op in _KEEPING:
+    if rule is UnitRule.KEPT:
         return args[0]
-    if op in _ANGLE_FUNCTIONS:
+    if rule is UnitRule.NUMBER:
         if args[0] is not None and not args[0].same_as(ONE_UNIT):
             raise _Mismatch(node.args[0], args[0], None, ONE_UNIT)
         return ONE_UNIT if args[0] is not None else None
-    if op == "if":
+    if rule is UnitRule.CHOICE:
         return _common(node.args[1], args[1], node.args[2], args[2])
-    if op in LOGICAL or op == "sign":
-        return ONE_UNIT
-    return None
+    return ONE_UNIT if rule is UnitRule.NONE else None
 
 
 def _common(a: Expr, unit_a: Unit | None, b: Expr, unit_b: Unit | None) -> Unit | None:
     if unit_a is not None and unit_b is not None and not unit_a.same_as(unit_b):
         raise _Mismatch(a, unit_a, b, unit_b)
     return unit_a if unit_a is not None else unit_b
-
-
-def _infer_sum(node: Expr, args: list[Unit | None]) -> Unit | None:
-    unit = _common(node.args[0], args[0], node.args[1], args[1])
-    return ONE_UNIT if node.op in RELATIONS or node.op == "atan2" else unit
 
 
 def _infer_power(node: Expr, args: list[Unit | None]) -> Unit | None:

@@ -12,18 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.expression.dag import Expr, postorder
+from lmoc.expression.functions import FUNCTIONS
 from lmoc.ir.program import Apply, Program, Solve, Total
 
-_INFIX = {
-    "add": "+", "sub": "-", "mul": "*", "div": "/",
-    "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!=", "and": "&&", "or": "||",
-}  # fmt: skip
-_CALL = {
-    "abs": "fabs", "integer": "floor", "min": "lmoc_min", "max": "lmoc_max", "sign": "lmoc_sign", "pow": "pow",
-    "mod": "lmoc_mod", "rem": "fmod", "div_integer": "lmoc_quotient",
-}  # fmt: skip
 DENSE_LIMIT = 12  # a varying linear block with more unknowns is left to a sparse solver
-_PLAIN = frozenset("sqrt sin cos tan asin acos atan sinh cosh tanh exp log log10 floor ceil atan2".split())
 
 
 class Unsupported(Exception):
@@ -175,17 +167,9 @@ def _number(value: float) -> str:
 
 def _operation(node: Expr, args: list[str]) -> str:
     op = node.op
-    if op in _INFIX:
-        return f"{args[0]} {_INFIX[op]} {args[1]}"
-    if op == "neg":
-        return f"-{args[0]}"
-    if op == "not":
-        return f"!{args[0]}"
-    if op == "if":
-        return f"{args[0]} ? {args[1]} : {args[2]}"
     if op == "pow" and node.args[1].op == "const" and node.args[1].value in (2.0, 3.0):
         return "*".join([args[0]] * int(node.args[1].value))
-    return f"{op if op in _PLAIN else _CALL[op]}({', '.join(args)})"
+    return FUNCTIONS[op].c.format(*args)
 
 
 def _write_total(writer: _Writer, step: Total) -> None:

@@ -11,6 +11,7 @@ static inline double lmoc_max(double x, double y) { return x > y || x != x ? x :
 static inline double lmoc_sign(double x) { return x != x ? x : (x > 0) - (x < 0); }
 static inline double lmoc_mod(double x, double y) { return x - floor(x / y) * y; }
 static inline double lmoc_quotient(double x, double y) { return trunc(x / y); }
+static inline double lmoc_rem(double x, double y) { return x - trunc(x / y) * y; }
 
 /* Gauss elimination with row pivoting on size rows of size + 1 numbers; the last column becomes the solution. */
 static void lmoc_dense_solve(int size, double *a) {
