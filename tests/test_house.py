@@ -28,22 +28,7 @@ ORDER = (
 )
 # Circles that are still to be opened.
 KNOWN = {
-    frozenset({"lmoc.numerics.plan", "lmoc.numerics.signals.kinks"}),
-    frozenset(
-        {
-            "lmoc.numerics.evaluate.native.kernel",
-            "lmoc.numerics.evaluate.native.system",
-            "lmoc.numerics.evaluate.opened",
-            "lmoc.numerics.evaluate.system",
-            "lmoc.numerics.integrate.base",
-            "lmoc.numerics.integrate.stepper",
-            "lmoc.numerics.integrate.sundials.sundials",
-        }
-    ),
     frozenset({"lmoc.numerics.observe.energy", "lmoc.numerics.observe.trajectory"}),
-    frozenset(
-        {"lmoc.numerics.start.gauss_newton", "lmoc.numerics.start.initialization", "lmoc.numerics.start.start_system"}
-    ),
     frozenset({"lmoc.semantics.classes.resolve", "lmoc.semantics.classes.scope"}),
     frozenset({"lmoc.report.files", "lmoc.report.plots", "lmoc.report.run", "lmoc.report.summary"}),
     frozenset({"lmoc.symbolic.linearize", "lmoc.symbolic.notebook"}),

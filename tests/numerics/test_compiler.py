@@ -115,7 +115,7 @@ def test_no_compiler(path, monkeypatch):
 
 @needs_compiler
 def test_a_run_without_compiler_gives_the_same_values(monkeypatch):
-    monkeypatch.setattr("lmoc.numerics.evaluate.system.COMPILED_ROWS", 100)
+    monkeypatch.setattr("lmoc.numerics.evaluate.select.COMPILED_ROWS", 100)
 
     def run():
         return lmoc.compile(CHAIN, parameters={"N": 50}).simulate(stop=0.5, points=6, rtol=1e-8)
@@ -138,7 +138,7 @@ def test_ida_with_open_blocks_does_not_claim_to_have_run_c():
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_the_clock_is_watched_while_c_runs(solver, monkeypatch):
     """Few output times, and right-hand sides that no Python comes by."""
-    monkeypatch.setattr("lmoc.numerics.evaluate.system.COMPILED_ROWS", 0)
+    monkeypatch.setattr("lmoc.numerics.evaluate.select.COMPILED_ROWS", 0)
     options = RunOptions(solver=solver, stop=1e5, points=2, max_seconds=0.02)
     with pytest.raises(SimulationError, match="the time allowed for the run is over") as failure:
         simulate(oscillator().reduced(), options=options)
@@ -149,7 +149,7 @@ def test_the_clock_is_watched_while_c_runs(solver, monkeypatch):
 @pytest.mark.parametrize("rows", [0, 10**9], ids=["C", "others"])
 def test_a_constant_block_that_is_singular(rows, monkeypatch):
     """k·a = -x with k = 2, 0: the second has no solution, which is told and not raised."""
-    monkeypatch.setattr("lmoc.numerics.evaluate.system.COMPILED_ROWS", rows)
+    monkeypatch.setattr("lmoc.numerics.evaluate.select.COMPILED_ROWS", rows)
     s = Scene()
     k, x, a = s.parameter("k", 2.0), s.state("x", 1.0), s.variable("a")
     s.rate(x, a)

@@ -10,16 +10,19 @@ import pytest
 
 import lmoc
 from lmoc.ir.flat import FlatDAE, Sums
-from lmoc.ir.program import Solve
+from lmoc.ir.program import Solve, walk
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.casadi_system import can_lower
+from lmoc.numerics.evaluate.explicit_system import CasadiSystem
 from lmoc.numerics.evaluate.native.c_code import Unsupported
 from lmoc.numerics.evaluate.native.compiler import find_compiler
+from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
 from lmoc.numerics.evaluate.segments import can_segment
-from lmoc.numerics.evaluate.system import CasadiSystem, SegmentedSystem, System, VectorSystem
-from lmoc.numerics.integrate import Problem
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.evaluate.vector_system import VectorSystem
+from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.choice import integrator
-from lmoc.numerics.plan import Plan, walk
+from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import bind_signals
 from lmoc.numerics.simulate import Simulator
 from lmoc.structure.reduce import reduce
@@ -137,7 +140,7 @@ def trajectory(system: System, plan: Plan, x0: np.ndarray, grid: np.ndarray, rto
         system, x0, grid, rtol, np.full(len(x0), rtol * 1e-3), lambda _, states: rows.append(states.copy())
     )
     outcome = integrator("dop853")(problem)
-    assert not outcome.failure
+    assert not outcome.status.failed
     return np.concatenate(rows)
 
 

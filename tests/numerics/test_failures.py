@@ -10,7 +10,8 @@ from oracles.by_hand import Scene, oscillator
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
-from lmoc.numerics.integrate import base, table
+from lmoc.numerics.integrate import base
+from lmoc.numerics.integrate.choice import table
 from lmoc.numerics.integrate.sundials import sundials
 from lmoc.numerics.options import SOLVERS, RunOptions
 from lmoc.numerics.simulate import simulate

@@ -11,7 +11,8 @@ import pytest
 import lmoc
 from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.numerics.evaluate.newton import Newton, shortest_solution, vanishes
-from lmoc.numerics.evaluate.system import SegmentedSystem, VectorSystem
+from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
+from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.signals.signals import bind_signals
 from lmoc.numerics.simulate import Simulator
 

@@ -8,6 +8,7 @@ whatever its length. Casadi, numpy and C are three lowerings of the same steps, 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -154,3 +155,16 @@ def _rows_of_total(step: Total, rows: np.ndarray) -> Total:
     start = np.concatenate([[0], np.cumsum(lengths)])
     entries = np.repeat(step.start[rows] - start[:-1], lengths) + np.arange(start[-1])
     return Total(start, step.index[entries], step.coefficient[entries], step.out[rows])
+
+
+def walk(program: Program) -> Iterator[Step]:
+    """Yield every step, those inside blocks too."""
+    for step in program:
+        yield step
+        if isinstance(step, Solve):
+            yield from walk(step.inner)
+
+
+def program_rows(program: Program) -> int:
+    """Return the number of rows of all steps, as a measure of size."""
+    return sum(s.unknowns.size if isinstance(s, Solve) else len(s.out) for s in walk(program))

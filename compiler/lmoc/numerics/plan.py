@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
-from lmoc.ir.program import Apply, Program, Solve, needed_steps, read, written
+from lmoc.ir.program import Apply, Program, Solve, needed_steps, program_rows, read, walk, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, gives
 
-if TYPE_CHECKING:
-    from lmoc.numerics.failures.losable import Moving
+Made = TypeVar("Made")
 
 LARGE_BLOCK = 40  # unknowns
 LEDGER = ("ledger.work", "ledger.heat")
@@ -53,6 +52,7 @@ class Plan:
     derivatives: np.ndarray
     program: Program
     notes: tuple[Diagnostic, ...] = ()
+    _made: dict = field(default_factory=dict)
 
     @property
     def state_count(self) -> int:
@@ -91,36 +91,15 @@ class Plan:
         return np.flatnonzero(used & ~changing)
 
     @cached_property
-    def switches(self) -> list[tuple[Expr, np.ndarray]]:
-        """Where formulas of time have kinks (`kinks.switches`)."""
-        from lmoc.numerics.signals.kinks import switches
-
-        return switches(self)
-
-    @cached_property
     def full_program(self) -> Program:
         """Fills every register that the reduced system knows of."""
         return self.input_program + self.reduced.rhs + self.reduced.observe
 
-    @cached_property
-    def losable(self) -> tuple[Program, np.ndarray, int]:
-        """What tells whether `full_program` loses a value (`losable.losable`)."""
-        from lmoc.numerics.failures.losable import losable
-
-        return losable(self.full_program, self.count)
-
-    @cached_property
-    def moving(self) -> Moving:
-        """The part of `losable` that has to be looked at along a run (`losable.moving`)."""
-        from lmoc.numerics.evaluate.interpreter import DENSE
-        from lmoc.numerics.failures.losable import moving
-
-        return moving(self.losable, np.concatenate([self.states, self.sampled]), DENSE)
-
-    @cached_property
-    def slices(self) -> dict[object, object]:
-        """Parts of `full_program` that have been asked for, by what they are to fill (`slices.Slice`)."""
-        return {}
+    def once(self, make: Callable[[Plan], Made]) -> Made:
+        """Return ``make(self)``, made once: for what readers of a plan derive from it."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        return self._made[make]
 
     @cached_property
     def read_parameters(self) -> np.ndarray:
@@ -306,18 +285,3 @@ def _unknown_power(reduced: Reduced, absent: list[int]) -> bool:
 def _variables(reduced: Reduced, name: str) -> list[int]:
     found = reduced.flat.find(name)
     return [] if found is None else found.tolist()
-
-
-def walk(program: Program):
-    """Every step, those inside blocks too."""
-    for step in program:
-        yield step
-        if isinstance(step, Solve):
-            yield from walk(step.inner)
-
-
-def program_rows(program: Program) -> int:
-    total = 0
-    for step in walk(program):
-        total += step.unknowns.size if isinstance(step, Solve) else len(step.out)
-    return total

@@ -12,18 +12,22 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError, nearest
 from lmoc.messages.ranges import LOOKED_AT, over_range, report_alike
-from lmoc.numerics import integrate as integrators
-from lmoc.numerics.evaluate.system import SegmentedSystem, System, make_system
+from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
+from lmoc.numerics.evaluate.select import make_system
+from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
-from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, suspects
+from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects
 from lmoc.numerics.failures.singular import singular_place
-from lmoc.numerics.integrate.base import COLLAPSED, INTERRUPTED, NOT_FINITE, Outcome, Problem
+from lmoc.numerics.integrate import choice
+from lmoc.numerics.integrate.base import Outcome, Problem
+from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.trajectory import Observer, Recorder, Trajectory, find
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
-from lmoc.numerics.start.initialization import initial_state, seed_blocks, targets
+from lmoc.numerics.start.initialization import initial_state, seed_blocks
+from lmoc.numerics.start.targets import targets
 from lmoc.semantics.parameter_checks import given_without_value
 from lmoc.structure.messages.equations import SHOWN
 from lmoc.support.distinct import distinct
@@ -126,6 +130,7 @@ class _Run:
         ledger = _ledger_names(observer) if options.energy else ()
         keep = None if options.keep is None else (*options.keep, *ledger)
         self.recorder = Recorder(observer, times, keep)
+        self.lost = ""  # why the coordinates do not serve
 
     def go(self, initial: Mapping[str, float], began: float, lowered: float) -> Trajectory:
         plan, report = self.plan, self.report
@@ -147,12 +152,12 @@ class _Run:
             "states": plan.state_count,
             "rtol": self.options.tolerance(plan.reduced.flat.experiment),
         }
-        if not outcome.failure:
+        if not outcome.status.failed:
             self._check_way(outcome)
             outcome = self._up_to_a_singular_place(outcome)
         run = self._trajectory(outcome, stats)
-        if outcome.failure:
-            failure = RunInterrupted if outcome.failure == INTERRUPTED else SimulationError
+        if outcome.status.failed:
+            failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             raise failure(self._explain(outcome), outcome.time, run)
         return run_checks(run)
 
@@ -181,7 +186,7 @@ class _Run:
         times, rows = self.times, np.zeros(0, int)
         if self.recorder.variables is None:
             rows = suspects(self.observer, times, self.recorder.table)
-        if self.plan.moving.others or self.recorder.variables is not None:
+        if self.plan.once(moving_risks).others or self.recorder.variables is not None:
             rows = np.append(rows, len(times) - 1)
         for k in rows.tolist():
             x, near = self.recorder.table[k], None
@@ -205,12 +210,12 @@ class _Run:
             return outcome
         reduced, (time, lost) = self.plan.reduced, found
         self.recorder.reached = int(np.searchsorted(self.times, time, "right"))
-        failure = (
+        self.lost = (
             f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
             "after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
         )
         last = states[np.searchsorted(times, time)]
-        return replace(outcome, time=time, x=last, reached=self.recorder.reached, failure=failure)
+        return replace(outcome, time=time, x=last, reached=self.recorder.reached, status=Status.SINGULAR)
 
     def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
         if not len(x):
@@ -237,7 +242,7 @@ class _Run:
             self.progress,
             breaks=breaks,
         )
-        return integrators.run(problem, options.solver)
+        return choice.run(problem, options.solver)
 
     def _absolute_tolerances(self, x: np.ndarray, rtol: float) -> np.ndarray:
         """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
@@ -250,7 +255,7 @@ class _Run:
 
     def _trajectory(self, outcome: Outcome, stats: dict[str, object]) -> Trajectory:
         times, table = self.recorder.taken()
-        if outcome.failure and outcome.time > times[-1] and np.isfinite(outcome.x).all():
+        if outcome.status.failed and outcome.time > times[-1] and np.isfinite(outcome.x).all():
             times = np.append(times, outcome.time)
             table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
         notes: tuple[Diagnostic, ...] = (*self.plan.notes, *self.report.diagnostics)
@@ -263,16 +268,17 @@ class _Run:
             stats
             | {"evaluations": self.system.evaluations}
             | outcome.counts
-            | {"evaluation": outcome.evaluation or self.system.kind, "matrix": outcome.matrix},
+            | {"evaluation": outcome.evaluation or self.system.description, "matrix": outcome.matrix},
             notes=tuple(dict.fromkeys(notes)),
         )
 
     def _explain(self, outcome: Outcome) -> str:
         found = ""
-        if outcome.failure in (NOT_FINITE, COLLAPSED):
+        if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
             found = lost_ahead(self.observer, self.system, outcome.time, outcome.x, float(self.times[-1]))
         detail = f": {found}" if found else ""
-        return f"the run stopped at t = {outcome.time:.6g} s of {self.times[-1]:g} s: {outcome.failure}{detail}"
+        reason = self.lost or outcome.status.value
+        return f"the run stopped at t = {outcome.time:.6g} s of {self.times[-1]:g} s: {reason}{detail}"
 
 
 def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.ndarray:

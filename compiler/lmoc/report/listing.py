@@ -297,7 +297,7 @@ def numeric_text(reduced: Reduced) -> str:
     _, indices = system.pattern()
     names = register_patterns(reduced, plan.states)
     rows = [
-        ("evaluated by", system.kind),
+        ("evaluated by", system.description),
         ("integrated", f"{system.n}: {', '.join(names)}"),
         ("of which", f"{plan.state_count} states, {system.n - plan.state_count} quadratures"),
         ("parameters", str(len(plan.parameters))),

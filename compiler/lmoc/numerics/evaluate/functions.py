@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.program import needed_steps
+from lmoc.ir.program import needed_steps, program_rows
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.casadi_system import can_lower, lower_shape, lower_steps
-from lmoc.numerics.plan import program_rows
 
 if TYPE_CHECKING:
     import casadi

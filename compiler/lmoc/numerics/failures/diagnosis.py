@@ -7,15 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.ir.program import Program, Solve, written
+from lmoc.ir.program import Program, Solve, walk, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
-from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.interpreter import DENSE, Interpreter
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.failures.losable import Moving, losable, moving
 from lmoc.numerics.observe.slices import Slice
 from lmoc.numerics.observe.trajectory import Observer
-from lmoc.numerics.plan import walk
+from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, is_own, sample
 from lmoc.support.distinct import distinct
 
@@ -46,13 +47,12 @@ def suspects(observer: Observer, times: np.ndarray, states: np.ndarray) -> np.nd
     What is seen is what can be computed for many times at once; and a quotient that has no value need not be missed
     (``if x > 0 then 1/x else 0``).
     """
-    plan, moving = observer.plan, observer.plan.moving
-    if not len(moving.registers):
+    plan = observer.plan
+    own = plan.once(moving_risks)
+    if not len(own.registers):
         return np.zeros(0, int)
-    if "moving" not in plan.slices:
-        plan.slices["moving"] = Slice(plan, moving.registers, moving.program, moving.count)
-    part = plan.slices["moving"]
-    base = np.concatenate([observer.base, np.zeros(moving.count - plan.count)])
+    part = plan.once(_moving_slice)
+    base = np.concatenate([observer.base, np.zeros(own.count - plan.count)])
     base[plan.absent] = 0.0  # what depends on them has been said to be unknown
     rows = np.arange(0, len(times), -(-len(times) * len(part.registers) // _LOOKED_AT))
     values = part.bind(base, observer.signals)(times[rows], states[rows])
@@ -88,7 +88,7 @@ def first_not_finite(
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]
     groups = [plan.states, plan.sampled]
     if program is plan.full_program:  # most often all is well, which a look at what may be lost tells
-        steps, watched, count = plan.losable
+        steps, watched, count = plan.once(_losable)
         longer = np.concatenate([w, np.zeros(count - len(w))])
         Interpreter(steps, count).run(longer, time)
         if all(np.isfinite(longer[registers]).all() for registers in (*groups, watched)):
@@ -105,6 +105,21 @@ def first_not_finite(
                     nonlinear = isinstance(step, Solve) and not step.linear
                     return *sentence(reduced, bad, w, nonlinear, observer.signals), nonlinear
     return "", None, False
+
+
+def _losable(plan: Plan) -> tuple[Program, np.ndarray, int]:
+    """Return what tells whether `full_program` loses a value (`losable.losable`)."""
+    return losable(plan.full_program, plan.count)
+
+
+def moving_risks(plan: Plan) -> Moving:
+    """Return the part of `losable` that has to be looked at along a run (`losable.moving`)."""
+    return moving(plan.once(_losable), np.concatenate([plan.states, plan.sampled]), DENSE)
+
+
+def _moving_slice(plan: Plan) -> Slice:
+    found = plan.once(moving_risks)
+    return Slice(plan, found.registers, found.program, found.count)
 
 
 def sentence(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.evaluate.system import SegmentedSystem
+from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
 
 _AHEAD = 1e-4  # of the time between them: the step for the determinant's rate
 _SINGULAR = 2e-3  # of its largest value: as near to zero as no determinant comes that only turns back

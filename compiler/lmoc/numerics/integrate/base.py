@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate.status import Status
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,20 +55,18 @@ class Outcome:
     ----------
     time, x : where it stands at the end
     reached : number of output times that have been handed to the sink (the start counted)
-    failure : why it ended before the last output time, empty where it did not
-    stiff : it ended because the problem is stiff and the method explicit
+    status : why it ended; OK at the last output time
     step : the last step size, where the method tells
     counts : steps, rejected, … for the statistics
     matrix : how an implicit method has stored its Jacobian, empty for an explicit one
-    evaluation : how the equations have been evaluated, empty where as `System.kind` says
+    evaluation : how the equations have been evaluated, empty where as `System.description` says
     solver : the method that has done it, empty where it is the one that was called
     """
 
     time: float
     x: np.ndarray
     reached: int
-    failure: str = ""
-    stiff: bool = False
+    status: Status = Status.OK
     counts: dict[str, int] = field(default_factory=dict)
     step: float = np.inf
     matrix: str = ""
@@ -100,10 +99,6 @@ def on_interrupt(action: Callable[..., None]) -> Iterator[None]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-class NotFound(Exception):
-    """A library that an integrator is made of is not installed in a layout that is known here."""
-
-
 class Watch:
     """Looks at the clock now and then: progress, and the deadline."""
 
@@ -121,11 +116,3 @@ class Watch:
             self._told = now
             self.progress(t)
         return self.deadline is not None and now > self.deadline
-
-
-# why a run has ended early
-COLLAPSED = "the step size collapsed"
-TOO_MANY = "too many steps"
-TOO_LONG = "the time allowed for the run is over"
-INTERRUPTED = "it was interrupted"
-NOT_FINITE = "the derivatives have no finite value"

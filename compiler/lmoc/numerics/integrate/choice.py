@@ -13,12 +13,13 @@ from importlib import import_module
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
-from lmoc.numerics.evaluate.system import CasadiSystem, System
-from lmoc.numerics.integrate.base import COLLAPSED, NOT_FINITE, NotFound, Outcome, Problem, Properties
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties
+from lmoc.numerics.integrate.status import NotFound, Status
 
 NAMES = ("dop853", "cvode", "adams", "ida", "cvodes", "radau")
 
-_PATIENCE = 2_000, 100_000  # least and most steps that DOP853 may still need where it finds the problem stiff
+_LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
 _EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
 _FOLLOWED = 15  # times as many steps where a fast swinging mode is at work: any method must follow it
@@ -84,7 +85,7 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
             used = own
         if taken_over:  # the stiff method goes on behind the next break
             method = own.solvers[-1]
-        if outcome.failure or outcome.reached == len(problem.times):
+        if outcome.status.failed or outcome.reached == len(problem.times):
             break
     if len(problem.breaks):
         outcome.counts["breaks"] = len(problem.breaks)
@@ -128,7 +129,7 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
         reason = f"in place of {solver}, which does not take this run" if outcome.solver else "asked for"
         return outcome, _Used((outcome.solver or solver,), reason)
     outcome = integrator("dop853")(replace(problem, patience=patience(problem.system)))
-    if not outcome.stiff and outcome.failure not in (COLLAPSED, NOT_FINITE):
+    if outcome.status not in (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE):
         return outcome, _Used(("dop853",), "not stiff")
     spent = problem.system.evaluations
     name, why = stiff_method(problem, outcome)
@@ -138,17 +139,15 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
     if "evaluations" in later.counts:  # SUNDIALS counts its own, and the system those of Python
         later.counts["evaluations"] += spent
     if later.evaluation:
-        later.evaluation = f"{problem.system.kind}, then {later.evaluation}"
-    met = "stiffness" if outcome.stiff else outcome.failure
+        later.evaluation = f"{problem.system.description}, then {later.evaluation}"
+    met = "stiffness" if outcome.status is Status.STIFF else outcome.status.value
     solvers = ("dop853",) if name == "dop853" else ("dop853", name)
     return later, _Used(solvers, f"{met} at t = {outcome.time:.4g} s, then {why}")
 
 
 def patience(system: System) -> float:
     """Steps that are still cheaper for DOP853 than another method is."""
-    least, most = _PATIENCE
-    most = most if isinstance(system, CasadiSystem) else 5 * least
-    return float(np.clip(_WORK / (16 * max(1, system.plan.row_count)), least, most))
+    return float(np.clip(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE, system.most_steps))
 
 
 def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
@@ -174,7 +173,8 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
         why = f"because the fastest mode decays (time constant {1 / max(abs(fastest), 1e-300):.3g} s)"
         return ("cvode", f"BDF, {why}") if sundials.available() else ("radau", f"Radau, {why}")
     remaining = (problem.times[-1] - outcome.time) / outcome.step
-    if outcome.stiff and remaining < _FOLLOWED * patience(system) and _at_work(problem, outcome, values, vectors, k):
+    followed = outcome.status is Status.STIFF and remaining < _FOLLOWED * patience(system)
+    if followed and _at_work(problem, outcome, values, vectors, k):
         return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
     return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
 

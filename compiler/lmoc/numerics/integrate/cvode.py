@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.integrate.base import INTERRUPTED, TOO_LONG, Outcome, Problem, Properties, Watch
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties, Watch
 from lmoc.numerics.integrate.matrices import Layout, layout_of
+from lmoc.numerics.integrate.status import Status
 
 PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", library="SUNDIALS")
 ADAMS = Properties("adams", "Adams", stiff=False, order="1-12", library="SUNDIALS")
@@ -111,20 +112,20 @@ class Frame:
         try:
             result = integrate()
         except Expired:
-            return self.stopped(TOO_LONG)
+            return self.stopped(Status.TOO_LONG)
         except KeyboardInterrupt:
-            return self.stopped(INTERRUPTED)
+            return self.stopped(Status.INTERRUPTED)
         x = self.state(result.x)
         if not np.isfinite(x).all():  # a failed step may leave such values behind
-            return self.stopped(result.failure)
+            return self.stopped(result.status)
         self.flush()
         counts = {"steps": result.steps, "evaluations": result.evaluations, "jacobians": result.jacobians}
-        return Outcome(result.time, x, self.reached, result.failure, counts=counts, matrix=self.layout.text)
+        return Outcome(result.time, x, self.reached, result.status, counts=counts, matrix=self.layout.text)
 
-    def stopped(self, failure: str) -> Outcome:
+    def stopped(self, status: Status) -> Outcome:
         """Where it came to an end at the last output time."""
         self.flush()
-        return Outcome(float(self.problem.times[self.reached - 1]), self.last, self.reached, failure)
+        return Outcome(float(self.problem.times[self.reached - 1]), self.last, self.reached, status)
 
 
 def integrate(problem: Problem, method: str = "bdf") -> Outcome:

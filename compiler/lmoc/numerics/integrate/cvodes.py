@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.numerics.evaluate.system import CasadiSystem
 from lmoc.numerics.integrate import cvode
-from lmoc.numerics.integrate.base import INTERRUPTED, NOT_FINITE, Outcome, Problem, Properties, on_interrupt
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties, on_interrupt
+from lmoc.numerics.integrate.status import Status
 
 # between two output times. It does not see that its steps no longer move the time; `cvode`, which takes over, does
 MAX_STEPS = 20_000
@@ -20,7 +20,7 @@ _KEPT = 8  # integrators kept with a system, each for its own times and toleranc
 
 def suits(problem: Problem) -> bool:
     """Whether the system is one casadi function of time, states and parameters, and its times are far enough apart."""
-    plain = isinstance(problem.system, CasadiSystem) and not problem.system.samplers
+    plain = problem.system.casadi_dae() is not None
     return plain and problem.deadline is None and np.diff(problem.times).min() > 2 * _NOT_GONE
 
 
@@ -43,10 +43,10 @@ def integrate(problem: Problem) -> Outcome:
     try:
         with on_interrupt(interrupt):
             solver = _solver(problem)
-            result = solver(x0=problem.x, p=problem.system.p)
+            result = solver(x0=problem.x, p=problem.system.casadi_dae().parameters)
     except (RuntimeError, KeyboardInterrupt):  # of an interrupt casadi makes a failure of the right-hand side
         if interrupted:
-            return Outcome(float(problem.times[0]), problem.x, 1, INTERRUPTED)
+            return Outcome(float(problem.times[0]), problem.x, 1, Status.INTERRUPTED)
         # it keeps nothing of a run that fails: the same method again, for the partial result
         return replace(cvode.integrate(problem), solver="cvode")
     states = np.array(result["xf"]).T
@@ -57,20 +57,18 @@ def integrate(problem: Problem) -> Outcome:
     last = states[reached - 1] if reached else problem.x
     cost = solver.stats()
     counts = {"steps": cost["nsteps"], "evaluations": cost["nfevals"], "jacobians": cost["nlinsetups"]}
-    failure = "" if finite.all() else NOT_FINITE
-    return Outcome(float(problem.times[reached]), last, reached + 1, failure, counts=counts)
+    status = Status.OK if finite.all() else Status.NOT_FINITE
+    return Outcome(float(problem.times[reached]), last, reached + 1, status, counts=counts)
 
 
 def _solver(problem: Problem):
     """The integrator for these times and tolerances; casadi fixes both when it is made."""
     import casadi as ca
 
-    system = problem.system
+    dae = problem.system.casadi_dae()
     key = problem.times.tobytes(), problem.rtol, float(problem.atol.min()), problem.max_steps
-    kept = system.native_integrators
+    kept = dae.kept
     if key not in kept:
-        lowered = system.lowered
-        dae = {"t": lowered.time, "x": lowered.x, "p": lowered.p, "ode": lowered.out}
         options = {
             "reltol": problem.rtol,
             "abstol": float(problem.atol.min()),
@@ -80,5 +78,5 @@ def _solver(problem: Problem):
         }
         if len(kept) == _KEPT:
             del kept[next(iter(kept))]
-        kept[key] = ca.integrator("run", "cvodes", dae, float(problem.times[0]), problem.times[1:], options)
+        kept[key] = ca.integrator("run", "cvodes", dae.equations, float(problem.times[0]), problem.times[1:], options)
     return kept[key]

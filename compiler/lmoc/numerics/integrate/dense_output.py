@@ -11,9 +11,9 @@ from bisect import bisect_right
 
 import numpy as np
 
+from lmoc.numerics.evaluate.stepper import Stepper
 from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.integrate.base import Problem
-from lmoc.numerics.integrate.stepper import Stepper
 
 _LAST_WEIGHTS = (4 / 7) ** 4 * (3 / 7) ** 3 * table.D[3]  # the last term of the polynomial where it is largest
 _BATCH = 400_000  # numbers gathered before they are evaluated

@@ -10,19 +10,10 @@ import math
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import (
-    COLLAPSED,
-    INTERRUPTED,
-    NOT_FINITE,
-    TOO_LONG,
-    TOO_MANY,
-    Outcome,
-    Problem,
-    Properties,
-    Watch,
-)
+from lmoc.numerics.evaluate.stepper import Stepper
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties, Watch
 from lmoc.numerics.integrate.dense_output import DenseOutput, roughness
-from lmoc.numerics.integrate.stepper import Stepper, make_stepper
+from lmoc.numerics.integrate.status import Status
 
 PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", library="own")
 
@@ -42,7 +33,7 @@ def integrate(problem: Problem) -> Outcome:
     try:
         return run.go()
     except KeyboardInterrupt:
-        return run.outcome(INTERRUPTED)
+        return run.outcome(Status.INTERRUPTED)
 
 
 class _Run:
@@ -50,7 +41,7 @@ class _Run:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.stepper: Stepper = make_stepper(problem.system)
+        self.stepper: Stepper = problem.system.stepper()
         self.output = DenseOutput(problem)
         self.t, self.end = float(problem.times[0]), float(problem.times[-1])
         self.steps = self.rejected = 0
@@ -62,18 +53,18 @@ class _Run:
         problem, stepper, end = self.problem, self.stepper, self.end
         stepper.start(self.t, problem.x, problem.rtol, problem.atol)
         if not np.isfinite(stepper.f).all():
-            return self.outcome(NOT_FINITE)
+            return self.outcome(Status.NOT_FINITE)
         h = initial_step(problem, stepper.f, end - self.t)
         grow, lost = _GROW, False
         while self.t < end:
             tried = self.steps + self.rejected
             if tried >= problem.max_steps:
-                return self.outcome(TOO_MANY)
+                return self.outcome(Status.TOO_MANY_STEPS)
             if tried % _LOOK == 0 and self.watch.expired(self.t):
-                return self.outcome(TOO_LONG)
+                return self.outcome(Status.TOO_LONG)
             t_new, h = self.target(h)
             if h <= 8e-16 * abs(t_new) or h < _LEAST:
-                return self.outcome(NOT_FINITE if lost else COLLAPSED)
+                return self.outcome(Status.NOT_FINITE if lost else Status.COLLAPSED)
             error, stiffness = stepper.attempt(self.t, h)
             lost = not math.isfinite(error)
             if error < 1.0:
@@ -86,14 +77,14 @@ class _Run:
                 factor = min(grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else grow
                 held = self.careful > 0 and factor * stiffness > _CAREFUL
                 if self.has_become_stiff(held or stiffness > _STIFF_LIMIT, h):
-                    return self.outcome("", stiff=True, step=h)
+                    return self.outcome(Status.STIFF, step=h)
                 h *= _CAREFUL / stiffness if held else factor
                 grow = _GROW
             else:
                 self.rejected += 1
                 h *= 0.1 if lost else max(_SHRINK, _SAFETY * error**-0.125)
                 grow = 1.0
-        return self.outcome("")
+        return self.outcome(Status.OK)
 
     def target(self, h: float) -> tuple[float, float]:
         """Where a step of about h ends, and its length: it reaches the end exactly."""
@@ -129,10 +120,10 @@ class _Run:
                 self.stiff_count = 0
         return False
 
-    def outcome(self, failure: str, stiff: bool = False, step: float = np.inf) -> Outcome:
+    def outcome(self, status: Status, step: float = np.inf) -> Outcome:
         self.output.flush()
         counts = {"steps": self.steps, "rejected": self.rejected}
-        return Outcome(self.t, self.stepper.x.copy(), self.output.reached, failure, stiff, counts, step)
+        return Outcome(self.t, self.stepper.x.copy(), self.output.reached, status, counts, step)
 
 
 @np.errstate(all="ignore")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.evaluate.opened import OpenedSystem
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties
 from lmoc.numerics.integrate.cvode import Frame
 
@@ -21,14 +20,15 @@ def integrate(problem: Problem) -> Outcome:
     """
     from lmoc.numerics.integrate.sundials import ida
 
-    t0, system = float(problem.times[0]), problem.system.opened() or problem.system
+    t0, opened = float(problem.times[0]), problem.system.opened()
+    system = opened or problem.system
     frame = Frame(problem, system)
     y, atol, mass = problem.x, problem.atol, np.ones(problem.system.n)
-    if isinstance(system, OpenedSystem):
-        y = system.start(t0, problem.x)
+    if opened is not None:
+        y = opened.start(t0, problem.x)
         z = y[len(mass) :]
         atol = np.concatenate([atol, problem.rtol * np.maximum(1.0, np.abs(z))])
-        mass = system.differential.astype(float)
+        mass = opened.differential.astype(float)
     y, mass = frame.arrange(y), frame.arrange(mass)
 
     def residual(t: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
@@ -42,7 +42,7 @@ def integrate(problem: Problem) -> Outcome:
     frame.rhs(t0, y, yp)
     given = frame.given(y, frame.arrange(atol), fill)
     outcome = frame.outcome(lambda: ida.integrate(given, residual, mass * yp, mass > 0))
-    if system is not problem.system:
-        outcome.counts["algebraic"] = system.n - problem.system.n
-        outcome.evaluation = system.kind
+    if opened is not None:
+        outcome.counts["algebraic"] = opened.n - problem.system.n
+        outcome.evaluation = opened.description
     return outcome

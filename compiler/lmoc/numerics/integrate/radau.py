@@ -12,17 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import (
-    COLLAPSED,
-    INTERRUPTED,
-    NOT_FINITE,
-    TOO_LONG,
-    TOO_MANY,
-    Outcome,
-    Problem,
-    Properties,
-    Watch,
-)
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties, Watch
+from lmoc.numerics.integrate.status import Status
 
 PROPERTIES = Properties("radau", "Radau IIA", stiff=True, order="5", library="scipy")
 
@@ -73,18 +64,18 @@ class _Run:
         )
 
     def go(self) -> Outcome:
-        failure = ""
+        status = Status.OK
         try:
             watch = Watch(self.problem)
-            while not failure and self.solver.status == "running":
+            while status is Status.OK and self.solver.status == "running":
                 if self.steps + self.rejected >= self.problem.max_steps:
-                    failure = TOO_MANY
+                    status = Status.TOO_MANY_STEPS
                 else:
-                    failure = TOO_LONG if watch.expired(self.t) else self.step()
+                    status = Status.TOO_LONG if watch.expired(self.t) else self.step()
         except KeyboardInterrupt:
-            failure = INTERRUPTED
+            status = Status.INTERRUPTED
         counts = {"steps": self.steps, "rejected": self.rejected, "jacobians": self.jacobians + self.solver.njev}
-        return Outcome(self.t, self.x, self.reached, failure, counts=counts)
+        return Outcome(self.t, self.x, self.reached, status, counts=counts)
 
     def marked(self, function: Callable) -> Callable:
         """A function whose errors can be told from those of scipy."""
@@ -98,16 +89,16 @@ class _Run:
 
         return call
 
-    def step(self) -> str:
+    def step(self) -> Status:
         """One step and the output within it; why there can be no more steps, where that is so."""
         try:
             self.solver.step()
         except ValueError as error:
             if error is self.raised:
                 raise
-            return NOT_FINITE  # such a value has reached the factorization
+            return Status.NOT_FINITE  # such a value has reached the factorization
         if self.solver.status == "failed":
-            return COLLAPSED
+            return Status.COLLAPSED
         h, t_new = self.solver.t - self.t, float(self.solver.t)
         coefficients = _FIT @ self.solver.dense_output()(self.t + _NODES * h).T
         bend = h * self.slope - coefficients[1]
@@ -117,7 +108,7 @@ class _Run:
         longest = h * min(_LONGER, max(_SHORTER, _SAFETY * (_ROUGH / max(rough, 1e-300)) ** 0.25))
         if rough > _ROUGH:
             self.again(longest)
-            return ""
+            return Status.OK
         self.steps += 1
         if last > self.reached:
             theta = (self.problem.times[self.reached : last] - self.t) / h
@@ -125,7 +116,7 @@ class _Run:
             self.reached = last
         self.t, self.x, self.slope = t_new, self.solver.y, np.arange(4) @ coefficients / h
         self.solver.max_step = longest if inside else _UNSEEN * self.solver.max_step
-        return ""
+        return Status.OK
 
     def roughness(self, bend: np.ndarray) -> float:
         """The largest difference of the two polynomials within a step, in tolerances."""

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
+from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, program_rows, read, walk, written
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS
 from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
-from lmoc.numerics.plan import Plan, program_rows, walk
+from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Formula, Signal, sample
 
 _CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
@@ -75,9 +75,15 @@ def slice_of(plan: Plan, registers: np.ndarray) -> Slice:
     if len(registers) > _KEPT:
         return Slice(plan, registers)
     key = registers.tobytes()
-    if key not in plan.slices:
-        plan.slices[key] = Slice(plan, registers)
-    return plan.slices[key]
+    kept = plan.once(_kept)
+    if key not in kept:
+        kept[key] = Slice(plan, registers)
+    return kept[key]
+
+
+def _kept(_: Plan) -> dict[bytes, Slice]:
+    """Return where the small slices of a plan are kept, by their registers."""
+    return {}
 
 
 def _runner(program: Program, count: int):

@@ -14,8 +14,8 @@ import numpy as np
 from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import TIME, Expr, depends_on_time, function, postorder, slots
 from lmoc.expression.evaluate import evaluate
-from lmoc.ir.program import Apply
-from lmoc.numerics.plan import Plan, walk
+from lmoc.ir.program import Apply, walk
+from lmoc.numerics.plan import Plan
 
 _DIFFERENCE = frozenset("lt le gt ge min max".split())  # something happens where the arguments are equal
 _ZERO = frozenset("abs sign".split())  # … where the argument is zero
@@ -69,10 +69,10 @@ def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.n
     ----------
     base : registers that do not change during the run (`Plan.base`)
     """
-    if not plan.switches:
+    if not plan.once(switches):
         return np.zeros(0)
     times = [np.zeros(0)]
-    for expression, registers in plan.switches:
+    for expression, registers in plan.once(switches):
         linear = linear_parts(expression, [TIME])
         if linear is None:
             times += [_sampled(expression, base[row], start, stop) for row in np.unique(registers, axis=0)]

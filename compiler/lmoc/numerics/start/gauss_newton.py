@@ -10,15 +10,12 @@ downhill to the solution nearby; next farther away.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.numerics.start.lexicographic import Components
+from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.linear.generic import spread
-
-if TYPE_CHECKING:
-    from lmoc.numerics.start.start_system import StartSystem
 
 _ITERATIONS = 40
 _HALVINGS = 8

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,7 @@ from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.failures.diagnosis import sentence
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.start.initial_equations import InitialEquations
-
-if TYPE_CHECKING:
-    from lmoc.numerics.start.initialization import Targets
+from lmoc.numerics.start.targets import Targets
 
 _ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
 

@@ -7,12 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lmoc.ir.program import Program, Solve
+from lmoc.ir.program import Program, Solve, program_rows
 from lmoc.numerics.evaluate.native.c_code import generate
 from lmoc.numerics.evaluate.native.compiler import load_library
 from lmoc.numerics.evaluate.native.prelude import CALLBACK, PRELUDE
 from lmoc.numerics.integrate.sundials import sundials
-from lmoc.numerics.plan import program_rows
 
 _LONG = 20_000  # rows from which the compiler's time for -O3, twice that for -O2, is soon won back
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from lmoc.numerics.evaluate.native.kernel import Kernel
-from lmoc.numerics.evaluate.system import VectorSystem
+from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
+from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate import dop853_table as table
-from lmoc.numerics.integrate.stepper import Stepper
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
@@ -19,7 +19,7 @@ from lmoc.numerics.signals.signals import Signal
 class NativeSystem(VectorSystem):
     """The program is one compiled loop a step; Jacobians come from numpy, which is asked for them rarely."""
 
-    kind = "C"
+    description = "C"
 
     def __init__(self, plan: Plan) -> None:
         """
@@ -54,6 +54,9 @@ class NativeSystem(VectorSystem):
         if order is not None:
             states, derivatives = states[order], derivatives[order]
         return self.kernel.callback(states, derivatives)
+
+    def stepper(self) -> Stepper:
+        return NumpyStepper(self) if self.samplers else NativeStepper(self)
 
 
 class NativeStepper(Stepper):

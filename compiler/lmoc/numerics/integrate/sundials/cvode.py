@@ -7,6 +7,7 @@ from ctypes import byref, c_double, c_void_p
 
 import numpy as np
 
+from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials import sundials as sun
 from lmoc.numerics.integrate.sundials.session import Ended, Given, Session
 
@@ -53,5 +54,5 @@ class _Session(Session):
     def advance(self, t: float, reached: c_double) -> int:
         return self.lib.CVode(self.memory, t, self.state, byref(reached), sun.NORMAL)
 
-    def failure(self, flag: int) -> str:
-        return sun.failure_text("CVODE", flag, no_value=(-8, -9, -10, -11))
+    def status(self, flag: int) -> Status:
+        return sun.status_of(flag, no_value=(-8, -9, -10, -11))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.numerics.integrate.base import on_interrupt
+from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials import sundials as sun
 from lmoc.numerics.integrate.sundials.matrix import Matrix, Solver
 
@@ -39,11 +40,11 @@ class Given:
 
 @dataclass(frozen=True)
 class Ended:
-    """Where an integration has ended and what it cost; `failure` is empty where all times were reached."""
+    """Where an integration has ended and what it cost; `status` is OK where all times were reached."""
 
     time: float
     x: np.ndarray
-    failure: str
+    status: Status
     steps: int
     evaluations: int
     jacobians: int
@@ -149,21 +150,21 @@ class Session(ABC):
             if self.error is not None:
                 raise self.error
             if flag not in (sun.SUCCESS, sun.TSTOP_RETURN):
-                return self.ended(reached.value, self.failure(flag))
+                return self.ended(reached.value, self.status(flag))
             given.sink(k, self.x)
-        return self.ended(float(given.times[-1]), "")
+        return self.ended(float(given.times[-1]), Status.OK)
 
     @abstractmethod
-    def failure(self, flag: int) -> str:
-        """A returned flag in words."""
+    def status(self, flag: int) -> Status:
+        """Return the meaning of a returned flag."""
 
-    def ended(self, time: float, failure: str) -> Ended:
+    def ended(self, time: float, status: Status) -> Ended:
         counts = []
         for counter in self.counters:
             value = c_long()
             self.call(f"GetNum{counter}", byref(value))
             counts.append(value.value)
-        return Ended(time, self.x.copy(), failure, *counts)
+        return Ended(time, self.x.copy(), status, *counts)
 
     def __enter__(self) -> Session:
         return self

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import COLLAPSED, NOT_FINITE, TOO_MANY, NotFound
+from lmoc.numerics.integrate.status import NotFound, Status
 
 # the dependencies first, so that the loader finds them already in the process
 _LIBRARIES = (
@@ -89,19 +89,19 @@ NORMAL = 1
 SUCCESS, TSTOP_RETURN = 0, 1
 # flags that CVODE and IDA share
 _FAILURES = {
-    -1: TOO_MANY,
-    -2: "the tolerances are finer than rounding allows",
-    -3: COLLAPSED,  # the error test failed, or Newton's method, even with the shortest step
-    -4: COLLAPSED,
-    -5: "the linear solver could not be set up",
-    -6: "the Jacobian is singular",
-    -7: "the Jacobian is singular",
+    -1: Status.TOO_MANY_STEPS,
+    -2: Status.TOO_FINE,
+    -3: Status.COLLAPSED,  # the error test failed, or Newton's method, even with the shortest step
+    -4: Status.COLLAPSED,
+    -5: Status.NO_LINEAR_SOLVER,
+    -6: Status.SINGULAR_MATRIX,
+    -7: Status.SINGULAR_MATRIX,
 }
 
 
-def failure_text(library: str, flag: int, no_value: tuple[int, ...]) -> str:
-    """A returned flag in words; `no_value` are those for a function without a finite value."""
-    return NOT_FINITE if flag in no_value else _FAILURES.get(flag, f"{library} refused the problem (flag {flag})")
+def status_of(flag: int, no_value: tuple[int, ...]) -> Status:
+    """Return the meaning of a returned flag; `no_value` are those for a function without a finite value."""
+    return Status.NOT_FINITE if flag in no_value else _FAILURES.get(flag, Status.REFUSED)
 
 
 class Library:

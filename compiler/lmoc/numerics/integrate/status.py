@@ -1,0 +1,34 @@
+"""How an integration has ended, and what a solver's library may lack."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Status(Enum):
+    """Why an integration is where it is; the value is the text for people."""
+
+    OK = ""
+    COLLAPSED = "the step size collapsed"
+    TOO_MANY_STEPS = "too many steps"
+    TOO_LONG = "the time allowed for the run is over"
+    INTERRUPTED = "it was interrupted"
+    NOT_FINITE = "the derivatives have no finite value"
+    TOO_FINE = "the tolerances are finer than rounding allows"
+    NO_LINEAR_SOLVER = "the linear solver could not be set up"
+    SINGULAR_MATRIX = "the Jacobian is singular"
+    REFUSED = "the solver's library refused the problem"
+    SINGULAR = "the coordinates do not determine the rest"  # no choice of coordinates does, or none was looked for
+    # not failures: somebody else takes over
+    STIFF = "the problem is stiff and the method explicit"
+    ROOT = "a root function vanishes"
+    COORDINATES = "other coordinates are better by a margin"
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run cannot go on."""
+        return self not in (Status.OK, Status.STIFF, Status.ROOT, Status.COORDINATES)
+
+
+class NotFound(Exception):
+    """A library that an integrator is made of is not installed in a layout that is known here."""

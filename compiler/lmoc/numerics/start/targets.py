@@ -1,0 +1,52 @@
+"""Values that variables shall have at the start: the model's own and the caller's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.messages.diagnostics import Report, nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Values that variables of the flat model shall have at the start."""
+
+    variable: np.ndarray
+    value: np.ndarray
+    hard: np.ndarray  # fixed, or given by the caller
+    given: np.ndarray  # by the caller: nothing in the model says so
+
+    def __len__(self) -> int:
+        return len(self.variable)
+
+
+def targets(flat: FlatDAE, values: np.ndarray, initial: Mapping[str, float], report: Report) -> Targets:
+    """Fixed and start values of unknowns, with those of the caller in place of the model's own.
+
+    Parameters
+    ----------
+    values : parameter values of the flat model
+    initial : {name: value}; the name of an array takes one value or as many as it has variables
+    """
+    start, hard, given = np.full(flat.count, np.nan), np.zeros(flat.count, bool), np.zeros(flat.count, bool)
+    for a in flat.starts:
+        start[a.target] = a.values(values)
+    for a in flat.fixed:
+        hard[a.target] = a.values(values) != 0
+    start[hard & np.isnan(start)] = 0.0
+    for name, value in initial.items():
+        variables = flat.find(name)
+        if variables is None:
+            hint = nearest(name, [b.pattern for b in flat.blocks if b.kind == Kind.UNKNOWN])
+            report.error("E0622", f"there is no variable '{name}' to start from", hint=hint)
+        elif flat.kind[variables[0]] != Kind.UNKNOWN:
+            hint = "give it with parameters= (--set)" if flat.kind[variables[0]] == Kind.PARAMETER else ""
+            report.error("E0534", f"'{name}' is not a variable that can be given an initial value", hint=hint)
+        else:
+            start[variables], hard[variables], given[variables] = value, True, True
+    chosen = np.flatnonzero(np.isfinite(start) & (flat.kind == Kind.UNKNOWN))
+    return Targets(chosen, start[chosen], hard[chosen], given[chosen])
