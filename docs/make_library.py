@@ -41,8 +41,13 @@ library's.
   `Force push(f = 3*sin(2*time))`. A prescribed motion needs a signal with as many derivatives as the scene asks for.
 """
 
-TITLES = {"translational.lmo": "Motion along a line", "rotational.lmo": "Rotation", "couplings.lmo": "Couplings",
-          "planar.lmo": "The plane"}  # fmt: skip
+TITLES = {
+    "translational.lmo": "Motion along a line",
+    "rotational.lmo": "Rotation",
+    "couplings.lmo": "Couplings",
+    "laws.lmo": "Strings, stops, friction, play",
+    "planar.lmo": "The plane",
+}
 
 
 def page() -> str:
@@ -53,8 +58,10 @@ def page() -> str:
     text = [INTRODUCTION]
     for name, title in TITLES.items():
         text.append(f"## {title}\n\n`stdlib/{name}`\n")
-        for package in [c for c in files[name].classes if c.kind == "package"] or [None]:
-            inside = [e for e in package.elements if isinstance(e, tree.Class)] if package else files[name].classes
+        own = [c for c in files[name].classes if c.kind != "package"]
+        packages = [c.elements for c in files[name].classes if c.kind == "package"]
+        for group in (own, *packages):
+            inside = [e for e in group if isinstance(e, tree.Class) and e.kind != "function"]
             classes = top | {c.name: c for c in inside}
             text += [_part(c, classes, units) for c in inside if not c.partial]
     return "\n".join(text)

@@ -17,6 +17,7 @@ import numpy as np
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
+from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 
@@ -144,7 +145,7 @@ class Group:
     slots: np.ndarray  # (n, columns) variable indices
     span: Span | None  # the equation as the user wrote it
     part: int = 0  # whose equation it is
-    origin: str = "equation"  # equation, binding, connection, unconnected, sum, ledger
+    origin: str = "equation"  # equation, binding, connection, unconnected, sum, argument, law, ledger
 
     @property
     def rows(self) -> int:
@@ -215,7 +216,8 @@ class FlatDAE:
     fixed: tuple[Assignments, ...] = ()
     nominals: tuple[Assignments, ...] = ()
     checks: tuple[Check, ...] = ()
-    laws: tuple = ()  # set-valued laws: a seam, empty so far
+    laws: tuple[Laws, ...] = ()  # each leaves a force open that a mode closes (`lmoc.ir.mode`)
+    closed: np.ndarray | None = None  # (laws,) which laws are closed; None: the groups say nothing about the laws
     experiment: Experiment = Experiment()
     overrides: Mapping[str, float] = field(default_factory=dict)  # values the caller gave before flattening
     notes: tuple[Diagnostic, ...] = ()  # warnings and notes of the stages so far

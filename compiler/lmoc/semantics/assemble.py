@@ -10,8 +10,9 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.text import number_text
 from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part
+from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
-from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft
+from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.support.distinct import distinct
 
@@ -136,7 +137,8 @@ def all_columns(drafts: Drafts) -> list[Column]:
         drafts.nominals,
         drafts.checks,
     )
-    return [column for items in lists for item in items for column in item.columns]
+    columns = [column for items in lists for item in items for column in item.columns]
+    return columns + [column for law in drafts.laws for column in law.columns.values()]
 
 
 # --------------------------------------------------------------------- the conversion
@@ -190,6 +192,19 @@ class Assembler:
     def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:
         """Checks, with variable indices."""
         return [Check(d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span) for d in drafts]
+
+    def laws(self, drafts: Sequence[LawDraft]) -> list[Laws]:
+        """Laws; those of one call that differ in their rows only become one."""
+        table: dict[tuple, list] = {}
+        for d in drafts:
+            kinds = tuple(Kind.CONSTANT if v is None else v.kind for v, _ in d.columns.values())
+            key = (d.kind, id(d.span.source), d.span.start, d.node.part, tuple(d.texts.values()), kinds)
+            table.setdefault(key, [d]).append(self.slots(tuple(d.columns.values()), d.rows))
+        result = []
+        for d, *slots in table.values():
+            columns = dict(zip(d.columns, np.concatenate(slots).T, strict=True))
+            result.append(Laws(kind=d.kind, part=d.node.part, span=d.span, **columns, **d.texts))
+        return result
 
     def literal_values(self) -> list[Assignments]:
         """What the literals are."""

@@ -10,9 +10,11 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
+from lmoc.ir.law import LawKind
 from lmoc.messages.source import Span
 from lmoc.semantics.instances.instance import Binding, Instance, Variable
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.helpers import Helpers
 from lmoc.semantics.values.rows import Index, Leaf, align, positions
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.value import Value
@@ -75,6 +77,18 @@ class ConnectDraft:
     span: Span
 
 
+@dataclass(frozen=True, eq=False)
+class LawDraft:
+    """As `lmoc.ir.law.Laws`, with columns instead of variables; `texts` are the names of the events."""
+
+    kind: LawKind
+    columns: dict[str, Column]
+    texts: dict[str, str]
+    rows: int
+    span: Span
+    node: Instance
+
+
 @dataclass
 class Drafts:
     """What the equations and bindings of the whole model have become so far."""
@@ -87,6 +101,8 @@ class Drafts:
     nominals: list[AssignmentDraft] = field(default_factory=list)
     checks: list[CheckDraft] = field(default_factory=list)
     connects: list[ConnectDraft] = field(default_factory=list)
+    laws: list[LawDraft] = field(default_factory=list)
+    helpers: Helpers = field(default_factory=Helpers)
 
 
 def compact(leaves: list[Leaf], *shapes: Expr) -> tuple[list[Leaf], tuple[Expr, ...]]:

@@ -8,9 +8,11 @@ from math import prod
 import numpy as np
 
 from lmoc.messages.diagnostics import nearest
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.instances.instance import Instance, Node, Variable
 from lmoc.semantics.instances.records import field_of
+from lmoc.semantics.laws import add_law, law_function
 from lmoc.semantics.values.builtins import EVENTS
 from lmoc.semantics.values.constructors import LARGE, iteration
 from lmoc.semantics.values.context import Context
@@ -159,6 +161,7 @@ class EquationSection:
         drafts, report = self.drafts, context.model.report
         lists = [drafts.groups, drafts.initial, drafts.checks, drafts.connects, report.diagnostics]
         lists += [context.model.long_sums.sums, context.model.long_sums.variables]
+        lists += [drafts.laws, drafts.helpers.variables]
         before = [len(items) for items in lists]
         axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
         value = Value(context.leaves.slot(None, axis), (), type_)
@@ -269,7 +272,11 @@ class EquationSection:
     # --------------------------------------------------------------------------- checks
 
     def check(self, outer: Context, e: tree.CallEquation) -> None:
-        """``assert(condition, message, level)``."""
+        """``assert(condition, message, level)``, or a law."""
+        function = law_function(outer, e.call)
+        if function is not None:
+            self._law(outer, function, e)
+            return
         name = str(e.call.function)
         if name in EVENTS:
             raise Wrong("E0230", f"'{name}' belongs to events, which are not available yet", e.span)
@@ -295,6 +302,11 @@ class EquationSection:
         columns = tuple(flat_column(leaf, context.space.shape) for leaf in leaves)
         rows = prod(context.space.shape)
         self.drafts.checks.append(CheckDraft(shape, message.text, error, columns, rows, e.span))
+
+    def _law(self, outer: Context, function: Scope, e: tree.CallEquation) -> None:
+        if self.initial:
+            raise Wrong("E0305", "a law holds all the time: it cannot stand in an initial equation", e.span)
+        add_law(self.drafts, self._fresh(outer), function, e)
 
     def when(self, context: Context, e: tree.When) -> None:
         """Not available yet."""

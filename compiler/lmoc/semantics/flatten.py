@@ -14,6 +14,7 @@ from lmoc.semantics.classes.choose import choose_model, open_scopes
 from lmoc.semantics.classes.class_check import check_classes
 from lmoc.semantics.classes.experiment import experiment_of
 from lmoc.semantics.classes.overrides import Overrides
+from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
 from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
 from lmoc.semantics.draft import Drafts, without_ones
@@ -88,7 +89,7 @@ class _Flattening:
         """From the instance tree to the flat model."""
         model, root = self.model, self.model.root
         self._draft()
-        layout = self.layout.extended(model.long_sums.variables)
+        layout = self.layout.extended(model.long_sums.variables).extended(self.drafts.helpers.variables)
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
         assembler = Assembler(literals)
@@ -115,6 +116,7 @@ class _Flattening:
             fixed=tuple(assembler.assignments(self.drafts.fixed)),
             nominals=tuple(assembler.assignments(self.drafts.nominals)),
             checks=tuple(assembler.checks(self.drafts.checks)),
+            laws=tuple(assembler.laws(self.drafts.laws)),
             experiment=experiment_of(root.cls, model),
             overrides=dict(self.overrides.given),
             notes=tuple(d for d in self.report.diagnostics if d.severity != "error"),
@@ -197,14 +199,8 @@ class _Flattening:
 
 def _may_be_open(port: Instance) -> bool:
     """Whether ``annotation(__lmoc(open = true))`` says that a port works unconnected as well."""
-    annotation = port.component.annotation
-    for vendor in annotation.arguments if annotation else ():
-        if isinstance(vendor, tree.ElementModification) and vendor.name == ("__lmoc",) and vendor.modification:
-            for entry in vendor.modification.arguments:
-                value = getattr(entry, "modification", None) and entry.modification.value
-                if isinstance(value, tree.Boolean) and entry.name == ("open",):
-                    return value.value
-    return False
+    value = vendor_entry(port.component.annotation, "open")
+    return isinstance(value, tree.Boolean) and value.value
 
 
 def _zeros(drafts: Drafts, count: int) -> np.ndarray:

@@ -52,6 +52,10 @@ def reduce(
     """
     report = Report() if report is None else report
     values = flat.parameter_values() if values is None else values
+    if flat.laws and flat.closed is None:
+        span = flat.parts[flat.laws[0].part].span
+        report.error("E0418", "a law that holds on one side only cannot be simulated yet", span)
+        report.check()
     normalized = normalize(flat, values, states, report)
     return solve_structure(normalized, states, report)
 

@@ -152,6 +152,16 @@ SEMANTICS: dict[str, Entry] = {
         "unknown entry of an annotation",
         "It is ignored.",
     ),
+    "E0232": Entry(
+        "unknown kind of law",
+        "A function that stands for a law is marked by `annotation(__lmoc(law = \"...\"))` with one of the kinds\n"
+        "unilateral, one-way, dry friction, contact friction.",
+    ),
+    "E0233": Entry(
+        "a law without anything to determine",
+        "A law ties a force to a gap or a velocity; both must be able to change in time. A number or a parameter in\n"
+        "their place leaves the law nothing to determine.",
+    ),
     "E0301": Entry(
         "wrong type",
         "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"

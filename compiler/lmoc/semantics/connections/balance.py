@@ -103,7 +103,8 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
         count = counts[id(draft.node)]
         if draft.origin == "binding" and _is_input(draft.columns[0][0]):
             continue  # given from outside, like the input itself
-        count.equations += draft.rows * (draft.origin != "sum")  # each term of a long sum comes with its variable
+        own = draft.origin in ("sum", "argument")  # a term of a long sum, the argument of a law: with its own variable
+        count.equations += draft.rows * (not own)
         if draft.origin == "binding" and draft.span is not None:
             binding = draft.columns[0][0].value
             if binding.node is not None and binding.node is not draft.node:
@@ -111,6 +112,11 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
         if draft.origin == "equation" and draft.span is not None and draft.span not in count.written:
             count.written.append(draft.span)
         count.used.update(id(v) for v, _ in draft.columns if v is not None)
+    for law in drafts.laws:
+        count = counts[id(law.node)]
+        count.equations += law.rows
+        count.written.append(law.span)
+        count.used.update(id(v) for v, _ in law.columns.values() if v is not None)
 
 
 def _count_connections(counts: dict[int, _Count], connections: Connections) -> None:

@@ -15,7 +15,9 @@ from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
 from lmoc.semantics.draft import Column, Drafts
 from lmoc.semantics.instances.instance import Variable
+from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.units import ONE_UNIT, SECOND, Unit, UnitError, parse_unit
+from lmoc.semantics.values.value import Value
 
 
 class _Mismatch(Exception):
@@ -152,6 +154,14 @@ def has_unit(root: Expr, variables: Sequence[Variable | None]) -> bool:
     except _Mismatch:
         return False  # which is reported with the equation
     return unit is not None and not unit.same_as(ONE_UNIT)
+
+
+def unit_of_value(context: Context, value: Value) -> Unit | None:
+    """The unit of an expression; None where it is unknown or inconsistent (which is reported with the equation)."""
+    try:
+        return infer(value.expr, [unit_of(leaf.variable) for leaf in context.leaves.items])
+    except _Mismatch:
+        return None
 
 
 def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None]) -> Unit | None:

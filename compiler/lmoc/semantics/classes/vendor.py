@@ -1,0 +1,15 @@
+"""Annotations of lmoc's own: ``annotation(__lmoc(name = value))``."""
+
+from __future__ import annotations
+
+from lmoc.syntax import tree
+
+
+def vendor_entry(annotation: tree.Modification | None, name: str) -> tree.Expression | None:
+    """The value of an entry of ``__lmoc(…)``, None where there is no such entry."""
+    for vendor in annotation.arguments if annotation else ():
+        if isinstance(vendor, tree.ElementModification) and vendor.name == ("__lmoc",) and vendor.modification:
+            for entry in vendor.modification.arguments:
+                if getattr(entry, "name", None) == (name,) and entry.modification is not None:
+                    return entry.modification.value
+    return None

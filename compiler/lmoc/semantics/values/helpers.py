@@ -1,0 +1,53 @@
+"""Variables that the compiler adds where an expression needs one of its own: an argument of a law, a relation."""
+
+from __future__ import annotations
+
+from math import prod
+
+from lmoc.expression.dag import Expr
+from lmoc.ir.flat import Kind
+from lmoc.semantics.classes.modification import NOTHING
+from lmoc.semantics.classes.predefined import BUILTINS
+from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.values.rows import Index, Leaves, Space, positions
+
+
+class Helpers:
+    """The added variables of a model, in the order in which they were made."""
+
+    def __init__(self) -> None:
+        self.variables: list[Variable] = []
+
+    def add(
+        self,
+        node: Instance,
+        space: Space,
+        leaves: Leaves,
+        name: str,
+        kind: Kind = Kind.UNKNOWN,
+        type_: str = "Real",
+    ) -> tuple[Variable, Index, Expr]:
+        """Add one variable for each row of a space.
+
+        Parameters
+        ----------
+        node, space, leaves : of the `Context` in which it is used
+
+        Returns
+        -------
+        variable, positions : the variable, and which of its elements stands in each row
+        slot : the column that holds them
+        """
+        around = node.total
+        whole = space.whole and space.shape[: len(around)] == around
+        dims = space.shape[len(around) :] if whole else (prod(space.shape),)
+        made = Variable(name, node, dims, None, node.scope, True, BUILTINS[type_], NOTHING)
+        if not whole:  # some rows only: numbered one after the other, whatever part they belong to
+            made.total, made.path = dims, (((f"{node.label}.{name}" if node.label else name), dims),)
+        made.kind = kind
+        self.variables.append(made)
+        if not made.total:
+            return made, 0, leaves.slot(made, 0)
+        index = positions(made.total)
+        index = index if whole else index.reshape(space.shape)
+        return made, index, leaves.slot(made, index)
