@@ -15,6 +15,7 @@ from lmoc.messages.diagnostics import Report
 from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.support.distinct import distinct
+from lmoc.support.indices import INDEX
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +154,8 @@ class Assembler:
     def slots(self, columns: Sequence[Column], rows: int) -> np.ndarray:
         """Variable indices, one row an instance."""
         if rows == 1:
-            return np.array([[self._single(column) for column in columns]], dtype=int).reshape(1, len(columns))
-        result = np.empty((rows, len(columns)), int)
+            return np.array([[self._single(column) for column in columns]], dtype=INDEX).reshape(1, len(columns))
+        result = np.empty((rows, len(columns)), INDEX)
         for k, (variable, index) in enumerate(columns):
             result[:, k] = self._literal(index) if variable is None else index + variable.offset
         return result
@@ -185,7 +186,7 @@ class Assembler:
         """Assignments, with variable indices."""
         result = []
         for d in drafts:
-            target = np.atleast_1d(np.asarray(d.target, int)) + d.variable.offset
+            target = np.atleast_1d(np.asarray(d.target, INDEX)) + d.variable.offset
             result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span))
         return result
 

@@ -16,6 +16,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.ir.flat import Block, Group, Kind, Part, Sums
 from lmoc.semantics.values.units import UnitError, parse_unit
+from lmoc.support.indices import INDEX
 
 TOTALS = (("stored", "J"), ("lost", "W"), ("supplied", "W"), ("work", "J"), ("heat", "J"))
 STATED = {"energy": "stored", "loss": "lost", "power": "supplied"}
@@ -85,7 +86,7 @@ def ledger(blocks: list[Block], parts: list[Part], count: int, zero: np.ndarray)
 def _sums(terms: dict[str, list[np.ndarray]], totals: dict[str, Block]) -> Sums:
     starts, indices, signs = [0], [], []
     for name, parts in terms.items():
-        index = np.concatenate([*parts, [totals[name].offset]]).astype(int)
+        index = np.concatenate([*parts, [totals[name].offset]]).astype(INDEX)
         indices.append(index)
         signs.append(np.concatenate([np.ones(len(index) - 1), [-1.0]]))
         starts.append(starts[-1] + len(index))
@@ -137,7 +138,7 @@ def join_sums(first: Sums, second: Sums) -> Sums:
     return replace(
         first,
         start=np.concatenate([first.start, first.start[-1] + second.start[1:]]).astype(int),
-        index=np.concatenate([first.index, second.index]).astype(int),
+        index=np.concatenate([first.index, second.index]).astype(INDEX),
         sign=np.concatenate([first.sign, second.sign]),
         spans=first.spans + second.spans,
         span_of=np.concatenate([span_of[0], moved]).astype(int),

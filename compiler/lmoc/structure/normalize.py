@@ -23,6 +23,7 @@ from lmoc.structure.linear.sum_rows import LONGEST_SHAPE, SumRows, as_groups, vi
 from lmoc.structure.loops import judgement
 from lmoc.structure.loops.redundancy import constraints, free_reactions
 from lmoc.support.distinct import distinct
+from lmoc.support.indices import INDEX
 
 
 def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, report: Report) -> Normalized:
@@ -53,12 +54,14 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
     report.check()
     undetermined = _fix_reactions(work, sums, list(repeated)) if repeated else np.zeros(0, np.int64)
     root, order, factor, offset = _way_back(work.table, work.zero, work.derived)
+    derived_values = work.derived.known[flat.count :].copy()
+    work.derived.finish()
     groups = tuple(JetGroup(g.shape, g.slots, g.source) for g in merged(work.groups))
     return Normalized(
         flat=flat,
         values=values,
         derived=tuple(work.derived.assignments),
-        derived_values=work.derived.known[flat.count :].copy(),
+        derived_values=derived_values,
         root=root,
         order=order,
         factor=factor,
@@ -119,7 +122,7 @@ def _finish_sums(work: Elimination) -> LongSums:
     work.groups += as_groups(plain.take(short))
     long = plain.take(~short)
     start = np.concatenate([[0], np.cumsum(long.lengths)])
-    return LongSums(start, long.index, np.zeros(len(long.index), np.int64), long.sign, long.source)
+    return LongSums(start, long.index, np.zeros(len(long.index), INDEX), long.sign, long.source)
 
 
 def _revive(work: Elimination, variables: np.ndarray) -> None:
@@ -146,8 +149,8 @@ def _way_back(
     table: Affine, zero: int, derived: DerivedParameters
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The table as `Normalized` wants it: signs inside factors and offsets, known values as roots."""
-    root, order = table.root[:-1].copy(), table.order[:-1].astype(np.int64)
-    factor = np.where((table.factor < 0) & (table.sign < 0), -2, table.factor)[:-1]
+    root, order = table.root[:-1].copy(), table.order[:-1].astype(INDEX)
+    factor = np.where((table.factor[:-1] < 0) & (table.sign[:-1] < 0), -2, table.factor[:-1])
     offset = table.offset[:-1].copy()
     negative = np.flatnonzero((table.sign[:-1] < 0) & (factor >= 0))
     if len(negative):

@@ -7,7 +7,6 @@ Linear elimination (`normalize`), the Σ-method (`sigma`), choice of states (`se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from lmoc.structure.index.system import System
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.messages import diagnosis
 from lmoc.structure.normalize import normalize
-from lmoc.structure.registers.assemble import assemble
+from lmoc.structure.registers.assemble import Solved, assemble
 from lmoc.structure.registers.layout import Layout
 
 
@@ -57,11 +56,11 @@ def reduce(
         report.error("E0418", "a law that holds on one side only cannot be simulated yet", span)
         report.check()
     normalized = normalize(flat, values, states, report)
-    return solve_structure(normalized, states, report)
+    return assemble(solve_structure(normalized, states, report))
 
 
-def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Reduced:
-    """The second half of reduction: from root jets to programs. Raises as `reduce`."""
+def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Solved:
+    """Choose the states and solve the equations for everything else. Raises as `reduce`."""
     system = System(normalized)
     match = highest_value_transversal(system.incidence)
     if match is None:
@@ -86,9 +85,19 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     quadratures = np.flatnonzero(selection.quadrature)
     # what is solved together with a derivative is not needed for it where the solution is a formula
     rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
-    reduced = assemble(system, layout, (rhs, (*rest, *others)), registers, quadratures, solution.helpers, notes)
-    guards = *reduced.guards, *_regularity(normalized, layout, solution), *_start(selection)
-    return replace(reduced, guards=guards, nearby=_nearby(selection, registers))
+    guards = *normalized.guards, *_regularity(normalized, layout, solution), *_start(selection)
+    return Solved(
+        system=system,
+        layout=layout,
+        rhs=rhs,
+        rest=(*rest, *others),
+        states=registers,
+        quadratures=quadratures,
+        helpers=solution.helpers,
+        guards=guards,
+        notes=(*normalized.notes, *notes),
+        nearby=_nearby(selection, registers),
+    )
 
 
 def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
@@ -109,7 +118,7 @@ def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
     """What the states are where the constraints hold, near the start values."""
     if selection.start is None:
         return None
-    variable, order = selection.layout.jets()
+    variable, order = selection.layout.jets
     return selection.start.value[order[states], variable[states]]
 
 

@@ -14,6 +14,7 @@ from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.index.incidence import Incidence, ranges
 from lmoc.structure.index.system import Batch, SumBatch
 from lmoc.support.distinct import distinct
+from lmoc.support.indices import INDEX, counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class BatchRows:
 
     @property
     def equations(self) -> np.ndarray:
-        return np.arange(self.first, self.first + self.count)
+        return counted(self.first, self.first + self.count)
 
     @cached_property
     def unknown(self) -> list[int]:
@@ -79,7 +80,7 @@ class SquareSystem:
         first = 0
         for b in batches:
             leaves = as_formula(b.shape)[1]
-            table = np.empty((len(b.row), len(leaves)), np.int64)
+            table = np.empty((len(b.row), len(leaves)), INDEX)
             for i, leaf in enumerate(leaves):
                 table[:, i] = base[b.slots[:, leaf.value[0]]] + leaf.value[1]
             self.rows.append(BatchRows(b, first, leaves, table))
@@ -92,7 +93,7 @@ class SquareSystem:
     def equation_numbers(self, system_rows: int) -> list[np.ndarray]:
         """For each number of differentiations: (rows,) which equation that derivative of each row is, -1 for none."""
         most = max([r.batch.times for r in self.rows] + [len(self.sums) - 1, 0])
-        table = [np.full(system_rows, -1, np.int64) for _ in range(most + 1)]
+        table = [np.full(system_rows, -1, INDEX) for _ in range(most + 1)]
         for r in self.rows:
             table[r.batch.times][r.batch.row] = r.equations
         for times, s in enumerate(self.sums):
@@ -102,9 +103,9 @@ class SquareSystem:
     def finish(self, match: np.ndarray) -> None:
         """Take the matching and find the blocks."""
         self.match = match
-        self.owner = np.full(self.registers, -1, np.int64)
-        self.owner[match] = np.arange(self.count)
-        row, register = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        self.owner = np.full(self.registers, -1, INDEX)
+        self.owner[match] = counted(0, self.count)
+        row, register = [np.zeros(0, INDEX)], [np.zeros(0, INDEX)]
         for r in self.rows:
             for i in r.unknown:
                 row.append(r.equations)

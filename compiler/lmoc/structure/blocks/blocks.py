@@ -12,6 +12,7 @@ import numpy as np
 
 from lmoc.structure.index.incidence import pointers, ranges
 from lmoc.support.distinct import distinct
+from lmoc.support.indices import INDEX
 
 # edges up to which Tarjan's algorithm in Python costs less than importing SciPy
 SMALL = 30_000
@@ -39,20 +40,21 @@ def blocks_of(user: np.ndarray, source: np.ndarray, count: int) -> Blocks:
     total = int(label.max()) + 1 if count else 0
     a, b = label[user], label[source]
     across = a != b
-    edges = distinct(a[across] * np.int64(max(total, 1)) + b[across])
-    a, b = np.divmod(edges, max(total, 1))
-    return Blocks(label, np.bincount(label, minlength=total), _levels(a, b, total))
+    bits = total.bit_length()
+    edges = distinct(b[across].astype(np.int64) << bits | a[across])
+    users, sources = (edges & ((1 << bits) - 1)).astype(INDEX), (edges >> bits).astype(INDEX)
+    return Blocks(label, np.bincount(label, minlength=total), _levels(users, sources, total))
 
 
-def _levels(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
-    order = np.argsort(source, kind="stable")
-    start, users = pointers(source[order], count), user[order]
-    waiting = np.bincount(user, minlength=count)
-    level = np.zeros(count, np.int64)
+def _levels(users: np.ndarray, sources: np.ndarray, count: int) -> np.ndarray:
+    """Return the level of each block, given who uses which source; the sources ascend."""
+    start = pointers(sources, count)
+    waiting = np.bincount(users, minlength=count)
+    level = np.zeros(count, INDEX)
     ready, now = np.flatnonzero(waiting == 0), 0
     while len(ready):
         level[ready] = now
-        freed = users[ranges(start, ready)]
+        freed = users[ranges(start, ready)].astype(np.int64)  # ufunc.at is fast for equal types only
         np.subtract.at(waiting, freed, 1)
         ready = distinct(freed[waiting[freed] == 0])
         now += 1
@@ -64,7 +66,7 @@ def _scipy(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
 
     graph = csr_matrix((np.ones(len(user), np.int8), (user, source)), (count, count))
-    return connected_components(graph, directed=True, connection="strong")[1].astype(np.int64)
+    return connected_components(graph, directed=True, connection="strong")[1]
 
 
 def _tarjan(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
@@ -104,4 +106,4 @@ def _tarjan(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
                         if member == node:
                             break
                     components += 1
-    return np.array(label, np.int64)
+    return np.array(label, INDEX)

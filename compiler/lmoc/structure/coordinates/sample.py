@@ -12,8 +12,8 @@ import numpy as np
 
 from lmoc.ir.flat import Assignments
 from lmoc.structure.index.system import Batch, System
-from lmoc.structure.linear.coefficients import KNOWN
-from lmoc.structure.linear.generic import spread
+from lmoc.structure.linear.coefficients import DISCRETE, INPUT, KNOWN
+from lmoc.structure.linear.generic import spread_at
 
 # a time at which nothing special happens
 GENERIC_TIME = 0.1234
@@ -85,10 +85,15 @@ def given(system: System, highest: int) -> tuple[Sample, np.ndarray]:
 def _small(system: System, highest: int) -> np.ndarray:
     """(orders, extended) the known values, and small generic numbers for all else."""
     count = len(system.kind)
-    value = (0.2 + spread((highest + 1) * count).reshape(highest + 1, count)) * 1e-2
-    known = system.kind == KNOWN
+    value = np.zeros((highest + 1, count))  # eliminated variables keep the zeros, and their pages are never touched
+    changing = np.concatenate([system.variable, np.flatnonzero((system.kind == INPUT) | (system.kind == DISCRETE))])
+    for order in range(highest + 1):
+        value[order, changing] = (0.2 + spread_at(order * count + changing)) * 1e-2
+    known = np.flatnonzero(system.kind == KNOWN)
     numbers = system.normalized.all_values[known]
-    value[0, known] = np.where(np.isfinite(numbers), numbers, 0.5 + spread(len(numbers)))
+    lacking = np.flatnonzero(~np.isfinite(numbers))
+    numbers[lacking] = 0.5 + spread_at(lacking)
+    value[0, known] = numbers
     return value
 
 

@@ -16,6 +16,7 @@ from lmoc.structure.index.system import System
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.registers.layout import Layout
 from lmoc.support.distinct import distinct
+from lmoc.support.indices import INDEX
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ def _matching(
 ) -> np.ndarray:
     """The register that each differentiated equation stands for: a perfect matching, stage by stage."""
     numbers = square.equation_numbers(system.rows)
-    result = np.full(square.count, -1, np.int64)
+    result = np.full(square.count, -1, INDEX)
     stages = [(np.arange(system.rows), match), *choice.match]
     for stage, (rows, columns) in enumerate(stages):
         times = c[rows] - stage
@@ -135,7 +136,7 @@ def _matching(
 def _state_mask(system: System, layout: Layout, d: np.ndarray, choice: Choice) -> np.ndarray:
     """(registers,) the jets below the highest that no equation computes."""
     base = layout.base[system.variable]
-    variable, order = layout.jets()
+    variable, order = layout.jets
     mask = (order < layout.width[variable] - 1) & (system.column[variable] >= 0)
     for stage, columns in enumerate(choice.dependent, 1):
         mask[base[columns] + d[columns] - stage] = False
@@ -154,4 +155,4 @@ def _quadratures(
     kept[wanted] = True
     of_kept = np.zeros(len(system.kind), bool)
     of_kept[system.variable[kept]] = True
-    return is_state & ~read & ~of_kept[layout.jets()[0]]
+    return is_state & ~read & ~of_kept[layout.jets[0]]

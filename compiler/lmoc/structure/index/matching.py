@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.structure.index.incidence import Incidence
 from lmoc.support.distinct import distinct, first_of_each
+from lmoc.support.indices import INDEX
 
 # entries up to which a search in Python costs less than importing SciPy
 SMALL = 30_000
@@ -25,12 +26,13 @@ def forced_pairs(incidence: Incidence) -> tuple[np.ndarray, np.ndarray, np.ndarr
     rows_left, columns_left : sorted numbers of what is still to be matched; those without any entry left are among them
     """
     row_alive, column_alive = np.ones(incidence.rows, bool), np.ones(incidence.columns, bool)
-    match = np.full(incidence.rows, -1, np.int64)
+    match = np.full(incidence.rows, -1, INDEX)
     # the sum of a line's living partners is its partner when there is one left
     row_count = np.bincount(incidence.row, minlength=incidence.rows)
     row_sum = np.bincount(incidence.row, incidence.column, incidence.rows).astype(np.int64)
     column_count = np.bincount(incidence.column, minlength=incidence.columns)
     column_sum = np.bincount(incidence.column, incidence.row, incidence.columns).astype(np.int64)
+    row_of, column_of = incidence.row, incidence.column
     new_columns, new_rows = np.flatnonzero(column_count == 1), np.flatnonzero(row_count == 1)
     while len(new_columns) or len(new_rows):
         if len(new_columns):
@@ -44,13 +46,13 @@ def forced_pairs(incidence: Incidence) -> tuple[np.ndarray, np.ndarray, np.ndarr
         match[rows] = columns
         row_alive[rows] = column_alive[columns] = False
         entries = incidence.of_rows(rows)
-        touched = incidence.column[entries]
+        touched = column_of[entries].astype(np.int64)  # ufunc.at is fast for equal types only
         np.subtract.at(column_count, touched, 1)
-        np.subtract.at(column_sum, touched, incidence.row[entries])
+        np.subtract.at(column_sum, touched, row_of[entries].astype(np.int64))
         entries = incidence.of_columns(columns)
-        row_touched = incidence.row[entries]
+        row_touched = row_of[entries].astype(np.int64)
         np.subtract.at(row_count, row_touched, 1)
-        np.subtract.at(row_sum, row_touched, incidence.column[entries])
+        np.subtract.at(row_sum, row_touched, column_of[entries].astype(np.int64))
         pending_rows = np.concatenate([new_rows, row_touched]) if len(new_columns) else row_touched
         new_columns = distinct(touched[column_alive[touched] & (column_count[touched] == 1)])
         alive = row_alive[pending_rows] & (row_count[pending_rows] == 1)
@@ -74,7 +76,7 @@ def _hopcroft_karp(incidence: Incidence) -> np.ndarray:
 
     ones = np.ones(len(incidence.row), np.int8)
     graph = csr_matrix((ones, incidence.column, incidence.start), (incidence.rows, incidence.columns))
-    return maximum_bipartite_matching(graph, perm_type="column").astype(np.int64)
+    return maximum_bipartite_matching(graph, perm_type="column").astype(INDEX)
 
 
 def _search(incidence: Incidence) -> np.ndarray:
@@ -88,7 +90,7 @@ def _search(incidence: Incidence) -> np.ndarray:
             owner[free] = root
         else:
             _augment(root, neighbours, owner)
-    match = np.full(incidence.rows, -1, np.int64)
+    match = np.full(incidence.rows, -1, INDEX)
     for c, r in enumerate(owner):
         if r >= 0:
             match[r] = c

@@ -13,6 +13,7 @@ from lmoc.structure.index.dulmage_mendelsohn import decompose
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import forced_pairs, maximum_matching
 from lmoc.support.distinct import distinct
+from lmoc.support.indices import INDEX, counted
 
 
 def highest_value_transversal(incidence: Incidence) -> np.ndarray | None:
@@ -37,7 +38,7 @@ def highest_value_transversal(incidence: Incidence) -> np.ndarray | None:
 def _primal_dual(core: Incidence) -> np.ndarray | None:
     row, column, order = core.row, core.column, core.order
     row_price, column_price = np.zeros(core.rows, np.int64), np.zeros(core.columns, np.int64)
-    np.maximum.at(column_price, column, order)
+    np.maximum.at(column_price, column.astype(np.int64), order.astype(np.int64))
     while True:
         slack = column_price[column] - row_price[row] - order
         tight = core.restricted(slack == 0)
@@ -69,12 +70,12 @@ def offsets(incidence: Incidence, match: np.ndarray, lower: np.ndarray) -> tuple
     d : (columns,) highest order of each unknown
     """
     c, d = np.zeros(incidence.rows, np.int64), lower.astype(np.int64)
-    np.maximum.at(d, incidence.column, incidence.order)
+    np.maximum.at(d, incidence.column.astype(np.int64), incidence.order.astype(np.int64))
     matched = match[incidence.row] == incidence.column
     own = np.zeros(incidence.rows, np.int64)
     own[incidence.row[matched]] = incidence.order[matched]
-    row_of = np.empty(incidence.columns, np.int64)
-    row_of[match] = np.arange(incidence.rows)
+    row_of = np.empty(incidence.columns, INDEX)
+    row_of[match] = counted(0, incidence.rows)
     rows = np.arange(incidence.rows)
     while True:
         new = d[match[rows]] - own[rows]
@@ -84,7 +85,7 @@ def offsets(incidence: Incidence, match: np.ndarray, lower: np.ndarray) -> tuple
             return c, d
         c[rows] = new
         entries = incidence.of_rows(rows)
-        columns = incidence.column[entries]
+        columns = incidence.column[entries].astype(np.int64)
         needed = incidence.order[entries] + c[incidence.row[entries]]
         raised = needed > d[columns]
         np.maximum.at(d, columns[raised], needed[raised])

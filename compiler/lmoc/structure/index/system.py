@@ -13,6 +13,7 @@ from lmoc.ir.flat import Kind
 from lmoc.ir.normalized import LongSums, Normalized
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.linear.coefficients import INPUT, KNOWN, UNKNOWN, Kinds, leaves_of
+from lmoc.support.indices import INDEX, counted, positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,26 +82,27 @@ class System:
     def __init__(self, normalized: Normalized):
         flat, count = normalized.flat, normalized.extended_count
         self.normalized, self.flat = normalized, flat
-        self.kind = np.zeros(count, np.int64)
+        self.kind = np.zeros(count, np.int8)
         self.kind[: flat.count] = np.where(flat.kind < Kind.INPUT, KNOWN, flat.kind)
-        own = normalized.root == np.arange(flat.count)
-        self.variable = np.flatnonzero(own & (flat.kind == Kind.UNKNOWN))
-        self.column = np.full(count, -1, np.int64)
-        self.column[self.variable] = np.arange(len(self.variable))
+        own = normalized.root == counted(0, flat.count)
+        self.variable = positions(own & (flat.kind == Kind.UNKNOWN))
+        self.column = np.full(count, -1, INDEX)
+        self.column[self.variable] = counted(0, len(self.variable))
         self.batches = self._batches(normalized)
         self.sums = _sum_batch(normalized.sums, sum(len(b.row) for b in self.batches))
         self.source = np.concatenate([*(g.source for g in normalized.groups if g.rows), normalized.sums.source])
         self.rows = len(self.source)
         self.incidence = self._incidence()
-        self.needed = np.zeros(len(self.variable), np.int64)
-        at = self.column[normalized.root]
-        np.maximum.at(self.needed, at[at >= 0], normalized.order[at >= 0])
+        self.needed = np.zeros(len(self.variable), INDEX)
+        at = np.flatnonzero((normalized.order > 0) & (self.column[normalized.root] >= 0))
+        columns = self.column[normalized.root[at]].astype(np.int64)
+        np.maximum.at(self.needed, columns, normalized.order[at])
 
     def _batches(self, normalized: Normalized) -> tuple[Batch, ...]:
         result, first = [], 0
         for g in normalized.groups:
             if g.rows:
-                rows = np.arange(first, first + g.rows)
+                rows = counted(first, first + g.rows)
                 result.append(Batch(g.residual, tuple(self.kind[g.slots[0]].tolist()), g.slots, rows))
                 first += g.rows
         return tuple(result)
@@ -112,7 +114,7 @@ class System:
             for k, n in highest.items():
                 row.append(b.row)
                 column.append(self.column[b.slots[:, k]])
-                order.append(np.full(len(b.row), n))
+                order.append(np.full(len(b.row), n, INDEX))
         return Incidence.of(
             self.rows, len(self.variable), np.concatenate(row), np.concatenate(column), np.concatenate(order)
         )
@@ -139,7 +141,7 @@ class System:
 
     def highest_inputs(self, batches: tuple[Batch, ...]) -> np.ndarray:
         """(flat.count,) highest derivative of each input in equations or as a flat variable, -1 where there is none."""
-        top = np.full(self.flat.count, -1, np.int64)
+        top = np.full(self.flat.count, -1, INDEX)
         roots = self.normalized.root
         known = np.flatnonzero((roots < self.flat.count) & (self.kind[roots] == INPUT))
         np.maximum.at(top, roots[known], self.normalized.order[known])
@@ -151,7 +153,7 @@ class System:
 
 
 def _sum_batch(sums: LongSums, first: int) -> SumBatch:
-    rows = np.arange(first, first + sums.rows)
+    rows = counted(first, first + sums.rows)
     return SumBatch(sums.start, sums.index, sums.order, sums.coefficient, rows)
 
 

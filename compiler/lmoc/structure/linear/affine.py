@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.structure.linear.derived import NONE, DerivedParameters
+from lmoc.support.indices import INDEX, counted
 
 # bits of Affine.code: how a jet of the variable looks once its root stands in its place
 NEGATIVE, FACTOR, OFFSET, OFFSET_NEGATIVE, ZERO_ROOT, ELSEWHERE = 1, 2, 4, 8, 16, 32
 ORDER_SHIFT = 6
+CODE = np.int16
 
 
 @dataclass(eq=False)
@@ -36,9 +38,9 @@ class Affine:
     @staticmethod
     def identity(count: int) -> Affine:
         """Every one of ``count`` variables, and the constant 0, its own root."""
-        ones, none = np.ones(count + 1, np.int8), np.full(count + 1, NONE, np.int64)
-        zeros = np.zeros(count + 1, np.int64)
-        return Affine(np.arange(count + 1), np.zeros(count + 1, np.int8), ones, none, ones.copy(), none.copy(), zeros)
+        ones, none = np.ones(count + 1, np.int8), np.full(count + 1, NONE, INDEX)
+        order, code = np.zeros(count + 1, np.int8), np.zeros(count + 1, CODE)
+        return Affine(counted(0, count + 1), order, ones, none, ones.copy(), none.copy(), code)
 
     def take(self, rows: np.ndarray) -> Affine:
         return Affine(*(column[rows] for column in self.columns()))
@@ -84,10 +86,18 @@ def composed(outer: Affine, inner: Affine, zero: int, derived: DerivedParameters
 
 def codes(rows: Affine, zero: int) -> np.ndarray:
     """Bit patterns of rows of variables that are not their own roots."""
-    code = np.where(rows.root == zero, ZERO_ROOT, ELSEWHERE)
-    code |= (rows.sign < 0) * NEGATIVE | (rows.factor >= 0) * FACTOR | rows.order.astype(np.int64) << ORDER_SHIFT
+    code = rows.order.astype(CODE) << ORDER_SHIFT
     shifted = rows.offset >= 0
-    return code | shifted * OFFSET | (shifted & (rows.offset_sign < 0)) * OFFSET_NEGATIVE
+    for bit, where in (
+        (ZERO_ROOT, rows.root == zero),
+        (ELSEWHERE, rows.root != zero),
+        (NEGATIVE, rows.sign < 0),
+        (FACTOR, rows.factor >= 0),
+        (OFFSET, shifted),
+        (OFFSET_NEGATIVE, shifted & (rows.offset_sign < 0)),
+    ):
+        code |= where * CODE(bit)
+    return code
 
 
 def resolve(table: Affine, linked: np.ndarray, zero: int, derived: DerivedParameters) -> None:

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from lmoc.support.distinct import distinct, first_of_each
+from lmoc.support.indices import INDEX, counted, positions
 
 # up to here the graph is walked in Python: it costs less than importing scipy
 SMALL = 30_000
@@ -68,32 +68,36 @@ def _orient_large(first: np.ndarray, second: np.ndarray, known: np.ndarray, scor
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-    nodes = distinct(np.concatenate([first, second]))
-    number = np.full(len(known), -1, np.int64)
-    number[nodes] = np.arange(len(nodes))
+    met = np.zeros(len(known), bool)
+    met[first] = met[second] = True
+    nodes = positions(met)
+    number = np.empty(len(known), INDEX)
+    number[nodes] = counted(0, len(nodes))
     a, b, n = number[first], number[second], len(nodes)
     fixed = known[nodes]
     free = ~(fixed[a] | fixed[b])
-    ones = np.ones(int(free.sum()), np.int32)
+    ones = np.ones(int(free.sum()), np.int8)
     _, component = connected_components(csr_matrix((ones, (a[free], b[free])), (n, n)), directed=False)
     settled = np.zeros(component.max() + 1, bool)
     settled[component[fixed]] = True
     for near, far in ((a, b), (b, a)):
         settled[component[near[fixed[far]]]] = True
-    best = np.lexsort((nodes, score[nodes]))
-    chosen = best[first_of_each(component[best])[1]]
-    roots = np.concatenate([np.flatnonzero(fixed), chosen[~settled[component[chosen]]]])
+    key = score[nodes].astype(np.int64) << 32 | counted(0, n)
+    best = np.full(len(settled), np.iinfo(np.int64).max)
+    np.minimum.at(best, component.astype(np.int64), key)
+    chosen = (best & ((1 << 32) - 1)).astype(INDEX)
+    roots = np.concatenate([positions(fixed), chosen[~settled]])
 
-    tail = np.concatenate([a, b, np.full(len(roots), n)])
+    tail = np.concatenate([a, b, np.full(len(roots), n, INDEX)])
     head = np.concatenate([b, a, roots])
-    graph = csr_matrix((np.ones(len(tail), np.int32), (tail, head)), (n + 1, n + 1))
+    graph = csr_matrix((np.ones(len(tail), np.int8), (tail, head)), (n + 1, n + 1))
     _, parent = breadth_first_order(graph, n, directed=True)
     forward, backward = (parent[a] == b), (parent[b] == a)
-    direction = np.where(forward, FIRST_IS_CHILD, np.where(backward, SECOND_IS_CHILD, UNUSED)).astype(np.int8)
-    # of parallel edges one only is in the tree
-    child = np.where(forward, a, b)
-    used = np.flatnonzero(direction)
-    kept = used[first_of_each(child[used])[1]]
-    result = np.zeros_like(direction)
-    result[kept] = direction[kept]
-    return result
+    direction = np.zeros(len(a), np.int8)
+    # of parallel edges the first only is in the tree: of what is written to one place, the last stays
+    used = np.flatnonzero(forward | backward)[::-1]
+    edge = np.full(n, -1, INDEX)
+    edge[np.where(forward[used], a[used], b[used])] = used
+    kept = edge[edge >= 0]
+    direction[kept] = np.where(forward[kept], FIRST_IS_CHILD, SECOND_IS_CHILD)
+    return direction

@@ -12,6 +12,7 @@ from lmoc.expression.text import to_text
 from lmoc.ir.flat import Assignments
 from lmoc.structure.linear.coefficients import renumbered, value_and_size
 from lmoc.support.distinct import distinct_rows
+from lmoc.support.indices import INDEX, counted
 
 NONE = -1  # no factor (1), no offset (0)
 DEEPEST_TEXT = 5  # derived parameters inside of each other that are written out
@@ -40,9 +41,9 @@ class DerivedParameters:
         self.count = len(values)
         self.assignments: list[Assignments] = []
         self._firsts: list[int] = []
-        self._known = np.concatenate([values, np.full(64, np.nan)])
-        self._sizes = np.abs(self._known)
-        self._inverse = np.full(64, NONE, np.int64)  # of a derived parameter made as 1/c: c
+        self._known = values.copy()
+        self._sizes = np.zeros(0)  # of the derived parameters
+        self._inverse = np.zeros(0, INDEX)  # of a derived parameter made as 1/c: c
         self._made: dict[tuple, int] = {}
 
     @property
@@ -50,15 +51,27 @@ class DerivedParameters:
         """Values of all extended variables so far."""
         return self._known[: self.count]
 
-    def sizes(self, known: np.ndarray) -> np.ndarray:
-        """Magnitudes of the terms that each extended variable is made of: what its roundoff is measured by."""
+    def sizes(self, known: np.ndarray, table: np.ndarray) -> np.ndarray:
+        """Return the magnitudes of the terms that extended variables are made of: what their roundoff is measured by.
+
+        Parameters
+        ----------
+        known : values of all extended variables
+        table : which of them, an array of any shape
+        """
         if known.base is self._known:  # the present values: asked for in every pass
-            return self._sizes[: len(known)]
-        sizes = np.abs(known)
-        if len(known) == self.base:
-            return sizes
-        for a in self.assignments:
-            _, sizes[a.target] = value_and_size(a.shape, known[a.slots], sizes[a.slots])
+            return self._sizes_at(self._sizes, known, table)
+        made = np.zeros(max(len(known) - self.base, 0))
+        for a in self.assignments if len(made) else ():
+            sizes = self._sizes_at(made, known, a.slots)
+            _, made[a.target - self.base] = value_and_size(a.shape, known[a.slots], sizes)
+        return self._sizes_at(made, known, table)
+
+    def _sizes_at(self, made: np.ndarray, known: np.ndarray, table: np.ndarray) -> np.ndarray:
+        sizes = np.abs(known[table])
+        derived = table >= self.base
+        if derived.any():
+            sizes[derived] = made[table[derived] - self.base]
         return sizes
 
     def define(self, shape: Expr, slots: np.ndarray) -> np.ndarray:
@@ -80,16 +93,18 @@ class DerivedParameters:
         keys = [(shape, *row) for row in used.tolist()]
         fresh = [k for k in dict.fromkeys(keys) if k not in self._made]
         if fresh:
-            table = np.array([k[1:] for k in fresh], np.int64).reshape(len(fresh), used.shape[1])
+            table = np.array([k[1:] for k in fresh], INDEX).reshape(len(fresh), used.shape[1])
             self._made.update(zip(fresh, self._append(shape, table).tolist(), strict=True))
-        return np.array([self._made[k] for k in keys], np.int64)
+        return np.array([self._made[k] for k in keys], INDEX)
 
     def _without_double_inverse(self, shape: Expr, used: np.ndarray) -> tuple[Expr, np.ndarray]:
         """``a/b`` as ``a*c`` where b has been made as ``1/c``."""
         if shape.op != "div" or shape.args[1].op != "slot" or self.count == self.base:
             return shape, used
         column = shape.args[1].value[0]
-        inner = np.where(used[:, column] < self.base, NONE, self._inverse[np.maximum(used[:, column] - self.base, 0)])
+        if (used[:, column] < self.base).any():
+            return shape, used
+        inner = self._inverse[used[:, column] - self.base]
         if (inner < 0).any():
             return shape, used
         used = used.copy()
@@ -98,20 +113,26 @@ class DerivedParameters:
         return shape, used[:, list(columns)]
 
     def _append(self, shape: Expr, slots: np.ndarray) -> np.ndarray:
-        target = np.arange(self.count, self.count + len(slots))
+        target = counted(self.count, self.count + len(slots))
+        made = self.count - self.base
         if target[-1] >= len(self._known):
-            more = len(slots) + self.count // 2 + 64
+            more = len(slots) + made // 2 + self.base // 16 + 64
             self._known = np.concatenate([self.known, np.full(more, np.nan)])
-            self._sizes = np.concatenate([self._sizes[: self.count], np.full(more, np.nan)])
-            self._inverse = np.concatenate([self._inverse, np.full(len(self._known) - len(self._inverse), NONE)])
-        known, sizes = self._known, self._sizes
-        known[target], sizes[target] = value_and_size(shape, known[slots], sizes[slots])
+            self._sizes = np.concatenate([self._sizes[:made], np.full(more, np.nan)])
+            self._inverse = np.concatenate([self._inverse[:made], np.full(more, NONE, INDEX)])
+        known, rows = self._known, slice(made, made + len(slots))
+        known[target], self._sizes[rows] = value_and_size(shape, known[slots], self.sizes(self.known, slots))
         if shape is _INVERSE:
-            self._inverse[target - self.base] = slots[:, 0]
+            self._inverse[rows] = slots[:, 0]
         self.count += len(slots)
         self.assignments.append(Assignments(target, shape, slots))
         self._firsts.append(int(target[0]))
         return target
+
+    def finish(self) -> None:
+        """Release what is needed only while parameters are made; guards keep this object as long as the reduction."""
+        self._known = self._sizes, self._inverse = np.zeros(0), np.zeros(0, INDEX)
+        self._made.clear()
 
     def extended(self, values: np.ndarray) -> np.ndarray:
         """All extended variables for another parameter set."""
@@ -144,9 +165,12 @@ class DerivedParameters:
     ) -> tuple[np.ndarray, np.ndarray]:
         """``sign·factor·inner + outer_sign·outer`` as (sign, index); inner and outer may be absent, factor 1."""
         new_sign, index = np.where(inner < 0, outer_sign, sign), np.where(inner < 0, outer, inner)
-        case = (inner >= 0) * ((factor >= 0) * 1 + (outer >= 0) * (2 + 4 * (sign < 0) + 8 * (outer_sign < 0)))
-        for c in set(case.tolist()) - {0}:
+        case = (outer >= 0) * (np.int8(2) + (sign < 0) * np.int8(4) + (outer_sign < 0) * np.int8(8))
+        case = (inner >= 0) * ((factor >= 0) + case)
+        for c in range(1, 16):
             rows = np.flatnonzero(case == c)
+            if not len(rows):
+                continue
             table = np.stack([inner[rows], factor[rows], outer[rows]], axis=1)
             shape, flip = _SHIFTS[c]
             index[rows] = self.define(shape, table)

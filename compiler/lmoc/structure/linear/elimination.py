@@ -23,6 +23,7 @@ from lmoc.structure.linear.sum_rows import SumRows, as_groups, view
 from lmoc.structure.linear.vanishing import Splitter
 from lmoc.structure.messages.equations import Equations, Loops
 from lmoc.support.distinct import first_of_each
+from lmoc.support.indices import INDEX, counted
 
 
 class Elimination:
@@ -45,7 +46,7 @@ class Elimination:
         self.derived = DerivedParameters(values)
         self.splitter = Splitter(flat, self.derived)
         self.loops = Loops(Equations(flat), flat.count)
-        self.kind = np.append(np.where(flat.kind < Kind.INPUT, KNOWN, flat.kind), KNOWN).astype(np.int64)
+        self.kind = np.append(np.where(flat.kind < Kind.INPUT, KNOWN, flat.kind), KNOWN).astype(np.int8)
         self.closed: list[Rows] = []
         self.overdetermined: list[Rows] = []
         self.empty_sums: list[int] = []
@@ -60,9 +61,10 @@ class Elimination:
         groups, number = [], 0
         for g in self.flat.groups:
             if g.rows:
-                source = np.arange(number, number + g.rows)
+                source = counted(number, number + g.rows)
                 kinds = tuple(self.kind[g.slots[0]].tolist())
-                groups.append(Rows(g.residual, kinds, g.slots, source).with_shape(g.residual))
+                rows = Rows(g.residual, kinds, g.slots.astype(INDEX, copy=False), source)
+                groups.append(rows.with_shape(g.residual))
                 number += g.rows
         twins = [part for g in merged(groups) for part in equal_columns_merged(g)]
         return self._without_closed(part for g in twins for part in self.splitter.by_factors(g))
@@ -70,8 +72,8 @@ class Elimination:
     def _first_sums(self) -> SumRows:
         sums = self.flat.sums
         first = self.loops.equations.first_sum
-        row = np.repeat(np.arange(sums.rows), np.diff(sums.start))
-        return SumRows(row, sums.index, sums.sign, np.arange(first, first + sums.rows))
+        row = np.repeat(counted(0, sums.rows), np.diff(sums.start))
+        return SumRows(row, sums.index.astype(INDEX, copy=False), sums.sign, counted(first, first + sums.rows))
 
     def _differentiated(self) -> np.ndarray:
         """The variables that are differentiated somewhere."""
@@ -94,7 +96,8 @@ class Elimination:
             position = b.unit in LENGTHS_AND_ANGLES or not b.unit
             return PREFERRED // 2 * rank.get(b.state_select, 3) + 2 * (not position) + b.connector
 
-        score = flat.per_variable(score_of, np.int64) + 4 * ~self.differentiated[:-1]
+        score = flat.per_variable(score_of, INDEX)
+        score[~self.differentiated[:-1]] += 4
         score[asked] = np.arange(-len(asked), 0)
         return np.append(score, 0)
 
@@ -152,7 +155,7 @@ class Elimination:
 
     def _end(self, g: Rows, form: Form, leaf: int) -> np.ndarray:
         """The variables at one end of the rows, the constant 0 where there is one end only."""
-        return g.column(form.leaves[leaf]) if leaf < len(form.leaves) else np.full(len(g.source), self.zero)
+        return g.column(form.leaves[leaf]) if leaf < len(form.leaves) else np.full(len(g.source), self.zero, INDEX)
 
     def _link(self, g: Rows, form: Form, ends: tuple, way: np.ndarray) -> list[np.ndarray]:
         """Enter the rows that are in the forest into the step table; returns the children."""

@@ -13,4 +13,9 @@ GOLDEN = 0.6180339887498949
 
 def spread(count: int, turns: int = 1) -> np.ndarray:
     """(count,) numbers between 0 and 1, no two alike; others for each number of `turns`."""
-    return np.arange(1, count + 1) * turns * GOLDEN % 1.0
+    return spread_at(np.arange(count), turns)
+
+
+def spread_at(places: np.ndarray, turns: int = 1) -> np.ndarray:
+    """Return the numbers at some places of `spread`."""
+    return (places + np.int64(1)) * turns * GOLDEN % 1.0

@@ -55,6 +55,8 @@ class Rows:
     def with_shape(self, shape: Expr) -> Rows:
         """The same rows with another shape over the same columns."""
         shape, columns = renumbered(shape)
+        if columns == tuple(range(len(self.kinds))):
+            return Rows(shape, self.kinds, self.slots, self.source, self.looped)
         kinds = tuple(self.kinds[c] for c in columns)
         return Rows(shape, kinds, self.slots[:, list(columns)], self.source, self.looped)
 
@@ -121,12 +123,13 @@ def substituted(group: Rows, table: Affine, kind_of_root: np.ndarray) -> list[Ro
 def _one_pattern(group: Rows, unknown: list[int], pattern: tuple, table: Affine, kind_of_root) -> list[Rows]:
     if not any(pattern):
         return [group]
-    variables = group.slots[:, unknown]
-    roots = table.root[variables]
-    shape, picks = _substitute(group.shape, tuple(unknown), pattern, group.slots.shape[1])
     width = group.slots.shape[1]
-    all_columns = np.concatenate([group.slots, roots, table.factor[variables], table.offset[variables]], axis=1)
-    slots_ = all_columns[:, picks]
+    shape, picks = _substitute(group.shape, tuple(unknown), pattern, width)
+    slots_ = np.empty((len(group.slots), len(picks)), group.slots.dtype)
+    for place, pick in enumerate(picks):
+        part, i = divmod(pick - width, len(unknown))
+        new = (table.root, table.factor, table.offset)[part] if pick >= width else None
+        slots_[:, place] = group.slots[:, pick] if new is None else new[group.slots[:, unknown[i]]]
     known = group.kinds + tuple([UNKNOWN] * len(unknown)) + tuple([KNOWN] * (2 * len(unknown)))
     result = []
     root_columns = [i for i, p in enumerate(picks) if width <= p < width + len(unknown)]
@@ -142,7 +145,7 @@ def _one_pattern(group: Rows, unknown: list[int], pattern: tuple, table: Affine,
 
 
 @cache
-def _substitute(shape: Expr, unknown: tuple[int, ...], pattern: tuple, width: int) -> tuple[Expr, np.ndarray]:
+def _substitute(shape: Expr, unknown: tuple[int, ...], pattern: tuple, width: int) -> tuple[Expr, tuple[int, ...]]:
     """The new shape, and where its columns are found in [old slots | roots | factors | offsets]."""
     u = len(unknown)
     place = {column: i for i, column in enumerate(unknown)}
@@ -153,8 +156,7 @@ def _substitute(shape: Expr, unknown: tuple[int, ...], pattern: tuple, width: in
         i = place[node.value[0]]
         return jet(pattern[i], node.value[1], (width + i, width + u + i, width + 2 * u + i))
 
-    new, columns = renumbered(transform(shape, leaf))
-    return new, np.array(columns, np.int64)
+    return renumbered(transform(shape, leaf))
 
 
 def jet(code: int, order: int, columns: tuple[int, int, int]) -> Expr:
@@ -189,12 +191,12 @@ def equal_columns_merged(group: Rows) -> list[Rows]:
             return [group]
         twins = np.array([[row.index(v) for v in row]])
     else:
-        twins = np.tile(np.arange(len(columns)), (len(table), 1))
-        for j in range(len(columns) - 1, 0, -1):
-            for i in range(j - 1, -1, -1):
-                twins[table[:, i] == table[:, j], j] = i
-        if (twins == np.arange(len(columns))).all():
+        pairs = [(i, j) for j in range(len(columns)) for i in range(j) if (table[:, i] == table[:, j]).any()]
+        if not pairs:
             return [group]
+        twins = np.tile(np.arange(len(columns), dtype=np.int16), (len(table), 1))
+        for i, j in reversed(pairs):
+            twins[table[:, i] == table[:, j], j] = i
     return [
         _merge_columns(group if rows is None else group.take(rows), tuple(columns), pattern)
         for pattern, rows in partition(twins)

@@ -11,6 +11,7 @@ from lmoc.expression.dag import ZERO, Expr, add, slot, sub
 from lmoc.structure.linear.affine import Affine
 from lmoc.structure.linear.coefficients import UNKNOWN
 from lmoc.structure.linear.substitution import Rows
+from lmoc.support.indices import INDEX
 
 # longer balances are kept as sums to the end
 LONGEST_SHAPE = 8
@@ -38,7 +39,7 @@ class SumRows:
     def take(self, keep: np.ndarray) -> SumRows:
         """The rows of a mask."""
         entries = keep[self.row]
-        number = np.cumsum(keep) - 1
+        number = np.cumsum(keep, dtype=INDEX) - 1
         return SumRows(number[self.row[entries]], self.index[entries], self.sign[entries], self.source[keep])
 
     def select(self, entries: np.ndarray) -> SumRows:

@@ -64,14 +64,14 @@ class Vanishing:
 class _Changed:
     """For other parameter values: the first row that comes out otherwise, as it was assumed."""
 
-    splitter: Splitter
+    flat: FlatDAE
     group: Rows
     expr: Expr
     test: Vanishing
 
     def __call__(self, values: np.ndarray) -> str:
         row = int(np.argmax(self.test.changed(values)))
-        return self.splitter.row_text(self.group, self.expr, self.test.zero, row)
+        return row_text(self.flat, self.test.derived, self.group, self.expr, row) + _outcome(self.test.zero[row])
 
 
 def vanishes(
@@ -93,8 +93,7 @@ def vanishes(
 def _judged(expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters):
     """Where the value vanishes, and where there is none."""
     if any(n.op in ("add", "sub") for n in postorder(expr)):
-        sizes = derived.sizes(known)
-        value, size = value_and_size(expr, known[table], sizes[table])
+        value, size = value_and_size(expr, known[table], derived.sizes(known, table))
         zero = np.abs(value) <= ROUNDOFF * size
     else:
         value = evaluate(expr, lambda k, _: known[table[:, k]])
@@ -154,7 +153,7 @@ class Splitter:
             self._tested[key] = zero
             if not all(i < self.flat.count and self.flat.kind[i] == Kind.CONSTANT for i in table[0].tolist()):
                 holds = Vanishing(shape, table, zero, self.derived, missing)
-                self.guards.append(Guard(holds, self._text(group, expr, zero), _Changed(self, group, expr, holds)))
+                self.guards.append(Guard(holds, self._text(group, expr, zero), _Changed(self.flat, group, expr, holds)))
         return self._tested[key]
 
     def _text(self, group: Rows, expr: Expr, zero: np.ndarray) -> str:
@@ -162,19 +161,25 @@ class Splitter:
         some = bool(zero.any())
         row = int(np.argmax(zero)) if some else 0
         count = int(zero.sum()) if some else len(zero)
-        text = self.row_text(group, expr, zero, row)
+        text = self.text(group, expr, row) + _outcome(zero[row])
         return text if count == 1 else f"{text} (and {count - 1} more)"
 
-    def row_text(self, group: Rows, expr: Expr, zero: np.ndarray, row: int) -> str:
-        return self.text(group, expr, row) + (" = 0" if zero[row] else " <> 0")
-
     def text(self, group: Rows, expr: Expr, row: int) -> str:
-        names = group.slots[row].tolist()
+        return row_text(self.flat, self.derived, group, expr, row)
 
-        def name(column: int, order: int) -> str:
-            text = self.derived.text(names[column], self.flat.variable_name)
-            for _ in range(order):
-                text = f"der({text})"
-            return text
 
-        return to_text(expr, name)
+def _outcome(zero: bool) -> str:
+    return " = 0" if zero else " <> 0"
+
+
+def row_text(flat: FlatDAE, derived: DerivedParameters, group: Rows, expr: Expr, row: int) -> str:
+    """Return an expression over one row of a group in the user's names."""
+    names = group.slots[row].tolist()
+
+    def name(column: int, order: int) -> str:
+        text = derived.text(names[column], flat.variable_name)
+        for _ in range(order):
+            text = f"der({text})"
+        return text
+
+    return to_text(expr, name)

@@ -98,11 +98,10 @@ def _jets(groups: list[Rows], count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _rests(groups: tuple[Rows, ...], known: np.ndarray, derived: DerivedParameters) -> tuple[np.ndarray, np.ndarray]:
     """Values of what is no term, and the sizes of what they are made of."""
-    sizes = derived.sizes(known)
     pairs = []
     for g in groups:
         rest = terms_of(g.shape, g.kinds)[1]
-        pair = value_and_size(rest, known[g.slots], sizes[g.slots])
+        pair = value_and_size(rest, known[g.slots], derived.sizes(known, g.slots))
         pairs.append([np.broadcast_to(np.asarray(x, float), len(g.source)) for x in pair])
     return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
 

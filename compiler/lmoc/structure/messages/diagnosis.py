@@ -157,7 +157,7 @@ def singular_blocks(
     """E0405: linear equations whose matrix is singular for the present parameter values (or E0402)."""
     equations, found = Equations(system.flat), Report()
     floating = _Floating(system, jacobian)
-    variable, order = layout.jets()
+    variable, order = layout.jets
     for members in blocks[:LOOKED_AT]:
         rows = distinct(np.array([row_of(square, int(e)) for e in members]))
         positions = floating.around(int(rows[0]))

@@ -11,6 +11,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.ranges import ranges
 from lmoc.messages.source import Span
+from lmoc.support.indices import INDEX
 
 # of many names, equations or mistakes of one sort, this many are shown
 SHOWN = 5
@@ -107,8 +108,8 @@ class Loops:
     def __init__(self, equations: Equations, count: int):
         self.equations = equations
         self.walked = 0  # steps from equation to equation so far
-        self.parent = np.full(count + 1, -1, np.int64)
-        self.source = np.full(count + 1, -1, np.int64)
+        self.parent = np.full(count + 1, -1, INDEX)
+        self.source = np.full(count + 1, -1, INDEX)
 
     def link(self, child: np.ndarray, parent: np.ndarray, source: np.ndarray) -> None:
         self.parent[child] = parent

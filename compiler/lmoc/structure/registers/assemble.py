@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
@@ -11,32 +11,45 @@ import numpy as np
 from lmoc.expression.dag import slots
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import Apply, Program, Registers, Role, Solve, Step, read
-from lmoc.ir.reduced import Reduced
+from lmoc.ir.reduced import Guard, Reduced
+from lmoc.messages.diagnostics import Diagnostic
 from lmoc.structure.index.system import System
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
 from lmoc.structure.linear.substitution import partition
 from lmoc.structure.registers.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
 from lmoc.support.distinct import first_of_each
+from lmoc.support.indices import INDEX
 
 
-def assemble(
-    system: System,
-    layout: Layout,
-    programs: tuple[Program, Program],
-    states: np.ndarray,
-    quadratures: np.ndarray,
-    helpers: int,
-    notes: tuple,
-) -> Reduced:
-    """The reduced system.
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The equations of a system solved, before names and the way back are attached.
 
-    Parameters
+    Attributes
     ----------
-    programs : right-hand side and the rest, over the layout's registers and `helpers` more
+    rhs, rest : the programs, over the layout's registers and `helpers` more
     states, quadratures : registers of jets
+    guards, notes, nearby : as in `Reduced`
     """
+
+    system: System
+    layout: Layout
+    rhs: Program
+    rest: Program
+    states: np.ndarray
+    quadratures: np.ndarray
+    helpers: int
+    guards: tuple[Guard, ...]
+    notes: tuple[Diagnostic, ...]
+    nearby: np.ndarray | None
+
+
+def assemble(solved: Solved) -> Reduced:
+    """Return the reduced system."""
+    system, layout, helpers = solved.system, solved.layout, solved.helpers
+    states, quadratures = solved.states, solved.quadratures
     n, flat = system.normalized, system.flat
-    rhs, observe = programs
+    rhs, observe = solved.rhs, solved.rest
     register_of, back, named = way_back(system, layout, helpers)
     count = layout.count + helpers + len(named)
     rhs, observe, guesses = _with_guesses(system, layout, rhs, observe, count)
@@ -59,8 +72,9 @@ def assemble(
         rhs=rhs,
         observe=(*observe, *back),
         register_of=register_of,
-        guards=n.guards,
-        notes=(*n.notes, *notes),
+        guards=solved.guards,
+        notes=solved.notes,
+        nearby=solved.nearby,
         counts={
             "parts": _part_count(flat),
             "equations": flat.equation_count,
@@ -87,14 +101,14 @@ def _registers(
     system: System, layout: Layout, states: np.ndarray, quadratures: np.ndarray, helpers: int, named, count: int
 ) -> Registers:
     role = np.full(count, int(Role.COMPUTED), np.uint8)
-    variable, order = layout.jets()
+    variable, order = layout.jets
     kind = system.kind[variable]
     role[: layout.count][kind == INPUT] = Role.INPUT
     role[: layout.count][(kind != INPUT) & (kind != UNKNOWN)] = Role.KNOWN
     role[: layout.count][variable >= system.flat.count] = Role.DERIVED
     role[states], role[quadratures] = Role.STATE, Role.QUADRATURE
-    names = np.full(count, -1, np.int64)
-    orders = np.zeros(count, np.int64)
+    names = np.full(count, -1, INDEX)
+    orders = np.zeros(count, INDEX)
     names[: layout.count], orders[: layout.count] = names_of_jets(system, layout)
     at = layout.count + helpers
     names[at : at + len(named)] = named
@@ -123,7 +137,7 @@ def _with_guesses(system: System, layout: Layout, rhs: Program, observe: Program
 
 def _starts(system: System, layout: Layout, wanted: np.ndarray, first: int) -> tuple[np.ndarray, list[Apply]]:
     n = system.normalized
-    register = np.full(layout.count, -1, np.int64)
+    register = np.full(layout.count, -1, INDEX)
     steps: list[Apply] = []
     for a in system.flat.starts:
         hit = np.flatnonzero(system.column[n.root[a.target]] >= 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from lmoc.expression.dag import Expr, add, mul, neg, slot
@@ -11,6 +13,7 @@ from lmoc.structure.index.system import System
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.distinct import distinct_rows
+from lmoc.support.indices import INDEX, counted
 
 
 class Layout:
@@ -25,19 +28,21 @@ class Layout:
 
     def __init__(self, system: System, d: np.ndarray, highest_input: np.ndarray):
         self.system = system
-        width = np.ones(len(system.kind), np.int64)
+        width = np.ones(len(system.kind), np.int8)
         inputs = np.flatnonzero(highest_input >= 0)
         width[inputs] = highest_input[inputs] + 1
         width[system.kind == UNKNOWN] = 0
         width[system.variable] = d + 1
         self.width = width
-        self.base = np.concatenate([[0], np.cumsum(width)[:-1]])
-        self.count = int(width.sum())
+        self.base = np.zeros(len(width), INDEX)
+        np.cumsum(width[:-1], out=self.base[1:])
+        self.count = int(width.sum(dtype=np.int64))
 
+    @cached_property
     def jets(self) -> tuple[np.ndarray, np.ndarray]:
         """Extended variable and order of each register."""
-        variable = np.repeat(np.arange(len(self.width)), self.width)
-        return variable, np.arange(self.count) - self.base[variable]
+        variable = np.repeat(counted(0, len(self.width)), self.width)
+        return variable, counted(0, self.count) - np.repeat(self.base, self.width)
 
     def known_values(self, values: np.ndarray) -> np.ndarray:
         """Numbers for the registers of parameters, from those of extended variables; NaN elsewhere."""
@@ -48,7 +53,7 @@ class Layout:
 
     def inputs(self) -> np.ndarray:
         """(3, n): register, flat variable and order of each input jet."""
-        variable, order = self.jets()
+        variable, order = self.jets
         found = np.flatnonzero(self.system.kind[variable] == INPUT)
         return np.stack([found, variable[found], order[found]])
 
@@ -64,20 +69,22 @@ def names_of_jets(system: System, layout: Layout) -> tuple[np.ndarray, np.ndarra
     A derivative that has a name of its own goes by that: first by one of the same part (``mass.v`` for
     ``der(mass.q)``), then by one that is no connector's.
     """
-    variable, order = layout.jets()
+    variable, order = layout.jets
     flat, n = system.flat, system.normalized
-    variable = np.where(variable < flat.count, variable, -1)
+    variable, order = np.where(variable < flat.count, variable, -1), order.copy()
     exact = (n.factor == -1) & (n.offset == -1) & (n.order > 0) & (system.column[n.root] >= 0)
     found = np.flatnonzero(exact)
     if len(found):
-        part = flat.per_variable(lambda b: b.part, np.int64)
-        plain = flat.per_variable(lambda b: 2 * b.connector + b.protected, np.int64)
+        part = flat.per_variable(lambda b: b.part, INDEX)
+        plain = flat.per_variable(lambda b: 2 * b.connector + b.protected, np.int8)
         register = layout.register_behind(found)
-        rank = np.lexsort((found, plain[found], part[found] != part[n.root[found]], register))
-        ordered = register[rank]
-        first = np.ones(len(rank), bool)
-        first[1:] = ordered[1:] != ordered[:-1]
-        variable[ordered[first]], order[ordered[first]] = found[rank[first]], 0
+        rank = 4 * (part[found] != part[n.root[found]]) + plain[found]
+        # the best name of each register is the least of these numbers that begin with it
+        key = np.sort((register.astype(np.int64) << 3 | rank) << 31 | found)
+        register = key >> 34
+        first = np.ones(len(key), bool)
+        first[1:] = register[1:] != register[:-1]
+        variable[register[first]], order[register[first]] = key[first] & ((1 << 31) - 1), 0
     return variable, order
 
 
@@ -95,14 +102,13 @@ def way_back(system: System, layout: Layout, helpers: int) -> tuple[np.ndarray, 
     variable : the flat variable that names each of the new registers, which follow the helpers
     """
     n = system.normalized
-    every = np.arange(system.flat.count)
-    register_of = layout.register_behind(every)
+    register_of = layout.base[n.root] + n.order
     moved = np.flatnonzero((n.factor != -1) | (n.offset != -1))
     if not len(moved):
         return register_of, [], moved
     table = np.stack([register_of[moved], n.factor[moved], n.offset[moved]], axis=1)
     first, number = distinct_rows(table)
-    new = layout.count + helpers + np.arange(len(first))
+    new = counted(layout.count + helpers, layout.count + helpers + len(first))
     register_of[moved] = new[number]
     steps = []
     table = table[first]
