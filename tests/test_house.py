@@ -31,8 +31,6 @@ KNOWN = {
     frozenset({"lmoc.numerics.observe.energy", "lmoc.numerics.observe.trajectory"}),
     frozenset({"lmoc.semantics.classes.resolve", "lmoc.semantics.classes.scope"}),
     frozenset({"lmoc.report.files", "lmoc.report.plots", "lmoc.report.run", "lmoc.report.summary"}),
-    frozenset({"lmoc.symbolic.linearize", "lmoc.symbolic.notebook"}),
-    frozenset({"lmoc.symbolic.local", "lmoc.symbolic.motion"}),
 }
 FILES = {".".join(("lmoc", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in sorted(PACKAGE.rglob("*.py"))}
 

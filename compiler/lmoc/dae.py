@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -21,12 +22,21 @@ from lmoc.messages.source import Source
 from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed, starting_at
 from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
-from lmoc.symbolic.interface import SymbolicMethods
+from lmoc.symbolic import interface as derivations
+from lmoc.symbolic.places import Moment, Point, no_place
 
 if TYPE_CHECKING:
+    import sympy
+
     from lmoc.numerics.evaluate.functions import Functions
     from lmoc.numerics.simulate import Simulator
     from lmoc.report.run import Run
+    from lmoc.symbolic.equations import EquationsOfMotion
+    from lmoc.symbolic.equilibria import Equilibria
+    from lmoc.symbolic.equivalent import Equivalent
+    from lmoc.symbolic.linearize import LinearModel
+    from lmoc.symbolic.system import SymbolicSystem
+    from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
 
 
 def compile(
@@ -92,7 +102,7 @@ def _ends_at_start(failure: ModelError | SimulationError) -> bool:
     return failure.partial is not None and len(failure.partial.time) == 1
 
 
-class DAE(SymbolicMethods):
+class DAE:
     """A compiled scene. Made by `lmoc.compile`; parameters can be changed from run to run without compiling again.
 
     Attributes
@@ -293,6 +303,106 @@ class DAE(SymbolicMethods):
         from lmoc.numerics.evaluate.functions import casadi_functions
 
         return casadi_functions(self.reduced, self.values)
+
+    # ----------------------------------------------------------------- derivations
+
+    # All of them take `parameters`, {name: value} for this one derivation: a value of zero changes the equations.
+
+    def symbolic(self, variables: str | Sequence[str] = (), parameters: Point | None = None) -> SymbolicSystem:
+        """Return the solved system in SymPy, with the expressions of further variables; E0660 where there is none."""
+        from lmoc.symbolic.system import symbolic_system
+
+        prepared = self.prepare(parameters)
+        return symbolic_system(prepared.reduced, prepared.values, derivations.names_of(variables))
+
+    def symbolic_ode(self, parameters: Point | None = None) -> dict[str, sympy.Expr]:
+        """Return {state name: SymPy expression of its derivative}, keys as in `states`."""
+        return self.symbolic(parameters=parameters).ode
+
+    def equations(self, forces: bool = False, parameters: Point | None = None) -> EquationsOfMotion:
+        """Return the equations of motion as a person writes them, with the internal forces of ideal parts if asked."""
+        from lmoc.symbolic.equations import equations_of_motion
+
+        prepared = self.prepare(parameters)
+        return equations_of_motion(prepared.reduced, prepared.values, forces)
+
+    def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
+        """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`."""
+        return derivations.equilibria(self.prepare(parameters), inputs)
+
+    def linearize(
+        self,
+        at: float | Point | Run | None = None,
+        symbolic: bool = False,
+        inputs: Point | None = None,
+        outputs: str | Sequence[str] | None = None,
+        parameters: Point | None = None,
+    ) -> LinearModel:
+        """Return the linear model A, B, C, D.
+
+        Parameters
+        ----------
+        at : where: a time of the default run, a point {name: value} of states (an `Equilibrium` is one) and inputs, or
+            a `Run`, for its last point with its parameter values; by default the equilibrium
+        symbolic, inputs, outputs : as in `lmoc.symbolic.interface.linearize`, with its errors
+        """
+        prepared, place = self._place(at, parameters)
+        return derivations.linearize(prepared, place, symbolic, inputs, outputs)
+
+    def transfer_function(
+        self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
+    ) -> TransferFunction:
+        """Return the transfer function from an input to any variable, a rational expression in ``Symbol("s")``.
+
+        The result can be used as the SymPy expression; it also has `poles`, `zeros`, `gain`, `cancelled`.
+
+        Parameters
+        ----------
+        u, y : names of a top-level input and of a variable
+        at : where a nonlinear scene is taken, as in `linearize`; by default its equilibrium without inputs
+        """
+        prepared, place = self._place(at, parameters)
+        return derivations.transfer_function(prepared, u, y, place)
+
+    def input_output_equation(
+        self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
+    ) -> InputOutputEquation:
+        """Return ``left(p)·y = right(p)·u`` with p = d/dt; the pair (left, right), which prints as an equation."""
+        return self.transfer_function(u, y, parameters, at).input_output_equation
+
+    def equivalent(self, port: str, other: str | None = None, parameters: Point | None = None) -> Equivalent:
+        """Return the equivalent stiffness, damping and inertia seen at a port, against another one or the ground."""
+        from lmoc.symbolic.equivalent import equivalent
+
+        prepared = self.prepare(parameters)
+        return equivalent(prepared.flat, prepared.values, port, other)
+
+    def _place(self, at: object, parameters: Point | None) -> tuple[Prepared, Moment | Point | None]:
+        """The scene, and where it is to be linear."""
+        from lmoc.report.run import Run
+
+        if isinstance(at, Real):
+            at = self._until(float(at), parameters)
+        if isinstance(at, Run):
+            reduced = at.reduced
+            prepared = (
+                self.prepare(parameters)
+                if parameters
+                else Prepared(reduced.flat, reduced, at.trajectory.observer.values)
+            )
+            names = (*reduced.state_names, *prepared.inputs)
+            return prepared, Moment(float(at.time[-1]), {name: float(at[name][-1]) for name in names})
+        if at is not None and not isinstance(at, Mapping):
+            expected = "a time, {name: value}, an equilibrium or a run"
+            raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
+        return self.prepare(parameters), at
+
+    def _until(self, time: float, parameters: Point | None) -> Run:
+        """The default run until a time."""
+        start = self.flat.experiment.start or 0.0
+        if time < start:
+            raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about")
+        return self.simulate(times=sorted({start, time}), parameters=parameters)
 
     def prepare(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
         """Return the flat model, its reduction and the parameter values for other parameters; what was redone as notes.

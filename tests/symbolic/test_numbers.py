@@ -296,3 +296,51 @@ def test_a_root_found_in_numbers_comes_with_numbers_only():
     q, r = float(rest["m.q"]), float(rest["m2.q"])
     assert 9.81 - 3 * (q - 0.1) ** 3 + 2 * (r - q) == pytest.approx(0, abs=1e-9)
     assert -2 * (r - q) - r**3 == pytest.approx(0, abs=1e-9)
+
+
+DRIVEN = """
+model Driven
+  parameter Real F0(unit="N") = 3;
+  input Real u(unit="N");
+  Mass m(m = 2); Spring s(k = 8); Fixed w; Force f(f = u);
+equation
+  connect(w.flange, s.a); connect(s.b, m.flange); connect(f.flange, m.flange);
+end Driven;
+"""
+
+
+@pytest.mark.parametrize("text", ["__import__('os').system('touch executed')", "open('executed', 'w')", "u.x", "time"])
+def test_text_is_never_executed(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    dae = lmoc.compile_text(DRIVEN)
+    for ask in (
+        lambda: dae.equilibria(inputs={"u": text}),
+        lambda: dae.linearize(inputs={"u": text}),
+        lambda: dae.linearize(at={"m.q": text}),
+        lambda: dae.linearize(at={"m.q": text}, symbolic=True),
+        lambda: dae.transfer_function("u", "m.q", at={"m.q": text}),
+        lambda: dae.equations().about({"m.q": text}),
+    ):
+        with pytest.raises(ModelError):
+            ask()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_text_is_a_formula_of_the_language():
+    dae = lmoc.compile_text(DRIVEN)
+    (rest,) = dae.equilibria(inputs={"u": "F0*sin(pi/2) + 5"})
+    assert rest["m.q"].subs({"F0": 3, "s.k": 8}) == 1
+    assert dae.linearize(at={"m.q": "F0/2", "u": "12"}).point == {"m.q": 1.5, "m.v": 0.0, "u": 12.0}
+
+
+@pytest.mark.parametrize("value", [None, [1.0], {"a": 1}])
+def test_values_that_are_no_numbers(value):
+    with pytest.raises(ModelError, match="'u' does not fit"):
+        lmoc.compile_text(DRIVEN).equilibria(inputs={"u": value})
+
+
+def test_one_name_is_enough():
+    dae = lmoc.compile_text(DRIVEN)
+    assert dae.linearize(outputs="m.q").outputs == ["m.q"]
+    assert dae.linearize(outputs="m.q", symbolic=True).outputs == ["m.q"]
+    assert list(dae.symbolic("s.f").variables) == ["s.f"]

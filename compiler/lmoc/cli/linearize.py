@@ -34,7 +34,7 @@ MOST_COLUMNS = 8  # coordinates in the table of modes
 def configure(parser: Parser) -> None:
     add_symbol_arguments(parser)
     add = parser.add_argument
-    add_place_arguments(parser, "a time of the default run, or ")
+    add_place_arguments(parser)
     add("--input", type=assignment(number), metavar="U=VALUE", action="append", default=[],
         help="constant value of an input at the equilibrium; may be repeated")  # fmt: skip
     add("--output", metavar="NAME", action="append", default=[], help="a variable as output; may be repeated")

@@ -22,12 +22,11 @@ def add_symbol_arguments(parser: Parser) -> None:
     add_states_argument(parser)
 
 
-def add_place_arguments(parser: Parser, moment: str = "") -> None:
+def add_place_arguments(parser: Parser) -> None:
     """--at and --equilibrium: where to be linear."""
     add = parser.add_argument
-    kind = "TIME|NAME=VALUE" if moment else "NAME=VALUE"
-    add("--at", metavar=kind, action="append", default=[],
-        help=f"{moment}the value of a state or input; may be repeated. By default the equilibrium")  # fmt: skip
+    add("--at", metavar="TIME|NAME=VALUE", action="append", default=[],
+        help="a time of the default run, or the value of a state or input; may be repeated. By default the equilibrium")  # fmt: skip
     add("--equilibrium", metavar="N", type=ordinal, help="the N-th of those that `lmoc equilibria` lists")
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.cli.arguments import Parser, UsageError
+from lmoc.cli.arguments import Parser
 from lmoc.cli.progress import working
 from lmoc.cli.symbols import add_place_arguments, add_symbol_arguments, compiled, complex_numbers, number, place
-from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.messages.diagnostics import ModelError
 
 if TYPE_CHECKING:
     from lmoc.dae import DAE
@@ -36,10 +36,7 @@ def configure(parser: Parser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
     with working("transfer function"):
-        at = place(dae, arguments, {})
-        if isinstance(at, float):
-            raise UsageError([Diagnostic("E0621", f"--at: expected name=value, found '{arguments.at[0]}'")])
-        found = dae.transfer_function(arguments.input, arguments.output, at=at)
+        found = dae.transfer_function(arguments.input, arguments.output, at=place(dae, arguments, {}))
     _draw(found, dae, arguments)
     if arguments.json:
         print(json.dumps(as_data(found), indent=2, ensure_ascii=False))

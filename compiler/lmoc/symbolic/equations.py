@@ -13,6 +13,7 @@ from lmoc.symbolic.notation import Formula, Notation, told
 from lmoc.symbolic.sorting import Equation, gathered, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, symbolic_system
+from lmoc.symbolic.values import exactly
 
 if TYPE_CHECKING:
     import sympy
@@ -149,12 +150,12 @@ class EquationsOfMotion:
             rename[e.coordinate.name] = _delta(e.coordinate.name)
             for n in range(e.order + 1):
                 new = jet_symbol(rename[e.coordinate.name], n)
-                rest = equilibrium.get(e.coordinate.name, sp.S.Zero) if n == 0 else sp.S.Zero
+                rest = exactly(equilibrium.get(e.coordinate.name, 0)) if n == 0 else sp.S.Zero
                 shift[jet_symbol(e.coordinate.name, n)] = new + rest
         for name, value in (inputs or {}).items():
             if value != 0:
                 rename[name] = _delta(name)
-                shift[sp.Symbol(name)] = sp.Symbol(rename[name]) + sp.sympify(value)
+                shift[sp.Symbol(name)] = sp.Symbol(rename[name]) + exactly(value)
         others = set(self.notation.late) - set(self.coordinates) - set(inputs or {})
         zero = {sp.Symbol(n): sp.S.Zero for n in others}
         jets = {jet_symbol(rename[e.coordinate.name], n) for e in self.equations for n in range(e.order + 1)}

@@ -18,6 +18,7 @@ from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
 from lmoc.symbolic.roots import Root, closed_roots, scan, search
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, time_stands_in_it
+from lmoc.symbolic.values import exactly
 
 if TYPE_CHECKING:
     import sympy
@@ -161,15 +162,6 @@ def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) ->
         else:
             conditions.append(balance)
     return left, conditions
-
-
-def exactly(value) -> sympy.Expr:
-    """A number as the fraction that a person meant, an expression as it is."""
-    import sympy as sp
-
-    from lmoc.expression.to_sympy import exact
-
-    return exact(value) if isinstance(value, (int, float)) else sp.sympify(value)
 
 
 def _finished(system, root: Root, at_rest, given, nonlinear: bool, about: LinearAbout) -> Equilibrium:

@@ -16,10 +16,12 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.replacing import replace_file
+from lmoc.symbolic.notebook import MOST_SHOWN, matrices_html
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.stability import Spectrum, spectrum, stability
 from lmoc.symbolic.system import SymbolicSystem, refuse
+from lmoc.symbolic.values import exactly, no_value
 
 if TYPE_CHECKING:
     import sympy
@@ -203,9 +205,19 @@ class LinearModel:
         return f"<LinearModel: {sizes}; {'in symbols' if self.symbolic else self.stability}>"
 
     def _repr_html_(self) -> str:
-        from lmoc.symbolic.notebook import linear_model
+        """What a notebook shows: of a small model the matrices that are not zero."""
+        title = repr(self).strip("<>")
+        if max(len(self.states), len(self.inputs), len(self.outputs)) > MOST_SHOWN:
+            return matrices_html(title, ())
+        named = [("A", self.A, self.states, self.states)]
+        named += [(f"B{k or ''}", B, self.states, self._jets(k)) for k, B in enumerate(self.Bs)]
+        named += [("C", self.C, self.outputs, self.states)]
+        named += [(f"D{k or ''}", D, self.outputs, self._jets(k)) for k, D in enumerate(self.Ds)]
+        return matrices_html(title, named)
 
-        return linear_model(self)
+    def _jets(self, order: int) -> list[str]:
+        """Names of the inputs' derivatives of an order."""
+        return [f"{'der(' * order}{u}{')' * order}" for u in self.inputs]
 
     def save(self, path: str | Path) -> None:
         """Write the `arrays` into a file, .mat (MATLAB, names as cell arrays) or .npz.
@@ -257,7 +269,7 @@ def linearize(
 
     outputs = dict(system.outputs if outputs is None else outputs) or {s.name: s for s in system.states}
     f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
-    here = {x: sp.sympify(v) for x, v in (point or {}).items()}
+    here = {x: exactly(v) for x, v in (point or {}).items()}
     here = {d: sp.S.Zero for u in system.inputs for d in system.jets(u)[1:]} | here
     if not symbolic:
         _check_values(f.free_symbols | h.free_symbols, system)
@@ -330,15 +342,3 @@ def _check_values(symbols: set, system: SymbolicSystem) -> None:
     missing = symbols & {s for s, v in system.values.items() if np.isnan(v)}
     if missing:
         raise no_value(sorted(s.name for s in missing))
-
-
-def no_value(missing: list[str]):
-    return ModelError(
-        [
-            Diagnostic(
-                "E0662",
-                f"no value for {', '.join(missing)}",
-                hint="give it in the model or with `--set name=value`, or ask for the symbolic form",
-            )
-        ]
-    )

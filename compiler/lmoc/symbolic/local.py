@@ -14,12 +14,11 @@ from lmoc.expression.dag import slots
 from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Group, Kind
 from lmoc.symbolic.elimination import Elimination, eliminate
+from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.slope import slope
 
 if TYPE_CHECKING:
     import sympy
-
-    from lmoc.symbolic.motion import Kinematics
 
 BALANCES = ("connection", "ledger")
 

@@ -20,6 +20,7 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError
+from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import Interpreter, Outline, SymbolicSystem, jet_symbol, symbolic_system
@@ -55,62 +56,6 @@ class Motion:
     balanced: bool
     own_names: Mapping[str, str] = field(default_factory=dict)
     values: Mapping[sympy.Symbol, float] = field(default_factory=dict)
-
-
-class Kinematics:
-    """Known motion: parameters, inputs, states and potentials, in jets of the coordinates."""
-
-    def __init__(self, interpreter: Interpreter, system: Outline, potentials: list[int]):
-        reduced = interpreter.reduced
-        self.interpreter = interpreter
-        self.coordinates = [system.states[q] for q, _ in system.coordinates]
-        self.orders = [2 if v >= 0 else 1 for _, v in system.coordinates]
-        self._velocity = {
-            system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0
-        }
-        self._quadrature = self._quadratures(reduced)
-        registers = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
-        held = {int(reduced.registers.variable[r]) for r in registers if reduced.registers.order[r] == 0}
-        interpreter.fill([int(reduced.register_of[v]) for v in potentials if reduced.register_of[v] >= 0])
-        self.known = held | set(potentials)
-
-    def _quadratures(self, reduced: Reduced) -> dict:
-        names = [self.interpreter.w[int(r)] for r in reduced.quadratures]
-        rates = [int(r) for r in reduced.quadrature_derivatives]
-        self.interpreter.fill(rates)
-        return {z: self._in_jets(self.interpreter.w[r]) for z, r in zip(names, rates, strict=True)}
-
-    def _in_jets(self, value: sympy.Expr) -> sympy.Expr:
-        return value.xreplace(self._velocity)
-
-    def value(self, variable: int) -> sympy.Expr:
-        flat = self.interpreter.reduced.flat
-        if flat.kind[variable] == Kind.INPUT:
-            return jet_symbol(flat.variable_name(variable), 0)
-        return self._in_jets(self.interpreter.variable(variable))
-
-    def rate(self, value: sympy.Expr) -> sympy.Expr:
-        """Total time derivative."""
-        import sympy as sp
-
-        terms = [slope(value, x) * self._rate_of(x) for x in sorted(value.free_symbols, key=lambda s: s.name)]
-        return sp.Add(*terms)
-
-    def _rate_of(self, x: sympy.Symbol) -> sympy.Expr:
-        import sympy as sp
-
-        if x in self._quadrature:
-            return self._quadrature[x]
-        if x.name == "time":
-            return sp.S.One
-        base = x.name
-        order = 0
-        while base.startswith("der("):
-            base, order = base[4:-1], order + 1
-        symbol = sp.Symbol(base)
-        if symbol in self.coordinates or symbol in self.interpreter.input_symbols:
-            return jet_symbol(base, order + 1)
-        return sp.S.Zero
 
 
 def derive(reduced: Reduced, values: np.ndarray, forces: bool = False) -> tuple[Motion, Outline]:

@@ -1,37 +1,24 @@
-"""What a notebook shows of a linear model."""
+"""HTML for notebooks: matrices with names at their rows and columns."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from lmoc.symbolic.linearize import LinearModel, Matrix
+MOST_SHOWN = 12  # states, inputs or outputs of a model whose matrices are shown
 
-_MOST_SHOWN = 12  # states, inputs or outputs of a model whose matrices are shown
-
-
-def linear_model(model: LinearModel) -> str:
-    """HTML of what there is and, of a small model, the matrices that are not zero."""
-    title = f"<p><b>{escape(repr(model).strip('<>'))}</b></p>"
-    if max(len(model.states), len(model.inputs), len(model.outputs)) > _MOST_SHOWN:
-        return title
-    shown = [_table("A", model.A, model.states, model.states)]
-    shown += [_table(f"B{k or ''}", B, model.states, _jets(model, k)) for k, B in enumerate(model.Bs)]
-    shown += [_table("C", model.C, model.outputs, model.states)]
-    shown += [_table(f"D{k or ''}", D, model.outputs, _jets(model, k)) for k, D in enumerate(model.Ds)]
-    return title + "".join(shown)
+Named = tuple[str, Any, Sequence[str], Sequence[str]]  # title, numpy or sympy matrix, names of rows, of columns
 
 
-def _jets(model: LinearModel, order: int) -> list[str]:
-    """Names of the inputs' derivatives of an order."""
-    return ["der(" * order + u + ")" * order for u in model.inputs]
+def matrices_html(title: str, matrices: Iterable[Named]) -> str:
+    """Return HTML of a title and of the matrices that are not zero."""
+    return f"<p><b>{escape(title)}</b></p>" + "".join(_table(*named) for named in matrices)
 
 
-def _table(title: str, matrix: Matrix, rows: Sequence[str], columns: Sequence[str]) -> str:
+def _table(title: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:
     """A matrix with names at its rows and columns; nothing where all of it is zero."""
     entries = matrix.tolist()
     if not any(e != 0 for row in entries for e in row):

@@ -16,8 +16,9 @@ from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.simulate import sources_without_value
 from lmoc.structure.messages.equations import listed
-from lmoc.symbolic.linearize import LinearModel, no_value
+from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.system import coordinates_of, time_stands_in_it
+from lmoc.symbolic.values import no_value
 
 if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibria

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.symbolic.slope import slope
+from lmoc.symbolic.values import no_value
 
 if TYPE_CHECKING:
     import sympy
@@ -96,8 +97,6 @@ def _angles(equation: sympy.Expr, x: sympy.Symbol) -> list[Root]:
 
 
 def _with_numbers(equations: list, unknowns: list, system: SymbolicSystem) -> list:
-    from lmoc.symbolic.linearize import no_value
-
     done = [e.xreplace(system.numbers) for e in equations]
     missing = sorted({s.name for e in done for s in e.free_symbols - set(unknowns)})
     if missing:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from lmoc.symbolic.names import base_of
 from lmoc.symbolic.notation import Formula, Notation, join_terms
+from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.styles import Style
 from lmoc.symbolic.system import jet_symbol
 
@@ -116,16 +117,16 @@ def lowest(value: sympy.Expr) -> sympy.Expr:
 
     if value.is_Number or value.is_Symbol:
         return value
-    cancelled = sp.cancel(value)
-    top, bottom = sp.fraction(cancelled)
+    plain = cancelled(value)
+    top, bottom = sp.fraction(plain)
     top = sp.expand(top)
-    forms = [sp.factor_terms(cancelled)]
+    forms = [sp.factor_terms(plain)]
     if top.is_Add:
         alone = [x for x in top.free_symbols if sp.degree(top, x) == 1]
         forms.append(sp.collect(top, alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
     if bottom.is_Add or top.is_Add and len(top.args) <= MOST_FACTORED:
-        forms.append(sp.factor(cancelled))
-    shortest = min((cancelled, *forms), key=lambda e: (e.count_ops(), e.is_Add, len(sp.sstr(e))))
+        forms.append(sp.factor(plain))
+    shortest = min((plain, *forms), key=lambda e: (e.count_ops(), e.is_Add, len(sp.sstr(e))))
     return _sign_inside(shortest)
 
 
@@ -201,7 +202,7 @@ def _without_denominators(terms: list[Term], clear_all: bool) -> list[Term]:
 
     if not terms:
         return terms
-    parts = [sp.fraction(sp.cancel(c)) for c, _ in terms]
+    parts = [sp.fraction(cancelled(c)) for c, _ in terms]
     plain = sp.lcm_list([_plain_factors(d) for _, d in parts])
     full = sp.lcm_list([sp.Mul(*(f for f in sp.Mul.make_args(sp.factor(d)) if not f.is_Number)) for _, d in parts])
     shared = sp.gcd_list([_plain_factors(n) for n, _ in parts]) if plain == 1 else sp.S.One

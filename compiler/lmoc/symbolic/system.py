@@ -128,14 +128,23 @@ def jet_symbol(name: str, order: int) -> sympy.Symbol:
 def _check_size(reduced: Reduced) -> None:
     count, states = reduced.flat.equation_count, len(reduced.states)
     if count > MOST_EQUATIONS or states > MOST_STATES:
-        raise refuse(
+        raise no_symbols(
             f"{reduced.flat.name or 'the model'} has {count} equations and {states} states: too many for symbols",
             hint="a linear model in numbers has no such limit: `lmoc linearize`",
         )
 
 
+class NoSymbolsError(ModelError):
+    """Symbols give no answer, or a too long one; numbers may."""
+
+
+def no_symbols(message: str, hint: str = "") -> NoSymbolsError:
+    """Return the error for what symbols cannot do, though numbers may."""
+    return NoSymbolsError([Diagnostic("E0660", message, hint=hint)])
+
+
 def refuse(message: str, hint: str = "") -> ModelError:
-    """The error for what symbols cannot do."""
+    """Return the error for what neither symbols nor numbers can do, or what does not exist."""
     return ModelError([Diagnostic("E0660", message, hint=hint)])
 
 
@@ -306,7 +315,7 @@ class Interpreter:
 
     def _no_closed_form(self, unknowns: list[int]) -> ModelError:
         names = ", ".join(self.reduced.register_name(r) for r in unknowns[:4])
-        return refuse(
+        return no_symbols(
             f"the implicit equations for {names} have no solution in closed form",
             hint="prefer other coordinates (stateSelect, --states); `lmoc linearize` works in numbers",
         )

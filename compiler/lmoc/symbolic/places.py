@@ -1,0 +1,123 @@
+"""Points about which a scene is made linear: given by names, by a moment of a run, or the equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc.ir.prepared import Prepared
+from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.symbolic.values import exactly, no_value
+
+if TYPE_CHECKING:
+    import sympy
+
+    from lmoc.symbolic.equilibria import Equilibrium
+
+Point = Mapping[str, Any]
+HOW_TO_CHOOSE = "say where, as `--at name=value` or `at={name: value}`"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A point of a run.
+
+    Attributes
+    ----------
+    time : s
+    values : {name: number} of states and inputs
+    """
+
+    time: float
+    values: Mapping[str, float]
+
+
+def no_place(message: str, **more: str) -> ModelError:
+    """Return the error for a point that there is not, E0663."""
+    return ModelError([Diagnostic("E0663", message, **more)])
+
+
+def check_names(given: Point, known: Sequence[str]) -> None:
+    """Raise E0661 for a name that is not among the states and inputs."""
+    for name in given:
+        if name not in known:
+            hint = nearest(name, known)
+            raise ModelError([Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=hint)])
+
+
+def with_inputs(at: Point | None, inputs: Point) -> dict[str, Any]:
+    """Return a point with the inputs that an equilibrium was found for."""
+    own = {u.name: value for u, value in getattr(at, "inputs", {}).items()}
+    return {**(at or {}), **own, **inputs}
+
+
+def at_moment(moment: Moment, inputs: Point) -> dict[str, float]:
+    """Return states and inputs at a moment of a run, whose own inputs act."""
+    if inputs:
+        hint = "leave the values of the inputs out, or say where by a point {state: value}"
+        raise no_place("at a time of the run its own inputs act", hint=hint)
+    return dict(moment.values)
+
+
+def numbers(prepared: Prepared, point: Point) -> dict[str, float]:
+    """Return a point as numbers: expressions in parameters by their values, a free state of a family as zero.
+
+    Raises
+    ------
+    ModelError
+        E0661 for a symbol that is no parameter, E0662 for one without a value.
+    """
+    return {name: number(prepared, value, set(point)) for name, value in point.items()}
+
+
+def number(prepared: Prepared, value: object, free: set[str]) -> float:
+    """Return a number or an expression in parameters as a number; the names in `free` count as zero."""
+    if isinstance(value, Real):
+        return float(value)
+    import sympy as sp
+
+    expression = exactly(value)
+    known = {s: sp.S.Zero for s in expression.free_symbols if s.name in free}
+    for s in expression.free_symbols - known.keys():
+        found = prepared.flat.find(s.name)
+        if found is None or len(found) != 1:
+            raise ModelError([Diagnostic("E0661", f"there is no parameter '{s.name}'")])
+        if np.isnan(prepared.values[found[0]]):
+            raise no_value([s.name])
+        known[s] = sp.Float(float(prepared.values[found[0]]), 17)
+    return float(expression.subs(known))
+
+
+def only(found: Sequence[Equilibrium]) -> Equilibrium:
+    """Return the one equilibrium there is, a family being one.
+
+    Raises
+    ------
+    ModelError
+        E0663 where there is none, or several.
+    """
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise no_place("there is no equilibrium to be linear about", hint=HOW_TO_CHOOSE)
+    shown = "; ".join(f"({i}) {told(e)}" for i, e in enumerate(found, 1))
+    hint = f"choose one, `--equilibrium 1` or in Python `at=dae.equilibria()[0]`; or {HOW_TO_CHOOSE}"
+    raise no_place(f"there is not one equilibrium to be linear about, but {len(found)}", found=shown, hint=hint)
+
+
+def told(e: Equilibrium) -> str:
+    """Return the coordinates of an equilibrium that are not zero, in words."""
+    values = {n: f"{float(v):.6g}" if v.is_Float else str(v) for n, v in e.items()}
+    free = {s.name for s in e.free}
+    return ", ".join(f"{n} any" if n in free else f"{n} = {v}" for n, v in values.items() if v != "0") or "all states 0"
+
+
+def values_by_symbol(point: Point) -> dict[sympy.Symbol, sympy.Expr]:
+    """Return {Symbol: exact value} of a point."""
+    import sympy as sp
+
+    return {sp.Symbol(name): exactly(value) for name, value in point.items()}
