@@ -26,7 +26,7 @@ def add_place_arguments(parser: Parser) -> None:
     """--at and --equilibrium: where to be linear."""
     add = parser.add_argument
     add("--at", metavar="TIME|NAME=VALUE", action="append", default=[],
-        help="a time of the default run, or the value of a state or input (repeated). By default the equilibrium")  # fmt: skip
+        help="a time of the default run, or values of states and inputs; by default the equilibrium")
     add("--equilibrium", metavar="N", type=ordinal, help="the N-th of those that `lmoc equilibria` lists")
 
 
