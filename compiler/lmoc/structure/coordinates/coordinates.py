@@ -85,8 +85,12 @@ def determined_at_start(tied: Tied, c: np.ndarray, d: np.ndarray, choice: Choice
         shared = _sharing(part)
         alone = ~shared[part.row]
         lost = alone & np.isin(part.column, columns) & (part.share <= VANISHING)
+        if lost.any():
+            return False
         rest = part.take(~alone)
-        if lost.any() or len(_pivots(rest, rest.at_start, [(columns, VANISHING)])) < np.count_nonzero(shared):
+        size = largest_in_row(rest.row, np.abs(rest.at_start))
+        among = rest.take(np.isin(rest.column, columns))  # the others only tell the sizes: they would fill the rows
+        if len(_pivots(among, among.at_start, [(columns, VANISHING)], size)) < np.count_nonzero(shared):
             return False
     return True
 
@@ -151,14 +155,17 @@ def _eliminate(tied: Tied, rank: np.ndarray, wish: np.ndarray) -> dict[int, int]
     columns = columns[np.argsort(rank[columns])]
     level = wish[columns]
     free, marked, known = columns[level == Wish.NONE], columns[level == Wish.MARKED], columns[level < Wish.ASKED]
-    pivots = _pivots(tied, tied.at_start, [(free, SAFE_SHARE), (free, VANISHING), (marked, VANISHING)])
+    passes = [(some, share) for some in (free, marked) for share in (SAFE_SHARE, VANISHING)]
+    pivots = _pivots(tied, tied.at_start, passes)
     if len(pivots) == len(distinct(tied.row)):
         return pivots
     chosen = np.array(list(pivots.values()), np.int64)
     return _pivots(tied, tied.value, [(chosen, ROUNDOFF), (known, ROUNDOFF), (columns, ROUNDOFF)])
 
 
-def _pivots(tied: Tied, values: np.ndarray, passes: list[tuple[np.ndarray, float]]) -> dict[int, int]:
+def _pivots(
+    tied: Tied, values: np.ndarray, passes: list[tuple[np.ndarray, float]], size: np.ndarray | None = None
+) -> dict[int, int]:
     """Gaussian elimination column by column; returns {row: column} of the pivots.
 
     Parameters
@@ -166,6 +173,7 @@ def _pivots(tied: Tied, values: np.ndarray, passes: list[tuple[np.ndarray, float
     values : (nnz,) numbers of the entries
     passes : columns in the order in which they are tried, with the least share of the row that they must have there
         where they change along the motion
+    size : (rows,) the largest entry of each row; of those in `tied` by default
     """
     rows: dict[int, dict[int, float]] = {}
     column_rows: dict[int, set[int]] = {}
@@ -178,6 +186,8 @@ def _pivots(tied: Tied, values: np.ndarray, passes: list[tuple[np.ndarray, float
             column_rows.setdefault(c, set()).add(r)
             steady[c] = steady.get(c, True) and constant
     scale = {r: max(map(abs, row.values())) or 1.0 for r, row in rows.items()}
+    if size is not None:
+        scale = {r: float(size[r]) for r in rows}
     pivots: dict[int, int] = {}
     taken: set[int] = set()
     for columns, share in passes:

@@ -2,7 +2,8 @@
 
 Rows and columns with one entry are matched first, again and again (Karp and Sipser 1981): no maximum matching is lost,
 and little is left in practice. What remains is matched along augmenting paths (Hopcroft and Karp 1973, in SciPy) or,
-where it is small, by a depth-first search of our own (Kuhn 1955), so that small models do without SciPy.
+where it is small, by depth-first searches of our own (Pothen and Fan, ACM Trans. Math. Softw. 16, 1990), so that small
+models do without SciPy.
 """
 
 from __future__ import annotations
@@ -80,16 +81,23 @@ def _hopcroft_karp(incidence: Incidence) -> np.ndarray:
 
 
 def _search(incidence: Incidence) -> np.ndarray:
-    """Augmenting paths by depth-first search with an explicit stack."""
+    """Augmenting paths by depth-first search, in phases: within one no column is visited twice."""
     start, column = incidence.start.tolist(), incidence.column.tolist()
     neighbours = [column[a:b] for a, b in zip(start, start[1:], strict=False)]
     owner = [-1] * incidence.columns
+    roots = []
     for root in range(incidence.rows):
         free = next((c for c in neighbours[root] if owner[c] < 0), None)
         if free is not None:
             owner[free] = root
         else:
-            _augment(root, neighbours, owner)
+            roots.append(root)
+    found = True
+    while found:  # a phase without success has seen all that can be reached
+        seen: set[int] = set()
+        left = [root for root in roots if not _augment(root, neighbours, owner, seen)]
+        found = len(left) < len(roots)
+        roots = left
     match = np.full(incidence.rows, -1, INDEX)
     for c, r in enumerate(owner):
         if r >= 0:
@@ -97,8 +105,8 @@ def _search(incidence: Incidence) -> np.ndarray:
     return match
 
 
-def _augment(root: int, neighbours: list[list[int]], owner: list[int]) -> None:
-    seen: set[int] = set()
+def _augment(root: int, neighbours: list[list[int]], owner: list[int], seen: set[int]) -> bool:
+    """Match a free row along an augmenting path through columns not seen yet; False where there is none."""
     path: list[tuple[int, int]] = []  # (row, the column it asks for)
     stack = [(root, iter(neighbours[root]))]
     while stack:
@@ -114,5 +122,6 @@ def _augment(root: int, neighbours: list[list[int]], owner: list[int]) -> None:
         if owner[asked] < 0:
             for r, c in path:
                 owner[c] = r
-            return
+            return True
         stack.append((owner[asked], iter(neighbours[owner[asked]])))
+    return False
