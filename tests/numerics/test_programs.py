@@ -16,7 +16,6 @@ from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.native.kernel import Kernel
 from lmoc.numerics.evaluate.newton import Newton
 from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
-from lmoc.numerics.signals import spline
 
 sin, cos = (lambda x, n=n: dag.function(n, x) for n in ("sin", "cos"))
 
@@ -194,27 +193,6 @@ def test_newton_is_damped_where_it_must_be():
 
     solution = newton.solve(residual, slope, np.array([[9.0], [30.0]]))
     assert solution == pytest.approx(np.array([[1.0], [-2.0]]), abs=1e-12)
-
-
-def test_spline_is_exact_for_cubics_and_smooth():
-    knots = np.array([0.0, 0.3, 1.0, 1.2, 2.0, 3.5])
-    cubic = np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.25])
-    t = np.linspace(0, 3.5, 57)
-    curve = spline.fit(knots, cubic(knots))
-    for order in range(3):
-        assert curve(t, order) == pytest.approx(cubic.deriv(order)(t) if order else cubic(t), abs=1e-11)
-    rough = spline.fit(knots, np.array([0.0, 1.0, -1.0, 2.0, 0.0, 1.0]))
-    for order in range(3):
-        assert rough(knots[1:-1] - 1e-9, order) == pytest.approx(rough(knots[1:-1] + 1e-9, order), abs=1e-5)
-    assert rough([-1.0, 9.0]) == pytest.approx([0.0, 1.0]) and rough([-1.0, 9.0], 1).tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("points", [2, 3, 4])
-def test_spline_through_few_points(points):
-    knots = np.arange(points) * 1.0
-    polynomial = np.polynomial.Polynomial(np.arange(1.0, points + 1))
-    t = np.linspace(0, points - 1, 9)
-    assert spline.fit(knots, polynomial(knots))(t) == pytest.approx(polynomial(t), abs=1e-12)
 
 
 ODD = [-2.0, -0.5, 0.0, 0.5, 3.0, math.inf, math.nan]

@@ -15,6 +15,7 @@ from lmoc.ir.program import Apply, Program, Solve, needed_steps, program_rows, r
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, gives
+from lmoc.numerics.signals.tables import Table
 
 Made = TypeVar("Made")
 
@@ -199,7 +200,7 @@ class _Inputs:
             self.constants.append((register, variable if order == 0 else -1))
         elif not gives(signal, order):
             self.absent.append(register)
-            _report_rough(self.reduced, variable, order, required, report)
+            _report_rough(self.reduced, variable, order, required, isinstance(signal, Table), report)
         elif isinstance(signal, Formula):
             self.formulas.setdefault(signal.derivative(order), []).append((register, signal.variables))
             if order and signal.kinked:
@@ -239,7 +240,7 @@ def _report_unbound(reduced: Reduced, variable: int, report: Report) -> None:
     )
 
 
-def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, report: Report) -> None:
+def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, table: bool, report: Report) -> None:
     flat = reduced.flat
     jet = flat.jet_name(variable, order)
     name = flat.variable_name(variable)
@@ -249,7 +250,9 @@ def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, r
             f"the signal of input '{name}' does not give its derivative {jet}",
             flat.block_at(variable).span,
             expected=f"a signal with {order} derivative{'s' * (order > 1)}: it prescribes a motion",
-            hint="a formula in time has all derivatives, a table two, a callable those of its method derivative(n)",
+            hint="a table has two derivatives, and none where a time stands twice: there its values jump"
+            if table
+            else "a formula in time has all derivatives, a table two, a callable those of its method derivative(n)",
         )
     else:
         span = flat.block_at(variable).span

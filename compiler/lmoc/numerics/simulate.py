@@ -25,7 +25,7 @@ from lmoc.numerics.observe.trajectory import Observer, Recorder, Trajectory, fin
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
-from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
+from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, break_times, gives, note_held_ends
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
 from lmoc.semantics.parameter_checks import given_without_value
@@ -91,7 +91,7 @@ class Simulator:
         values = self.reduced.values if values is None else values
         report = Report()
         times = check_options(options, self.reduced, report)
-        signals = bind_signals(self.reduced.flat, inputs, report)
+        signals = bind_signals(self.reduced.flat, inputs, report, self.reduced.inputs[1:])
         report.check()
         note_held_ends(signals, self.reduced.flat, times, report)
         plan, system = self.system(signals, options.energy, report)
@@ -227,9 +227,11 @@ class _Run:
         options, experiment = self.options, self.plan.reduced.flat.experiment
         rtol = options.tolerance(experiment)
         deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
-        breaks = kinks.break_times(self.plan, self.observer.base, float(self.times[0]), float(self.times[-1]))
+        span = float(self.times[0]), float(self.times[-1])
+        breaks = kinks.break_times(self.plan, self.observer.base, *span)
         if len(breaks) == kinks.MOST:
             self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
+        breaks = np.union1d(breaks, break_times(self.observer.signals, *span, kinks.MOST // 10))
         problem = Problem(
             self.system,
             x,

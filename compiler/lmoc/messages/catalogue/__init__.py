@@ -68,7 +68,8 @@ CATALOGUE: dict[str, Entry] = {
     "E0625": Entry(
         "the table cannot be used",
         "A table for an input is a CSV file with a header line. One column is named `time`, another like the input\n"
-        "(or there is just one other column). All entries are numbers and time increases.",
+        "(or there is just one other column). All entries are numbers and time increases; a time that stands in two\n"
+        "lines is a jump. Between two points the input lies between their values.",
     ),
     "E0626": Entry(
         "not available",

@@ -18,7 +18,7 @@ NUMERICS: dict[str, Entry] = {
     "E0522": Entry(
         "a signal cannot be differentiated",
         "The input prescribes a motion: velocities and forces follow from its derivatives. A formula has all of them, "
-        "a table two (it is joined by a smooth spline), a callable only those it gives itself by `derivative(n)`.",
+        "a table two (and none where it jumps), a callable only those it gives itself by `derivative(n)`.",
     ),
     "N0523": Entry(
         "a derivative of a signal is unknown",

@@ -6,7 +6,7 @@ the integrator at the times of its stages.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -17,8 +17,8 @@ from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import Expr, postorder
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, nearest
-from lmoc.numerics.signals import spline
 from lmoc.numerics.signals.signal_text import formula_from_text
+from lmoc.numerics.signals.tables import Points, Table, checked_table, read_csv
 
 # where a formula with one of these is differentiated, the derivative lacks what happens at the kink itself
 _KINKED = frozenset("abs sign floor ceil integer min max mod rem div_integer if lt le gt ge eq ne".split())
@@ -44,16 +44,6 @@ class Formula:
     @property
     def kinked(self) -> bool:
         return any(node.op in _KINKED for node in postorder(self.shape))
-
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Points in time joined by a C² cubic spline; has two derivatives."""
-
-    curve: spline.Spline
-
-    def value(self, t: float, order: int) -> float:
-        return self.curve(t, order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +97,7 @@ def formula_derivative(shape: Expr, order: int) -> Expr:
 def gives(signal: Signal, order: int) -> bool:
     """Whether the signal has a derivative of that order."""
     if isinstance(signal, Table):
-        return order <= 2
+        return signal.gives(order)
     if isinstance(signal, Function):
         return signal.at_order(order) is not None
     return True
@@ -135,11 +125,14 @@ def is_own(signal: Signal, flat: FlatDAE, variable: int) -> bool:
     return isinstance(signal, Formula) and own is not None and signal.shape is own.shape
 
 
-def bind_signals(flat: FlatDAE, inputs: Mapping[str, object] | None, report: Report) -> dict[int, Signal]:
+def bind_signals(
+    flat: FlatDAE, inputs: Mapping[str, object] | None, report: Report, orders: np.ndarray | None = None
+) -> dict[int, Signal]:
     """One signal for each input that has one: what the caller gives, else the model's own binding.
 
     Parameters
     ----------
+    orders : (2, k) inputs and orders of their derivatives that are in use: a table is joined by a curve that has them
     inputs : {name: number, text, callable, or table}
         A table is a pair (times, values), an array with two columns, or the path of a CSV file. The name of an array
         of inputs gives all of them the same signal.
@@ -153,9 +146,22 @@ def bind_signals(flat: FlatDAE, inputs: Mapping[str, object] | None, report: Rep
             report.error("E0622", f"'{name}' is not an input of '{flat.name}'", hint=nearest(name, names) or listed)
             continue
         signal = make_signal(given, flat, name, report)
+        if isinstance(signal, Table) and orders is not None:
+            signal = signal.smooth(int(orders[1, np.isin(orders[0], variables)].max(initial=0)))
         if signal is not None:
             signals |= dict.fromkeys(variables.tolist(), signal)
     return signals
+
+
+def break_times(signals: Mapping[int, Signal], start: float, stop: float, most: int) -> np.ndarray:
+    """Return the times at which tables jump or bend; of very many bends none, and the steps have to find them."""
+    found = [np.zeros(0)]
+    for table in {id(s): s for s in signals.values() if isinstance(s, Table)}.values():
+        kinks = table.curve.kinks
+        kinks = kinks[(kinks >= start) & (kinks <= stop)]
+        found += [table.jumps, kinks if len(kinks) <= most else np.zeros(0)]
+    every = np.unique(np.concatenate(found))
+    return every[(every >= start) & (every <= stop)]
 
 
 def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Signal | None:
@@ -170,8 +176,8 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
         made = formula_from_text(given, flat, name, report)
         return None if made is None else Formula(*made)
     if isinstance(given, str | Path):
-        points = _read_csv(Path(given), name, report)
-        return None if points is None else _table(*points, name, report)
+        points = read_csv(Path(given), name, report)
+        return None if points is None else checked_table(points, name, report)
     if callable(given):
         return Function(given, name)
     try:
@@ -180,7 +186,7 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
         array = np.zeros(0)
     if array.ndim == 2 and 2 in array.shape:
         points = array.T if array.shape[1] == 2 and not (isinstance(given, tuple) and len(given) == 2) else array
-        return _table(points[0], points[1], name, report)
+        return checked_table(Points(points[0], points[1]), name, report)
     report.error(
         "E0521",
         f"the signal for input '{name}' is not understood",
@@ -194,69 +200,10 @@ def note_held_ends(signals: Mapping[int, Signal], flat: FlatDAE, times: np.ndarr
     """Warn where a run goes beyond the points of a table."""
     for variable, signal in signals.items():
         if isinstance(signal, Table):
-            first, last = float(signal.curve.knots[0]), float(signal.curve.knots[-1])
+            first, last = float(signal.times[0]), float(signal.times[-1])
             if times[0] < first or times[-1] > last:
                 report.warning(
                     "W0525",
                     f"the table for input '{flat.variable_name(variable)}' covers {first:g} … {last:g} s of a run over "
                     f"{times[0]:g} … {times[-1]:g} s: its outermost values are held",
                 )
-
-
-def _table(times: np.ndarray, values: np.ndarray, name: str, report: Report) -> Table | None:
-    problem = ""
-    if len(times) < 2:
-        problem = "it has fewer than two points"
-    elif not (np.isfinite(times).all() and np.isfinite(values).all()):
-        problem = "it has entries that are not finite numbers"
-    elif (np.diff(times) <= 0).any():
-        at = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 1
-        problem = f"its times do not increase: {times[at]:g} follows {times[at - 1]:g}"
-    if problem:
-        report.error("E0625", f"the table for input '{name}' cannot be used: {problem}")
-        return None
-    curve = spline.fit(times, values)
-    if not np.isfinite(curve.coefficients).all():
-        problem = "its times are too close together, or its values too large"
-        report.error("E0625", f"the table for input '{name}' cannot be used: {problem}")
-        return None
-    return Table(curve)
-
-
-def _read_csv(path: Path, name: str, report: Report) -> Sequence[np.ndarray] | None:
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
-    except (OSError, UnicodeDecodeError) as error:
-        report.error("E0610", f"the table for input '{name}' cannot be read: {path} ({error})")
-        return None
-    lines = [(number, line.split(",")) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    header = [h.strip().strip('"') for h in lines[0][1]] if lines else []
-    others = [h for h in header if h != "time"]
-    column = name if name in header else others[0] if len(others) == 1 else None
-    if "time" not in header or column is None:
-        report.error(
-            "E0625",
-            f"the table {path} for input '{name}' cannot be used",
-            expected=f"a header line with columns 'time' and '{name}'",
-            found=", ".join(header) or "an empty file",
-            hint="columns are separated by commas" if len(header) == 1 else "",
-        )
-        return None
-    problem = next(filter(None, (_problem(cells, len(header), number) for number, cells in lines[1:])), "")
-    if problem:
-        report.error("E0625", f"the table {path} for input '{name}' cannot be used: {problem}")
-        return None
-    rows = np.array([[float(cell) for cell in cells] for _, cells in lines[1:]]).reshape(-1, len(header))
-    return rows[:, header.index("time")], rows[:, header.index(column)]
-
-
-def _problem(cells: Sequence[str], width: int, number: int) -> str:
-    """What is wrong with a line of a table; nothing if all is well."""
-    if len(cells) != width:
-        return f"line {number} has {len(cells)} columns, the header has {width}"
-    for cell in cells:
-        try:
-            float(cell)
-        except ValueError:
-            return f"'{cell.strip()}' in line {number} is not a number"
-    return ""
