@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -40,6 +41,18 @@ class Node:
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.__slots__)
         return f"{type(self).__name__}({fields})"
+
+
+def walk(item: object) -> Iterator[Node]:
+    """Yield all nodes of a tree, or of a tuple of trees, in the order of their places."""
+    pending = [item]
+    while pending:
+        item = pending.pop()
+        if isinstance(item, tuple):
+            pending += reversed(item)
+        elif isinstance(item, Node):
+            yield item
+            pending += [getattr(item, name) for name in reversed(item.__slots__)]
 
 
 def alike(a: object, b: object) -> bool:

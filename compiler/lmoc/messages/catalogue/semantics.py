@@ -162,6 +162,14 @@ SEMANTICS: dict[str, Entry] = {
         "A law ties a force to a gap or a velocity; both must be able to change in time. A number or a parameter in\n"
         "their place leaves the law nothing to determine.",
     ),
+    "E0243": Entry(
+        "not a subtype",
+        "What is redeclared must be able to stand in the place of what was declared, or of the class after\n"
+        "`constrainedby`: it needs every public element of it, with the same prefixes and types that fit. A function\n"
+        "needs the same inputs and outputs in the same order; further inputs need a value.",
+        "model E1\n  parameter Real k = 1;\nend E1;\nmodel E2\n  parameter Real c = 1;\nend E2;\n"
+        "model S\n  replaceable E1 e;\nend S;\nmodel M\n  S s(redeclare E2 e);\nend M;\n",
+    ),
     "E0301": Entry(
         "wrong type",
         "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"

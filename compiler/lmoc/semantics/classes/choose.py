@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from lmoc.messages.diagnostics import Label, Report, nearest
 from lmoc.messages.source import Span
+from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
-from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
@@ -96,7 +97,7 @@ def _named(root: Scope, models: list[Scope], name: str) -> Scope:
     while scope is not None and found is None:  # the user's classes, then the library's
         found = scope
         for part in str(name).split("."):
-            found = found.local.get(part) or found.table.get(part) if isinstance(found, Scope) else None
+            found = found.element(part) if isinstance(found, Scope) else None
         scope = scope.parent
     if not isinstance(found, Scope):
         names = [s.full_name for s in models]

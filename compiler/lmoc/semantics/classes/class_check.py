@@ -22,9 +22,9 @@ def check_classes(instances: Iterable[Instance], report: Report) -> None:
     seen: set[int] = set()
     for instance in instances:
         for scope in _behind(instance):
-            if id(scope) in seen or scope.library:
+            if id(scope.definition) in seen or scope.library:
                 continue
-            seen.add(id(scope))
+            seen.add(id(scope.definition))
             _check_imports(scope, report)
             _check_sections(scope.definition, report)
             _check_outer(scope.definition, report)

@@ -67,14 +67,17 @@ def _beside(name: str, first: Modifier, second: Modifier) -> Modifier:
     return merge(first, second)
 
 
-def of_class(modifier: Modifier) -> Modifier:
-    """A modifier that belongs to a class (``model S = Spring(k = 2)``): alike in all elements of an array of it."""
+def of_class(modifier: Modifier, between: int = 0) -> Modifier:
+    """A modifier that belongs to a class (``model S = Spring(k = 2)``): alike in all elements of an array of it.
+
+    `between` counts the array dimensions between the instance in which it is written and the one that has the part.
+    """
 
     def marked(inner: Modifier, depth: int) -> Modifier:
         value = inner.value
         if value is not None:
             each = (*value.each[:depth], True, *value.each[depth + 1 :])
-            value = replace(value, each=each)
+            value = replace(value, each=each, alike=(True,) * between)
         inside = {name: marked(m, depth + 1) for name, m in inner.inside.items()}
         return replace(inner, value=value, inside=inside)
 

@@ -2,36 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
+from lmoc.semantics.classes.place import Place, Resolved
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
-if TYPE_CHECKING:
-    from lmoc.semantics.classes.scope import Scope
 
-
-@dataclass(frozen=True)
-class Resolved:
-    """A type name followed through short class definitions.
-
-    Attributes
-    ----------
-    base : the class with elements, or the predefined type, at the end
-    steps : the short definitions passed, the outermost first, each with the scope its names are looked up in
-    """
-
-    base: Scope | Builtin
-    steps: tuple[tuple[tree.ShortClass, Scope], ...]
-    name: str
-    kind: str
-
-
-def resolve(found: Scope | Builtin) -> Resolved:
+def resolve(found: Place | Builtin) -> Resolved:
     """Follow ``type A = B(...)``, ``connector RealInput = input Real`` and ``type T extends Real`` to the end."""
-    steps: list[tuple[tree.ShortClass, Scope]] = []
+    steps: list[tuple[tree.ShortClass, Place]] = []
     name = found.name
     kind = "type" if isinstance(found, Builtin) else found.kind
     seen: set[int] = set()
@@ -47,8 +28,10 @@ def resolve(found: Scope | Builtin) -> Resolved:
             return Resolved(Builtin(found.full_name, definition.literals), tuple(steps), name, kind)
         if definition is not None and definition.short is not None:
             steps.append((definition.short, found.parent))
+            steps += _constraints(found)
             found = found.parent.find_class(definition.short.base)
             continue
+        steps += _constraints(found)
         extended = _extended_builtin(found)
         if extended is None:
             break
@@ -58,7 +41,16 @@ def resolve(found: Scope | Builtin) -> Resolved:
     return Resolved(found, tuple(steps), name, kind)
 
 
-def _extended_builtin(scope: Scope) -> tuple[tree.Extends, Builtin] | None:
+def _constraints(scope: Place) -> Iterator[tuple[tree.ShortClass, Place]]:
+    """What ``constrainedby`` says of a class, and what it said of the classes in whose place this one stands."""
+    definition = scope.definition
+    if definition is not None and definition.constraint is not None:
+        base, modification = definition.constrained_by, definition.constraint
+        yield tree.ShortClass(base, (), modification, "", modification.span), scope.parent
+    yield from scope.constraints
+
+
+def _extended_builtin(scope: Place) -> tuple[tree.Extends, Builtin] | None:
     if scope.definition is None or scope.kind not in ("type", "connector"):
         return None
     return next(((c, b.base) for c, b in scope.bases if isinstance(b.base, Builtin)), None)

@@ -3,19 +3,26 @@
 A `Scope` is a class definition together with the scope it stands in. Its `table` holds what an instance of the
 class has: its own elements and those it inherits, each with the class whose text declares it, because that is
 where the names in it are looked up.
+
+A base class is copied for each class that extends it (`heir`): the names in its text mean what they mean in the class
+that is instantiated in the end (`derived`), where elements may have been redeclared. A class whose own elements a
+modification redeclares is a copy as well (`specialized`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from lmoc.messages.diagnostics import Label, Report, nearest
 from lmoc.messages.source import Span
-from lmoc.semantics.classes.predefined import BUILTINS, FOREIGN_TYPES, Builtin
-from lmoc.semantics.classes.resolve import Resolved, resolve
+from lmoc.semantics.classes.elements import collect
+from lmoc.semantics.classes.hints import classes_hint, either, import_hint, modelica_hint, suggest
+from lmoc.semantics.classes.place import Member, Resolved
+from lmoc.semantics.classes.predefined import BUILTINS, Builtin
+from lmoc.semantics.classes.redeclare import constraint_of
+from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.wrong import Wrong
-from lmoc.sources import library
 from lmoc.syntax import tree
 
 # the kinds of classes that a kind can extend, where it is not only its own (7.1.3)
@@ -27,24 +34,18 @@ BASES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
-    """A component that an instance of a class has.
-
-    Attributes
-    ----------
-    scope : the class whose text declares it
-    outer : modifications that `extends` clauses put on it, the outermost first, each with the class it stands in
-    """
-
-    component: tree.Component
-    scope: Scope
-    outer: tuple[tuple[tree.ElementModification | tree.Redeclaration, Scope], ...]
-    protected: bool
+Redeclarations = Mapping[str, tuple[tree.Redeclaration, "Scope"]]
 
 
 class Scope:
-    """A class definition in its place; the root scopes have no definition of their own."""
+    """A class definition in its place; the root scopes have no definition of their own.
+
+    Attributes
+    ----------
+    heir, derived : of the copy of a base class, the class that extends it and the last one in that row
+    constraints : modifications that hold because the class redeclares another one, each with the place of its names
+    replaces : the class that it redeclares
+    """
 
     def __init__(self, definition: tree.Class | None, parent: Scope | None, report: Report, library: bool):
         self.definition = definition
@@ -52,6 +53,13 @@ class Scope:
         self.report = report
         self.library = library
         self.local: dict[str, Scope] = {}
+        self.heir: Scope | None = None
+        self.derived: Scope | None = None
+        self.constraints: tuple[tuple[tree.ShortClass, Scope], ...] = ()
+        self.replaces: Scope | None = None
+        self.clauses = _clauses(definition)
+        self.redeclarations: Redeclarations = {}
+        self._specialized: dict[tuple, Scope] = {}
         self._table: dict[str, Member | Scope] | None = None
         self._bases: list[tuple[tree.Extends, Resolved]] | None = None
         self._open = False  # its table is being made
@@ -105,18 +113,29 @@ class Scope:
         self.local[definition.name] = scope = Scope(definition, self, self.report, self.library)
         return scope
 
+    def names(self) -> Iterator[str]:
+        """The names of the classes in this one."""
+        return iter(self.local)
+
+    @property
+    def complete(self) -> bool:
+        """Whether its elements can be asked for: not while they are being collected."""
+        return self.definition is not None and not self._open and not self._searching
+
     # -------------------------------------------------------- inheritance
 
     @property
     def bases(self) -> list[tuple[tree.Extends, Resolved]]:
-        """The `extends` clauses with the classes they mean."""
+        """The `extends` clauses (or what a short definition is made of) with copies of the classes they mean."""
         if self._bases is None:
             self._bases = []
             self._searching = True
-            clauses = [e for e in self.definition.elements if isinstance(e, tree.Extends)] if self.definition else ()
-            for clause in clauses:
+            for clause in self.clauses:
                 try:
-                    self._bases.append((clause, self._base(clause)))
+                    resolved = self._base(clause)
+                    if isinstance(resolved.base, Scope):
+                        resolved = replace(resolved, base=self._copied(resolved.base))
+                    self._bases.append((clause, resolved))
                 except Wrong as wrong:
                     wrong.put_into(self.report)
             self._searching = False
@@ -124,13 +143,54 @@ class Scope:
 
     def _base(self, clause: tree.Extends) -> Resolved:
         """The class that an `extends` clause means; its kind must be one that this kind can build on (7.1.3)."""
+        if self.definition.short is not None:
+            return resolve(self.parent.find_class(clause.base))
         resolved = resolve(self.find_class(clause.base, inherited=False))
         kind = resolved.base.kind if isinstance(resolved.base, Scope) else "type"
         allowed = BASES.get(self.kind, (self.kind,))
         if kind not in allowed:
             raise Wrong("E0223", f"the {self.kind} '{self.name}' cannot extend the {kind} '{clause.base}'",
-                        clause.base.span, expected=f"a {_either(allowed)}", found=f"a {kind}")  # fmt: skip
+                        clause.base.span, expected=f"a {either(allowed)}", found=f"a {kind}")  # fmt: skip
         return resolved
+
+    def _copied(self, base: Scope) -> Scope:
+        """A base class for this class alone."""
+        heir: Scope | None = self
+        while heir is not None:
+            if heir.definition is base.definition:
+                raise Wrong("E0208", f"'{base.full_name}' extends itself", base.definition.name_span)
+            heir = heir.heir
+        made = Scope(base.definition, base.parent, base.report, base.library)
+        made.heir, made.derived = self, self.derived or self
+        return made
+
+    def specialized(self, redeclarations: Redeclarations) -> Scope:
+        """This class with some of the classes that are its elements redeclared."""
+        key = tuple((name, id(argument), id(scope)) for name, (argument, scope) in redeclarations.items())
+        found = self._specialized.get(key)
+        if found is None:
+            found = self._specialized[key] = Scope(self.definition, self.parent, self.report, self.library)
+            found.redeclarations = {**self.redeclarations, **redeclarations}
+        return found
+
+    def replaced(self, argument: tree.Argument, scope: Scope) -> Scope:
+        """The class that ``redeclare model M = …``, written in `scope`, puts in the place of this one."""
+        if not isinstance(argument, tree.Redeclaration) or not isinstance(argument.element, tree.Class):
+            raise Wrong("E0205", f"'{self.name}' is a class: it can be redeclared, but not modified", argument.span)
+        made = Scope(argument.element, scope, scope.report, scope.library)
+        made.take_place_of(self, argument.span)
+        return made
+
+    def take_place_of(self, old: Scope, span: Span) -> None:
+        """Hold what the redeclared class said of every class in its place (7.3.2)."""
+        if not old.definition.replaceable:
+            labels = (Label(old.definition.name_span, "declared here"),)
+            raise Wrong("E0206", f"the class '{old.name}' is not replaceable", span, labels=labels)
+        self.replaces = old
+        base, modification = constraint_of(old.definition)
+        if modification is not None:
+            self.constraints = ((tree.ShortClass(base, (), modification, "", modification.span), old.parent),)
+        self.constraints += old.constraints
 
     @property
     def table(self) -> dict[str, Member | Scope]:
@@ -140,93 +200,19 @@ class Scope:
                 raise Wrong("E0208", f"'{self.full_name}' extends itself", self.definition.name_span)
             self._open = True
             try:
-                self._table = self._collect()
+                self._table = collect(self)
             finally:
                 self._open = False
         return self._table
-
-    def _collect(self) -> dict[str, Member | Scope]:
-        table: dict[str, Member | Scope] = {}
-        if self.definition is None:
-            return dict(self.local)
-        bases = iter(self.bases)
-        known = {id(clause) for clause, _ in self.bases}
-        for element in self.definition.elements:
-            if isinstance(element, tree.Component):
-                self._declare(table, Member(element, self, (), element.protected))
-            elif isinstance(element, tree.Class):
-                if self.local[element.name].definition is element:
-                    table[element.name] = self.local[element.name]
-            elif isinstance(element, tree.Extends) and id(element) in known:
-                self._inherit(table, *next(bases))
-        for name, scope in self.local.items():  # of other files that are `within` this package
-            table.setdefault(name, scope)
-        return table
-
-    def _inherit(self, table: dict, clause: tree.Extends, resolved: Resolved) -> None:
-        base = resolved.base
-        if isinstance(base, Builtin):
-            return
-        try:
-            inherited = base.table
-        except Wrong as wrong:
-            wrong.put_into(self.report)
-            return
-        layers = [(by_name(clause.modification), self)]
-        layers += [(by_name(short.modification), scope) for short, scope in resolved.steps]
-        for name, arguments in layers[0][0].items():
-            if name not in inherited:
-                self.report.error(
-                    "E0205",
-                    f"'{base.name}' has no element '{name}' to modify",
-                    arguments[0].span,
-                    hint=nearest(name, inherited),
-                )
-        for name, found in inherited.items():
-            if isinstance(found, Member):
-                outer = tuple((a, scope) for arguments, scope in layers for a in arguments.get(name, ()))
-                protected = found.protected or clause.protected
-                self._declare(table, Member(found.component, found.scope, outer + found.outer, protected))
-            else:
-                table.setdefault(name, self._redeclared(found, name, layers))
-
-    def _redeclared(self, found: Scope, name: str, layers: list) -> Scope:
-        try:
-            for arguments, scope in reversed(layers):
-                for argument in arguments.get(name, ()):
-                    found = redeclared_class(found, argument, scope)
-        except Wrong as wrong:
-            wrong.put_into(self.report)
-        return found
-
-    def _declare(self, table: dict, member: Member) -> None:
-        name = member.component.name
-        old = table.get(name)
-        if old is None:
-            table[name] = member
-            return
-        same = isinstance(old, Member) and old.component.span.text == member.component.span.text
-        if same and (old.scope is not member.scope):
-            return  # inherited twice, or repeated: allowed where identical (7.1)
-        if same and old.component is member.component and not (old.outer and member.outer):
-            table[name] = old if old.outer else member  # one base reached by two ways
-            return
-        first = old.component.name_span if isinstance(old, Member) else old.definition.name_span
-        self.report.error(
-            "E0204",
-            f"'{name}' is declared twice in '{self.name}'",
-            member.component.name_span,
-            labels=(Label(first, "first declared here"),),
-        )
 
     def lineage(self) -> Iterator[Scope]:
         """This class and those it extends, bases first, each once."""
         seen: set[int] = set()
 
         def visit(scope: Scope) -> Iterator[Scope]:
-            if id(scope) in seen:
+            if id(scope.definition) in seen:
                 return
-            seen.add(id(scope))
+            seen.add(id(scope.definition))
             for _, resolved in scope.bases:
                 if isinstance(resolved.base, Scope):
                     yield from visit(resolved.base)
@@ -234,20 +220,33 @@ class Scope:
 
         return visit(self)
 
+    def is_made_of(self, scope: Scope) -> bool:
+        """Whether a class is this one or one that it extends."""
+        return any(own.definition is scope.definition for own in self.lineage())
+
     # ------------------------------------------------------------- lookup
 
     def find(self, name: str, inherited: bool = True) -> Member | Scope | Builtin | None:
         """A simple name seen from inside: own and inherited elements, imports, enclosing classes (5.3.1)."""
         scope: Scope | None = self
         while scope is not None:
-            table = scope.table if inherited and scope.definition else scope.local
-            found = table.get(name) or (scope._imported(name) if scope.imports else None)
+            found = scope._seen(name) if inherited else scope.local.get(name)
+            found = found or (scope._imported(name) if scope.imports else None)
             if found is not None:
                 return found
             inherited = True
             encapsulated = scope.definition is not None and scope.definition.encapsulated
             scope = scope.root if encapsulated else scope.parent
         return BUILTINS.get(name)
+
+    def element(self, name: str) -> Member | Scope | None:
+        """What the class has of that name: itself, or inherited."""
+        return (self.local if self.definition is None or self._searching else self.table).get(name)
+
+    def _seen(self, name: str) -> Member | Scope | None:
+        """An element as it is in the class that is instantiated in the end."""
+        found = self.element(name)
+        return found if found is None or self.derived is None else self.derived.element(name) or found
 
     def _imported(self, name: str) -> Member | Scope | None:
         wildcards = []
@@ -260,7 +259,7 @@ class Scope:
                 return self._path(element.path, element.span)
         for element in wildcards:
             package = self._path(element.path, element.span)
-            found = package.table.get(name) if isinstance(package, Scope) else None
+            found = package.element(name) if isinstance(package, Scope) else None
             if found is not None:
                 return found
         return None
@@ -269,20 +268,10 @@ class Scope:
         """A fully qualified name, from the top (13.2.1)."""
         found: Member | Scope | Builtin | None = self.root.find(path[0])
         for name in path[1:]:
-            found = found.table.get(name) if isinstance(found, Scope) else None
+            found = found.element(name) if isinstance(found, Scope) else None
         if found is None:
-            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=self._import_hint(path))
+            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=import_hint(self, path))
         return found
-
-    def _import_hint(self, path: Sequence[str]) -> str:
-        first = self.root.find(path[0])
-        if first is None and path[0] == "Modelica":
-            return "the Modelica Standard Library is not there; lmo's own parts need no import"
-        if isinstance(first, Scope) and len(path) == 2:
-            return nearest(path[1], first.table) or _classes_hint(first)
-        around = self.root.parent or self.root
-        names = (*self.root.local, *around.local, *library.PACKAGES.values())
-        return nearest(path[0], names) if first is None else ""
 
     def check_import(self, element: tree.Import) -> None:
         """Raise `Wrong` where an import means nothing."""
@@ -292,17 +281,10 @@ class Scope:
 
     def type_of(self, component: tree.Component) -> Resolved:
         """What the type of a component that is written in this class means."""
-        found = self._types.get(id(component))
+        found = self._types.get(id(component.type))
         if found is None:
-            found = self._types[id(component)] = resolve(self.find_class(component.type))
+            found = self._types[id(component.type)] = resolve(self.find_class(component.type))
         return found
-
-    def _known_package(self, element: tree.Import) -> Scope | None:
-        try:
-            package = self._path(element.path, element.span)
-        except Wrong:
-            return None  # reported where a name is looked up
-        return package if isinstance(package, Scope) else None
 
     def find_class(self, ref: tree.Ref, inherited: bool = True) -> Scope | Builtin:
         """The class that a type name, a base or a function name means."""
@@ -312,64 +294,23 @@ class Scope:
         for name in names[1:]:
             if not isinstance(found, Scope):
                 break
-            outer, found = found, found.table.get(name)
+            outer, found = found, found.element(name)
             if found is None:
-                hint = nearest(name, outer.table) or _classes_hint(outer)
+                hint = nearest(name, (*outer.table, *outer.names())) or classes_hint(outer)
                 raise Wrong("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
             text = ".".join(names)
-            raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=self.suggest(names[-1]))
+            hint = modelica_hint(names) or suggest(self, names[-1])
+            raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=hint)
         if isinstance(found, Member):
             raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span)
         return found
 
-    def visible(self) -> Iterator[str]:
-        """All names that can be seen from here, for typo hints."""
-        scope: Scope | None = self
-        while scope is not None:
-            making = scope.definition is None or scope._open or scope._searching
-            yield from scope.local if making else scope.table
-            for element in scope.imports:
-                yield from element.names or (element.alias or element.path[-1],)
-                if element.wildcard:
-                    package = scope._known_package(element)
-                    yield from package.table if package else ()
-            scope = scope.parent
-        yield from BUILTINS
-
-    def suggest(self, name: str) -> str:
-        """A hint with the visible name most like this one."""
-        if name in FOREIGN_TYPES:
-            return f"write '{FOREIGN_TYPES[name]}'"
-        packages = library.packages_with(name)
-        if packages:
-            return f"'import {packages[0]}.*;' in the model brings the library's {packages[0]}.{name}"
-        visible = set(self.visible())
-        return f"did you mean '{name}'?" if name in visible else nearest(name, sorted(visible))
-
-
-def _either(words: Sequence[str]) -> str:
-    return f"{', '.join(words[:-1])} or {words[-1]}" if len(words) > 1 else words[0]
-
-
-def _classes_hint(scope: Scope) -> str:
-    names = [name for name, found in scope.table.items() if isinstance(found, Scope)]
-    return f"it has {', '.join(names[:8])}" if names else ""
-
-
-def redeclared_class(old: Scope, argument: tree.Argument, scope: Scope) -> Scope:
-    """The class that ``redeclare model M = …`` puts in the place of another one."""
-    if not isinstance(argument, tree.Redeclaration) or not isinstance(argument.element, tree.Class):
-        raise Wrong("E0205", f"'{old.name}' is a class: it can be redeclared, but not modified", argument.span)
-    if not old.definition.replaceable:
-        raise Wrong("E0206", f"the class '{old.name}' is not replaceable", argument.span)
-    return Scope(argument.element, scope, scope.report, scope.library)
-
-
-def by_name(modification: tree.Modification | None) -> dict[str, list]:
-    """The arguments of a modification by the first name of what they modify."""
-    result: dict[str, list] = {}
-    for argument in modification.arguments if modification else ():
-        name = argument.name[0] if isinstance(argument, tree.ElementModification) else argument.element.name
-        result.setdefault(name, []).append(argument)
-    return result
+def _clauses(definition: tree.Class | None) -> tuple[tree.Extends, ...]:
+    """The `extends` clauses; a short definition is one."""
+    if definition is None:
+        return ()
+    if definition.short is not None:
+        short = definition.short
+        return (tree.Extends(short.base, short.modification, False, short.span),)
+    return tuple(e for e in definition.elements if isinstance(e, tree.Extends))

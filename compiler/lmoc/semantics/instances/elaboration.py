@@ -14,9 +14,12 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes import modification as mods
+from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import Builtin
-from lmoc.semantics.classes.resolve import Resolved, resolve
-from lmoc.semantics.classes.scope import Member, Scope, redeclared_class
+from lmoc.semantics.classes.redeclare import constraint_of, merged_component
+from lmoc.semantics.classes.resolve import resolve
+from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.classes.subtype import check_subtype
 from lmoc.semantics.instances.instance import NOTHING, Absent, Binding, Broken, Instance, Modifier, Node, Variable
 from lmoc.semantics.instances.known import ElementValues, KnownValues, at_events_only
 from lmoc.semantics.instances.records import record_fields
@@ -56,8 +59,9 @@ class Elaboration:
     def populate(self, instance: Instance) -> None:
         """Make all children, and theirs."""
         self._check_names(instance)
-        for name, found in instance.cls.table.items():
+        for name, found in [*instance.cls.table.items()]:
             if not isinstance(found, Member):
+                self._check_redeclared(instance.cls, name, found)
                 continue
             try:
                 child = self.child(instance, name)
@@ -88,6 +92,17 @@ class Elaboration:
                 self.report.error(
                     "E0210", f"'{name}' is protected in '{instance.cls.name}' and cannot be modified", modifier.span
                 )
+
+    def _check_redeclared(self, cls: Scope, name: str, found: Scope) -> None:
+        """A class in the place of another one must be a subtype of it; where it is none, the other one stays."""
+        if found.replaces is not None:
+            try:
+                base, _ = constraint_of(found.replaces.definition)
+                old = resolve(found.replaces if base is None else found.replaces.parent.find_class(base))
+                check_subtype(resolve(found), old, found.definition.name_span)
+            except Wrong as wrong:
+                wrong.put_into(self.report)
+                cls.table[name] = found.replaces
 
     def child(self, instance: Instance, name: str) -> Node:
         """The child of that name, which the class must have."""
@@ -120,48 +135,58 @@ class Elaboration:
             argument, scope = modifier.redeclaration
             if not isinstance(argument.element, tree.Component):
                 raise Wrong("E0223", f"'{component.name}' is a part, not a class", argument.span)
-            component = argument.element
+            component = merged_component(component, argument.element)
         if component.condition is not None and not self._present(instance, component, scope):
             return Absent(component.name, instance, (), component, scope)
-        resolved = self._type_of(instance, component, scope)
+        resolved = scope.type_of(component)
+        self._check_constraint(member, component, scope, resolved)
         for short, where in resolved.steps:
-            node = instance if where in instance.cls.lineage() else None
-            modifier = mods.merge(modifier, self._of_short_class(short, node, where), component.name)
+            modifier = mods.merge(modifier, self._of_short_class(short, instance, where), component.name)
         dims = self._dimensions(instance, component, scope, resolved, modifier)
         if isinstance(resolved.base, Builtin):
             return self._variable(instance, component, member, resolved, modifier, dims)
         return self._instance(instance, component, member, resolved, modifier, dims)
 
-    def _of_short_class(self, short: tree.ShortClass, node: Instance | None, where: Scope) -> Modifier:
-        key = (id(short), id(node))
+    def _of_short_class(self, short: tree.ShortClass, instance: Instance, where: Scope) -> Modifier:
+        """What a short class definition gives to a component of `instance`, alike in all elements of its array."""
+        node = instance.around(where)
+        between = len(instance.total) - (len(node.total) if node else 0)
+        key = (id(short), id(where), id(node), between)
         found = self._short_modifiers.get(key)
         if found is None:
-            found = mods.of_class(mods.from_tree(short.modification, node, where))
+            found = mods.of_class(mods.from_tree(short.modification, node, where), between)
             self._short_modifiers[key] = found
         return found
 
-    def _type_of(self, instance: Instance, component: tree.Component, scope: Scope) -> Resolved:
-        """The class of a component: one that the instance has redeclared, or what its type means where it stands."""
-        first = component.type.parts[0].name
-        own = instance.cls.table.get(first)
-        if isinstance(own, Scope) and not component.type.absolute and len(component.type.parts) == 1:
-            if scope is instance.cls or scope in instance.cls.lineage():
-                modifier = instance.modifier.inside.get(first)
-                if modifier is not None and modifier.redeclaration is not None:
-                    own = redeclared_class(own, *modifier.redeclaration)
-                return resolve(own)
-        return scope.type_of(component)
-
     def _modifier(self, instance: Instance, member: Member) -> Modifier:
-        """All that is given to a component: by the part around it, by `extends`, by its declaration."""
-        name = member.component.name
+        """All that is given to a component: by the part around it, by `extends`, by its declaration.
+
+        What `constrainedby` gives holds under its declaration; after a redeclaration, in its place.
+        """
+        name, component = member.component.name, member.component
         modifier = mods.descend(instance.modifier, name, len(instance.dims))
         for argument, scope in member.outer:
             modifier = mods.merge(modifier, mods.from_argument(argument, instance, scope), name)
-        declared = mods.from_tree(member.component.modification, instance, member.scope)
-        if member.component.final:
-            declared = Modifier(declared.value, declared.inside, True, None, member.component.name_span)
+        declared = mods.from_tree(component.modification, instance, member.scope)
+        constraint = mods.from_tree(component.constraint, instance, member.scope)
+        if modifier.redeclaration is not None and component.constrained_by is not None:
+            declared = constraint
+        elif component.constraint is not None:
+            declared = mods.merge(declared, constraint, name)
+        for modification, scope in member.under:
+            declared = mods.merge(declared, mods.from_tree(modification, instance, scope), name)
+        if component.final:
+            declared = Modifier(declared.value, declared.inside, True, None, component.name_span)
         return mods.merge(modifier, declared, name)
+
+    def _check_constraint(self, member: Member, component: tree.Component, scope: Scope, resolved: Resolved) -> None:
+        """A redeclared component must be a subtype of what it stands for."""
+        if component.type is not member.component.type:
+            base, _ = constraint_of(member.component)
+            check_subtype(resolved, resolve(member.scope.find_class(base)), component.type.span)
+        if member.constraint is not None:
+            base, where = member.constraint
+            check_subtype(resolved, resolve(where.find_class(base)), component.type.span)
 
     def _inner(self, instance: Instance, component: tree.Component) -> Node:
         around = instance.parent
@@ -220,7 +245,7 @@ class Elaboration:
             return ()
         given = [(e, Context(self, instance, scope)) for e in component.dimensions]
         for short, where in resolved.steps:
-            node = instance if where in instance.cls.lineage() else None
+            node = instance.around(where)
             given += [(e, Context(self, node, where)) for e in short.dimensions]
         dims: list[int] = []
         for axis, (expression, context) in enumerate(given):
@@ -286,15 +311,28 @@ class Elaboration:
             )
         around: Instance | None = instance
         while around is not None:
-            if around.cls is cls:
+            if around.cls.definition is cls.definition:
                 raise Wrong("E0208", f"'{cls.name}' contains itself as '{component.name}'", component.span,
                             hint="a class cannot be made of itself; an array has many parts of a kind")  # fmt: skip
             around = around.parent
         if modifier.value is not None:
             modifier = record_fields(component.name, cls, modifier)
+        redeclared = {
+            name: inner.redeclaration
+            for name, inner in modifier.inside.items()
+            if isinstance(cls.table.get(name), Scope) and self._is_redeclaration(cls, name, inner)
+        }
+        if redeclared:
+            cls = cls.specialized(redeclared)
         return Instance(
             component.name, instance, dims, component, member.scope, member.protected, cls, cls.kind, modifier
         )
+
+    def _is_redeclaration(self, cls: Scope, name: str, modifier: Modifier) -> bool:
+        if modifier.redeclaration is None:
+            message = f"'{name}' is a class of '{cls.name}': it can be redeclared, but not modified"
+            raise Wrong("E0205", message, modifier.span)
+        return True
 
     # ------------------------------------------------------------------------- messages
 

@@ -178,6 +178,13 @@ class Instance(Node):
     def connector(self) -> bool:
         return self.kind == "connector"
 
+    def around(self, scope: Scope) -> Instance | None:
+        """The nearest instance, this one or one around it, in whose class the text of `scope` stands."""
+        node: Instance | None = self
+        while node is not None and not node.cls.is_made_of(scope):
+            node = node.parent
+        return node
+
     def variables(self) -> list[Variable]:
         """All variables below, in order of declaration."""
         found: list[Variable] = []

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lmoc.messages.diagnostics import nearest
+from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
-from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.instances.instance import Modifier
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree

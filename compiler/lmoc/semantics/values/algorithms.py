@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
-from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.classes.place import Member
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree
+from lmoc.syntax.node import walk
 
 MAX_ITERATIONS = 10_000
 
@@ -56,6 +58,7 @@ class Algorithm:
     values : what they are so far: first the inputs, at the end the outputs as well
     context : where its statements stand
     call_all : gives all results of a call inside it
+    default : gives the value with which a variable is declared, None where it has none
     """
 
     function: Scope
@@ -65,22 +68,27 @@ class Algorithm:
     context: Context
     call_all: Callable[[Context, tree.Call], list[Value]]
 
+    default: Callable[[Member], Value | None]
+
     def run(self) -> None:
         """Carry it out, on `values`."""
-        for name, variable in self.declared.items():
-            if variable.role != "input":
-                self._initialize(name, variable)
+        for name in in_order_of_use(self.function, self.declared):
+            if self.declared[name].role != "input":
+                self._initialize(name, self.declared[name])
         try:
             for scope in self.function.lineage():
+                self.context.scope = scope
                 self._statements(scope.definition.statements)
         except _Return:
             return
+        finally:
+            self.context.scope = self.function
 
     def _initialize(self, name: str, variable: LocalVariable) -> None:
         component = variable.member.component
-        default = component.modification.value if component.modification else None
-        if default is not None:
-            self.values[name] = self.context.value(default)
+        value = self.default(variable.member)
+        if value is not None:
+            self.values[name] = value
         elif component.dimensions:
             what = f"the size of '{name}'"
             sizes = [d for d in component.dimensions if not isinstance(d, tree.Colon)]
@@ -245,6 +253,38 @@ class Algorithm:
             except _Break:
                 return
         raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} rounds", s.condition.span)
+
+
+def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list[str]:
+    """Return the variables of a function so that each comes after those that its declaration uses (12.4.4).
+
+    Raises
+    ------
+    Wrong
+        E0207 where the declarations use each other in a circle.
+    """
+    order: list[str] = []
+    path: list[str] = []
+
+    def visit(name: str) -> None:
+        if name in order:
+            return
+        variable = declared[name]
+        if name in path:
+            cycle = [*path[path.index(name) :], name]
+            raise Wrong("E0207", f"the value of '{name}' depends on itself", variable.member.component.span,
+                        found=" → ".join(cycle))  # fmt: skip
+        path.append(name)
+        value, scope = variable.member.value
+        own = scope.definition is not None and function.is_made_of(scope)
+        for used in walk((*variable.member.component.dimensions, *((value,) if own and value else ()))):
+            if isinstance(used, tree.Ref) and used.parts[0].name in declared:
+                visit(used.parts[0].name)
+        order.append(path.pop())
+
+    for name in declared:
+        visit(name)
+    return order
 
 
 def _open_size(variable: LocalVariable) -> bool:

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 
 from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
+from lmoc.semantics.classes.hints import visible
+from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
-from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.instances.records import argument_fields, leaf_fields
-from lmoc.semantics.values.algorithms import Algorithm, LocalVariable
+from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.translate import dims_text
@@ -57,7 +59,8 @@ def call_all(context: Context, e: tree.Call) -> list[Value]:
 
 def _find(context: Context, e: tree.Call) -> Scope:
     try:
-        found = resolve(context.scope.find_class(e.function)).base
+        found = context.scope.find_class(e.function)
+        base = resolve(found).base
     except Wrong as wrong:
         if wrong.code == "E0223":
             raise Wrong("E0203", f"'{e.function}' is no function", e.function.span,
@@ -65,16 +68,16 @@ def _find(context: Context, e: tree.Call) -> Scope:
         if wrong.code != "E0202":
             raise
         name = str(e.function)
-        functions = [n for n in context.scope.visible() if _is_function(context.scope.find(n))]
+        functions = [n for n in visible(context.scope) if _is_function(context.scope.find(n))]
         last = e.function.parts[-1].name
         known = f"it is called '{last}'" if last in BUILTIN_FUNCTIONS else FOREIGN_FUNCTIONS.get(last)
         hint = known or nearest(last, [*functions, *BUILTIN_FUNCTIONS])
         raise Wrong("E0203", f"there is no function '{name}'", e.function.span, hint=hint) from None
-    if not _is_function(found):
-        kind = found.kind if isinstance(found, Scope) else "type"
+    if not _is_function(base):
+        kind = base.kind if isinstance(base, Scope) else "type"
         raise Wrong("E0203", f"'{e.function}' is a {kind}, not a function", e.function.span)
-    if found.definition.partial:
-        raise Wrong("E0209", f"the function '{found.name}' is partial", e.function.span)
+    if base.definition.partial:
+        raise Wrong("E0209", f"the function '{base.name}' is partial", e.function.span)
     return found
 
 
@@ -126,7 +129,8 @@ class _Body:
             self.values[name] = Value(value.expr, value.dims[len(lead) :], value.type) if lead else value
         for name in inputs:
             self._check_size(name)
-        Algorithm(self.function, self.call, self.declared, self.values, self.context, call_all).run()
+        Algorithm(self.function, self.call, self.declared, self.values, self.context, call_all,
+                  self._default).run()  # fmt: skip
         outputs = []
         for name, variable in self.declared.items():
             if variable.role == "output":
@@ -153,16 +157,27 @@ class _Body:
             value = self.caller.value(argument)
             self._check_type(name, value, argument.span)
             given[name] = value if self._has_unit(name) else self._of_any_unit(value)
-        names = [n for n, v in self.declared.items() if v.role == "input"]
-        for name in names:
-            if name not in given:
-                default = self.declared[name].member.component.modification
-                if default is None or default.value is None:
+        self.values.update(given)
+        for name in in_order_of_use(self.function, self.declared):
+            variable = self.declared[name]
+            if variable.role == "input" and name not in given:
+                value = self._default(variable.member)
+                if value is None:
                     raise Wrong("E0217", f"the argument '{name}' of '{self.function.name}' is missing", e.span,
                                 expected=", ".join(self._formal()))  # fmt: skip
-                self.values.update(given)
-                given[name] = self.context.value(default.value)
-        return {name: given[name] for name in names}
+                given[name] = self.values[name] = value
+        return {name: given[name] for name, variable in self.declared.items() if variable.role == "input"}
+
+    def _default(self, member: Member) -> Value | None:
+        """The value with which a variable is declared; one that a modification gives is written at another place."""
+        expression, scope = member.value
+        if expression is None:
+            return None
+        if self.function.is_made_of(scope):
+            return self.context.value(expression)
+        caller = self.caller
+        node = caller.node.around(scope) if caller.node else None
+        return Context(caller.model, node, scope, caller.space, caller.leaves).value(expression)
 
     def _formal(self) -> list[str]:
         """The names of the inputs, in their order."""

@@ -9,9 +9,11 @@ import numpy as np
 from lmoc.expression.dag import TIME
 from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
+from lmoc.semantics.classes.hints import visible
+from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import ENUMERATIONS, Builtin
 from lmoc.semantics.classes.resolve import resolve
-from lmoc.semantics.classes.scope import Member, Scope
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.instances.instance import Absent, Broken, Instance, Node, Variable
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import Index, align, positions
@@ -80,7 +82,7 @@ def reference(context: Context, ref: tree.Ref) -> Value:
 def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     """What to say where the first name of a reference means nothing."""
     name = ref.parts[0].name
-    candidates = [*context.names, *context.scope.visible(), "time"]
+    candidates = [*context.names, *visible(context.scope), "time"]
     owner = next((e for e, literals in ENUMERATIONS.items() if name in literals), "")
     hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
     plain = name.strip("'")  # the quotes around a name with other characters belong to it
@@ -270,7 +272,7 @@ def _inside(found: Scope | Builtin, part: tree.RefPart) -> Member | Scope | Buil
             hint = nearest(part.name, enumeration.literals) or f"it has {', '.join(enumeration.literals)}"
             raise Wrong("E0201", f"'{enumeration.name}' has no literal '{part.name}'", part.span, hint=hint)
         return number(enumeration.literals.index(part.name) + 1, enumeration.name)
-    inner = found.table.get(part.name)
+    inner = found.element(part.name)
     if inner is None:
         raise Wrong("E0201", f"'{found.full_name}' has no element '{part.name}'", part.span,
                     hint=nearest(part.name, found.table))  # fmt: skip
@@ -281,13 +283,9 @@ def _member_value(context: Context, member: Member, part: tree.RefPart) -> Value
     component = member.component
     if component.variability != "constant":
         raise Wrong("E0201", f"'{part.name}' cannot be used from here: only constants of a class can", part.span)
-    if component.modification is None or component.modification.value is None:
+    expression, scope = member.value
+    if expression is None:
         raise Wrong("E0212", f"the constant '{component.name}' has no value", component.span)
-    expression, scope = component.modification.value, member.scope
-    for argument, where in member.outer:
-        if isinstance(argument, tree.ElementModification) and argument.modification and argument.modification.value:
-            expression, scope = argument.modification.value, where
-            break
     return context.model.known.constant(component, expression, scope)
 
 
