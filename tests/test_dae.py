@@ -260,8 +260,6 @@ def test_a_value_that_does_not_fit_is_refused_at_once_and_from_run_to_run(name, 
 def test_arguments_of_another_type() -> None:
     with pytest.raises(TypeError, match="not bytes"):
         lmoc.compile_text(TYPED.encode())
-    with pytest.raises(TypeError, match="a sequence of names"):
-        lmoc.compile_text(TYPED, states="x")
     with pytest.raises(lmoc.ModelError, match="E0601"):
         lmoc.compile_text(TYPED, model=3)
 

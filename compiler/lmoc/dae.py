@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc import pipeline
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.names import Names
+from lmoc.ir.names import Names, names_of
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
@@ -43,7 +43,7 @@ def compile(
     path: str | Path,
     model: str | None = None,
     parameters: Mapping[str, Value] | None = None,
-    states: Sequence[str] | None = None,
+    states: str | Sequence[str] | None = None,
     *,
     listener: Callable[[str], None] | None = None,
 ) -> DAE:
@@ -54,7 +54,7 @@ def compile(
     path : the `.lmo` file
     model : which model, where the file holds several that could be meant
     parameters : {dotted name: value}, overriding what the file says
-    states : variables to prefer as states
+    states : variables to prefer as states, or the name of one
     listener : called with the name of each stage as it begins
 
     Raises
@@ -70,7 +70,7 @@ def compile_text(
     name: str = "model.lmo",
     model: str | None = None,
     parameters: Mapping[str, Value] | None = None,
-    states: Sequence[str] | None = None,
+    states: str | Sequence[str] | None = None,
 ) -> DAE:
     """Compile a scene given as text; `name` stands for the file's name in messages. Otherwise as `compile`."""
     return compile_source(Source(name, text), model, parameters, states)
@@ -80,18 +80,16 @@ def compile_source(
     source: Source,
     model: str | None = None,
     parameters: Mapping[str, Value] | None = None,
-    states: Sequence[str] | None = None,
+    states: str | Sequence[str] | None = None,
     listener: Callable[[str], None] | None = None,
 ) -> DAE:
     """Compile one source; otherwise as `compile`."""
     if not isinstance(source.text, str):
         raise TypeError(f"a model is a text (str), not {type(source.text).__name__}")
-    if isinstance(states, str):
-        raise TypeError("states is a sequence of names, such as ['mass.q'], not one text")
     check_mappings(parameters=parameters)
     clock = Clock(listener)
     files = pipeline.parse([source], clock)
-    scene = Scene(files, model, dict(parameters or {}), None if states is None else tuple(states))
+    scene = Scene(files, model, dict(parameters or {}), names_of(states))
     return DAE(scene, pipeline.flatten(scene, clock), clock)
 
 
@@ -183,7 +181,7 @@ class DAE:
         inputs: Mapping[str, object] | None = None,
         *,
         energy: bool = True,
-        keep: Sequence[str] | None = None,
+        keep: str | Sequence[str] | None = None,
         listener: Callable[[str], None] | None = None,
         progress: Callable[[float, float], None] | None = None,
     ) -> Run:
@@ -221,7 +219,7 @@ class DAE:
 
         check_mappings(parameters=parameters, initial=initial, inputs=inputs)
         check_initial(initial or {})
-        keep = (keep,) if isinstance(keep, str) else keep
+        keep = names_of(keep)
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
         options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
@@ -313,7 +311,7 @@ class DAE:
         from lmoc.symbolic.system import symbolic_system
 
         prepared = self.prepare(parameters)
-        return symbolic_system(prepared.reduced, prepared.values, derivations.names_of(variables))
+        return symbolic_system(prepared.reduced, prepared.values, names_of(variables))
 
     def symbolic_ode(self, parameters: Point | None = None) -> dict[str, sympy.Expr]:
         """Return {state name: SymPy expression of its derivative}, keys as in `states`."""

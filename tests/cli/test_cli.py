@@ -34,6 +34,10 @@ def test_version(lmoc):
         (["run", "a.lmo", "--points", "1"], "E0621", "at least 2"),
         (["run", "a.lmo", "--rtol", "-1"], "E0621", "above zero"),
         (["run", "a.lmo", "--solver", "dop835"], "E0621", "did you mean 'dop853'?"),
+        (["run", "a.lmo", "--solver", "ode45"], "E0621", "'dop853' is the method of that kind here"),
+        (["run", "a.lmo", "--solver", "RK4"], "E0621", "'dop853' is the method of that kind here"),
+        (["run", "a.lmo", "--solver", "ode15s"], "E0621", "'cvode' is the method of that kind here"),
+        (["run", "a.lmo", "--solver", "DASSL"], "E0621", "'ida' is the method of that kind here"),
         (["run", "a.lmo", "--formulation", "ggl"], "E0626", "reduced"),
         (["run", "a.lmo", "--set", "k"], "E0621", "expected name=value"),
         (["run", "a.lmo", "--set", "k=stiff"], "E0621", "k: 'stiff' is not a number"),
@@ -150,6 +154,13 @@ def test_a_table_as_input(lmoc, scene, tmp_path):
     ("words", "code", "help"),
     [
         (["--set", "body.mass=2"], "E0622", "body.m"),
+        (["--set", "m=3"], "E0622", "did you mean body.m?"),
+        (["--set", "body.q=1"], "E0622", "--init body.q=1, or initial={'body.q': 1}"),
+        (["--set", "body.q=1"], "E0622", "6 |   Mass body("),
+        (["--set", "f=1"], "E0622", "--input f=1"),
+        (["--init", "body.m=1"], "E0534", "--set body.m=1"),
+        (["--init", "q=1"], "E0622", "did you mean body.q?"),
+        (["--init", "body=1"], "E0622", "'body' is a part; it has body.q"),
         (["--set", "x=2"], "E0622", "x"),
         (["--init", "bdy.q=2"], "E", "body.q"),
         (["--input", "g=2"], "E0622", "the inputs are f"),
@@ -164,6 +175,21 @@ def test_names_and_signals_that_are_not_in_the_model(lmoc, scene, tmp_path, word
     assert answer.code in (1, 2)
     assert f"error[{code}" in answer.err
     assert help in answer.err
+
+
+@pytest.mark.parametrize(
+    ("port", "hint"),
+    [
+        ("body", "'body' is a part; did you mean body.flange?"),
+        ("spring", "'spring' is a part; did you mean spring.a or spring.b?"),
+        ("body.flang", "did you mean 'body.flange'?"),
+        ("body.q", "there are body.flange"),
+        ("xyz", "there are wall.flange, spring.a, spring.b"),
+    ],
+)
+def test_a_port_is_named_where_a_part_was_given(lmoc, scene, port, hint):
+    answer = lmoc("equivalent", scene, port)
+    assert "error[E0661]" in answer.err and hint in answer.err
 
 
 def test_check_says_that_all_is_well(lmoc, scene):

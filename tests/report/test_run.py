@@ -143,7 +143,7 @@ def test_pictures(run, chain, tmp_path):
     figure = run.plot(path=tmp_path / "run.png")
     assert (tmp_path / "run.png").stat().st_size > 10_000
     labels = [axis.get_ylabel() for axis in figure.axes]
-    assert labels == ["position in m", "energy in J"]
+    assert labels == ["position in m", "force in N", "energy in J"]
     assert figure.axes[-1].get_xlabel() == "time in s"
     by_unit = run.plot(["x", "body.v", "spring.f"])
     assert [axis.get_ylabel() for axis in by_unit.axes] == ["position in m", "velocity in m/s", "force in N"]
@@ -243,15 +243,94 @@ def test_a_scene_in_which_nothing_states_its_energy_has_an_empty_ledger():
     assert [axis.get_ylabel() for axis in run.plot().axes if "energy" in axis.get_ylabel()] == []
 
 
-def test_a_callable_moves_the_base_of_a_spring_and_leaves_no_ledger():
-    """The force needs no derivative of the motion; the power of the source does."""
+def test_the_work_of_a_callable_that_moves_a_base_is_known():
+    """The force needs no derivative of the motion; the power of the source does, and differences serve for that."""
     dae = lmoc.compile_text("""model M input Real u; Motion base(q = u); Spring s(k = 4); Mass m(m = 1);
         equation connect(base.flange, s.a); connect(s.b, m.flange); end M;""")
     run = dae.simulate(stop=2, inputs={"u": np.sin}, rtol=1e-9)
     t = run.time
     assert run["m.q"] == pytest.approx((4 * np.sin(t) - 2 * np.sin(2 * t)) / 3, abs=1e-7)
-    assert run.energy is None and [n.code for n in run.notes] == ["N0523"]
-    assert dae.simulate(stop=2, inputs={"u": "sin(time)"}).energy.balance < 1e-4
+    exact = dae.simulate(stop=2, inputs={"u": "sin(time)"}, rtol=1e-9)
+    assert run.energy.balance < 1e-8 and run.energy.supplied == pytest.approx(exact.energy.supplied, abs=1e-9)
+
+    def careful(t):
+        assert 0 <= t <= 2
+        return np.sin(t)
+
+    assert dae.simulate(stop=2, inputs={"u": careful}).energy.balance < 1e-5
+
+
+def test_a_callable_that_would_have_to_give_an_acceleration_is_refused():
+    dae = lmoc.compile_text("""model M input Real u; Motion base(q = u); Mass m(m = 1); output Real f = base.flange.f;
+        equation connect(base.flange, m.flange); end M;""")
+    with pytest.raises(lmoc.ModelError, match=r"derivative\(n\)"):
+        lmoc.compile_text("""model M input Real u; Motion base(q = u); Damper d(c = 1); Mass m(m = 1);
+            equation connect(base.flange, d.a); connect(d.b, m.flange); end M;""").simulate(inputs={"u": np.sin})
+    run = dae.simulate(inputs={"u": np.sin})
+    assert np.isnan(run["f"]).all() and [n.code for n in run.notes] == ["N0523"]
+
+
+def test_one_name_is_as_good_as_a_list(run, tmp_path):
+    assert [line.get_label() for line in run.plot("x").axes[0].lines[:1]] == ["x"]
+    assert list(run.columns("x")) == ["time", "x"] and list(run.to_dataframe("x").columns) == ["x"]
+    assert run.save(tmp_path / "x.csv", "x").read_text().startswith("time,x\n")
+    model = "model M Real x(start = 1, fixed = true), y; equation der(x) = -x; y = 2*x; end M;"
+    assert lmoc.compile_text(model, states="y").states == ["y"]
+
+
+def test_the_energy_in_a_line(run):
+    assert str(run.energy) == summary.energy_text(run) and "\n" not in str(run.energy)
+    assert "balance error" in repr(run.energy) and repr(run.energy).startswith("<Energy: ")
+
+
+def test_eight_curves_are_told_apart():
+    names = [f"y{k}" for k in range(10)]
+    text = "".join(f"output Real {name} = {k} + time;" for k, name in enumerate(names))
+    scene = f"model M {text} Real x(start=1, fixed=true); equation der(x) = -x; end M;"
+    figure = lmoc.compile_text(scene).simulate().plot()
+    looks = [(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines]
+    assert len(set(looks[:10])) == 10
+
+
+def test_axes_say_the_quantity_or_the_name():
+    scene = """model M input Real u(unit = "N") = sin(time); output Real i(unit = "A") = x; output Real j = 2*x;
+        output Real w(unit = "cd") = x; parameter Real c = 1; Real x(start = 1, fixed = true);
+        equation der(x) = -c*x; end M;"""
+    labels = [axis.get_ylabel() for axis in lmoc.compile_text(scene).simulate().plot().axes]
+    assert labels[:4] == ["current in A", "j", "w in cd", "force in N"]
+
+
+def test_panels_that_do_not_fit_are_named():
+    units = ["m", "s", "kg", "A", "K", "mol", "cd"]
+    text = "".join(f'output Real y{k}(unit = "{unit}") = time;' for k, unit in enumerate(units))
+    figure = lmoc.compile_text(f"model M {text} end M;").simulate().plot()
+    assert len(figure.axes) == 5 and "y5, y6" in figure.axes[-1].get_xlabel()
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz", ".mat"])
+def test_every_name_can_be_saved(tmp_path, ending):
+    names = ["file", "allow_pickle", "names", "data", "args", "compress", "self"]
+    declared = "".join(f"output Real {name} = time + {k};" for k, name in enumerate(names))
+    quoted = "Real 'a \"b\", c' = 5*time;"
+    run = lmoc.compile_text(f"model M {declared} {quoted} Real x(start=1, fixed=true); equation der(x) = -x; end M;")
+    run = run.simulate(stop=1, points=3)
+    path = run.save(tmp_path / f"all{ending}")
+    if ending == ".npz":
+        with np.load(path) as kept:
+            found = {name: kept[name] for name in kept.files}
+    elif ending == ".mat":
+        from scipy.io import loadmat
+
+        kept = loadmat(path)
+        labels = [str(name[0]) for name in kept["names"].ravel()]
+        found = dict(zip(labels, kept["data"].T, strict=True))
+    else:
+        import pandas
+
+        found = pandas.read_csv(path).to_dict("list")
+    assert set(names) <= set(found) and set(found) == set(run.columns())
+    for k, name in enumerate(names):
+        assert found[name] == pytest.approx(run.time + k)
 
 
 @pytest.mark.parametrize("scene", ["s3_1_cubic_spring", "s3_2_spring_left_of_mass", "ex08_cable_around_cylinder"])

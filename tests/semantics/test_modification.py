@@ -132,7 +132,7 @@ def test_unknown_names_from_outside() -> None:
     (error,) = mistakes("model A Mass body(m = 1); end A;", body__n=3)
     assert error.code == "E0622" and "'body.m'" in error.hint
     (error,) = mistakes("model A Mass body(m = 1); end A;", body__q=3)
-    assert error.code == "E0622" and "only parameters" in error.hint
+    assert error.code == "E0622" and "--init body.q=3" in error.hint and error.span.text == "body"
 
 
 def test_the_value_of_a_variable_is_an_equation() -> None:

@@ -141,13 +141,14 @@ def assignment(kind: Callable[[str], object]) -> Callable[[str], tuple[str, obje
     return convert
 
 
-def choice(names: Sequence[str]) -> Callable[[str], str]:
+def choice(names: Sequence[str], hint: Callable[[str], str] | None = None) -> Callable[[str], str]:
     """The type of a word out of a list."""
 
     def convert(text: str) -> str:
         if text not in names:
             message = f"expected one of {', '.join(names)}; found '{text}'"
-            raise argparse.ArgumentTypeError("; ".join(filter(None, [message, nearest(text, names)])))
+            near = hint(text) if hint is not None else nearest(text, names)
+            raise argparse.ArgumentTypeError("; ".join(filter(None, [message, near])))
         return text
 
     return convert

@@ -28,7 +28,7 @@ FAILED_RUN = 3
 
 
 def configure(parser: Parser) -> None:
-    from lmoc.numerics.options import SOLVERS
+    from lmoc.numerics.options import SOLVERS, solver_hint
 
     add_model_arguments(parser)
     add_states_argument(parser)
@@ -38,7 +38,7 @@ def configure(parser: Parser) -> None:
     add("--points", type=count, metavar="N", help="number of output times (experiment, else 501)")
     add("--rtol", type=positive, metavar="TOL", help="relative tolerance (experiment, else 1e-6)")
     add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
-    add("--solver", type=choice(SOLVERS), metavar="NAME", default="auto", help=", ".join(SOLVERS))
+    add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
     add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
     add("--init", type=assignment(number), metavar="NAME=VALUE", action="append", default=[],
         help="fix a variable at the start; may be repeated")  # fmt: skip

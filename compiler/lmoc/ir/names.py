@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -54,6 +54,11 @@ class Names(Sequence):
         return repr(list(self)) if len(self) <= 60 else f"<{len(self)} names: {self[0]} … {self[-1]}>"
 
 
+def names_of(given: str | Sequence[str] | None) -> tuple[str, ...] | None:
+    """Return names as a tuple, where one may stand alone."""
+    return (given,) if isinstance(given, str) else None if given is None else tuple(given)
+
+
 def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda block: True) -> str:
     """What may have been meant by a name that the model does not have."""
     blocks = {_base(b): b for b in flat.blocks if b.size and among(b)}
@@ -61,15 +66,26 @@ def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda b
     same = blocks.get(plain)
     if same is not None:
         return f"the indices of {same.pattern} run from 1 to {' and '.join(map(str, same.dims))}" if same.dims else ""
-    inside = [b.pattern for base, b in blocks.items() if base.startswith(plain + ".")]
-    inside.sort(key=lambda pattern: pattern.count("."))
+    return hint_among({base: b.pattern for base, b in blocks.items()}, str(name))
+
+
+def hint_among(known: Mapping[str, str], name: str) -> str:
+    """What may have been meant by a name that is not among some.
+
+    Parameters
+    ----------
+    known : {name without subscripts: how to show it}
+    """
+    plain = _SUBSCRIPT.sub("", name).strip()
+    inside = [shown for base, shown in known.items() if base.startswith(plain + ".")]
+    inside.sort(key=lambda shown: shown.count("."))
     if inside:
         return f"'{name}' is a part; it has {_listed(inside)}"
-    ends = [b.pattern for base, b in blocks.items() if base.endswith("." + plain)]
+    ends = [shown for base, shown in known.items() if base.endswith("." + plain)]
     if ends:
         return f"did you mean {_listed(ends, ' or ')}?"
-    close = nearest(plain, blocks)
-    return close.replace(f"'{_quoted(close)}'", f"'{blocks[_quoted(close)].pattern}'") if close else ""
+    close = nearest(plain, known)
+    return close.replace(f"'{_quoted(close)}'", f"'{known[_quoted(close)]}'") if close else ""
 
 
 def _base(block: Block) -> str:

@@ -8,10 +8,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.ir.flat import Experiment
+from lmoc.messages.diagnostics import nearest
 
 SOLVERS = ("auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau")
+# names of methods elsewhere, and what does the same here
+ALSO_KNOWN_AS = {
+    "dop853": "ode45 ode23 ode78 ode89 rk4 rk45 rk23 rkf45 dopri5 dopri tsit5 vern7 rungekutta euler",
+    "adams": "ode113 vode abm",
+    "cvode": "ode15s bdf cvodes_bdf lsode gear",
+    "ida": "dassl daspk dae15i ode15i idas",
+    "radau": "radauiia radau5 radauii ode23s ode23t ode23tb esdirk rodas",
+    "auto": "lsoda automatic default",
+}
 FORMULATIONS = ("reduced",)
 MOST_POINTS = 50_000_000  # output times
+
+
+def solver_hint(name: str) -> str:
+    """A hint for a solver that does not exist: what corresponds to one of another tool, else the nearest name."""
+    plain = "".join(sign for sign in name.lower() if sign.isalnum() or sign == "_")
+    own = next((own for own, others in ALSO_KNOWN_AS.items() if plain in others.split()), None)
+    return f"'{own}' is the method of that kind here" if own else nearest(name, SOLVERS)
 
 
 @dataclass(frozen=True)

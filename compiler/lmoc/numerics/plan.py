@@ -198,7 +198,7 @@ class _Inputs:
             self.unbound.add(variable)
         elif isinstance(signal, Constant):
             self.constants.append((register, variable if order == 0 else -1))
-        elif not gives(signal, order):
+        elif not gives(signal, order, required):
             self.absent.append(register)
             _report_rough(self.reduced, variable, order, required, isinstance(signal, Table), report)
         elif isinstance(signal, Formula):

@@ -22,7 +22,7 @@ from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.trajectory import Observer, Recorder, Trajectory, find
-from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions
+from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions, solver_hint
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, break_times, gives, note_held_ends
@@ -91,7 +91,7 @@ class Simulator:
         values = self.reduced.values if values is None else values
         report = Report()
         times = check_options(options, self.reduced, report)
-        signals = bind_signals(self.reduced.flat, inputs, report, self.reduced.inputs[1:])
+        signals = bind_signals(self.reduced.flat, inputs, report, self.reduced.inputs[1:], (times[0], times[-1]))
         report.check()
         note_held_ends(signals, self.reduced.flat, times, report)
         plan, system = self.system(signals, options.energy, report)
@@ -286,7 +286,8 @@ class _Run:
 def check_options(options: RunOptions, reduced: Reduced, report: Report) -> np.ndarray:
     """The output times; errors for what cannot be done."""
     if options.solver not in SOLVERS:
-        report.error("E0540", f"there is no solver '{options.solver}'", expected=", ".join(SOLVERS))
+        report.error("E0540", f"there is no solver '{options.solver}'", expected=", ".join(SOLVERS),
+                     hint=solver_hint(str(options.solver)))  # fmt: skip
     if options.formulation not in FORMULATIONS:
         report.error("E0626", f"formulation '{options.formulation}' is not available", expected=", ".join(FORMULATIONS))
     for name in options.keep or ():
@@ -306,7 +307,7 @@ def _kind_key(signal: Signal) -> tuple:
         return "formula", signal.shape, signal.variables
     if isinstance(signal, Constant):
         return ("constant",)
-    return type(signal).__name__, *(gives(signal, order) for order in range(4))
+    return type(signal).__name__, *(gives(signal, order, needed) for order in range(4) for needed in (True, False))
 
 
 def _check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: Report) -> None:

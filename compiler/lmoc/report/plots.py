@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.flat import Kind
+from lmoc.ir.names import names_of
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.report.files import PICTURES, check_target
 from lmoc.support.replacing import replace_file
@@ -25,7 +27,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#4
 GREY = "#555555"
 MOST_LABELLED = 10  # curves of a panel with names of their own; more are a family with a colour scale
 MOST_CURVES = 200
-MOST_PANELS = 5
+MOST_NAMED = 3  # curves that name their axis
+MOST_PANELS = 5  # of those that nobody asked for
 FLAT = 1e-3  # of the energy that moves between the stores: what changes by less is drawn as a flat line
 
 STYLE = {
@@ -45,18 +48,24 @@ STYLE = {
     "svg.fonttype": "none",
 }
 QUANTITIES = {
-    "m": "position", "m/s": "velocity", "m/s2": "acceleration", "N": "force",
-    "rad": "angle", "rad/s": "angular velocity", "rad/s2": "angular acceleration", "N.m": "torque",
-    "J": "energy", "W": "power", "1": "ratio",
+    "m": "position", "mm": "position", "cm": "position", "km": "position",
+    "m/s": "velocity", "km/h": "velocity", "m/s2": "acceleration", "N": "force", "kN": "force",
+    "rad": "angle", "deg": "angle", "rad/s": "angular velocity", "rpm": "speed of rotation", "Hz": "frequency",
+    "rad/s2": "angular acceleration", "N.m": "torque", "N.s": "impulse", "J": "energy", "kJ": "energy", "W": "power",
+    "kW": "power", "1": "ratio", "kg": "mass", "s": "time", "Pa": "pressure", "K": "temperature", "degC": "temperature",
+    "A": "current", "V": "voltage", "C": "charge", "Wb": "flux", "T": "flux density", "m2": "area", "m3": "volume",
+    "m3/s": "flow", "kg/s": "mass flow", "N/m": "stiffness", "N.s/m": "damping",
 }  # fmt: skip
+DASHES = ("-", "--", ":")  # where there are more curves than colours
 
 
-def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None = None) -> Figure:
+def plot(run: Run, names: str | Sequence[str] | None = None, path: str | Path | None = None) -> Figure:
     """Draw a run.
 
     Parameters
     ----------
-    names : what to show; by default the outputs, else the states, and the energy
+    names : what to show, one name or several; by default the outputs, else the states, the inputs that change, and
+        the energy
     path : where to write the picture (.png, .svg, .pdf), if anywhere
 
     Raises
@@ -73,7 +82,9 @@ def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None =
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
-        panels = group_by_unit(run, choose(run) if names is None else list(names))
+        panels = group_by_unit(run, choose(run) if names is None else names_of(names))
+        left = panels[MOST_PANELS:] if names is None else []
+        panels = panels[: len(panels) - len(left)]
         ledger = names is None and _has_ledger(run)
         heights = [1.0] * len(panels) + [0.8] * ledger
         figure = Figure(figsize=(9, 1.1 + 1.9 * sum(heights)), dpi=150, layout="constrained")
@@ -85,7 +96,8 @@ def plot(run: Run, names: Sequence[str] | None = None, path: str | Path | None =
             _energy(axes[-1], run)
         for axis in axes:
             axis.margins(x=0)
-        axes[-1].set_xlabel("time in s")
+        more = f"   (not shown: {', '.join(name for _, members in left for name in members[:2])} …)" if left else ""
+        axes[-1].set_xlabel(f"time in s{more}")
         head(figure, _title(run))
         figure.align_ylabels()
         if path is not None:
@@ -98,12 +110,19 @@ def head(figure: Figure, title: str) -> None:
 
 
 def choose(run: Run) -> list[str]:
-    """What a picture shows when nothing is asked for: what was kept, else the outputs, else the states."""
+    """What a picture shows when nothing is asked for: what was kept, else the outputs or the states, and the inputs."""
     if run.kept is not None:
         return list(run.kept)
     registers = run.reduced.states
     some = registers if len(registers) <= MOST_CURVES else registers[_spread(len(registers), MOST_CURVES)]
-    return run.outputs or [run.reduced.register_name(int(r)) for r in some]
+    shown = run.outputs or [run.reduced.register_name(int(r)) for r in some]
+    return [*shown, *(name for name in _moving_inputs(run) if name not in shown)]
+
+
+def _moving_inputs(run: Run) -> list[str]:
+    """Top-level inputs that change during the run: what the motion answers to."""
+    names = [b.name(i) for b in run.flat.blocks if b.kind == Kind.INPUT for i in range(min(b.size, MOST_CURVES))]
+    return [name for name in names if np.ptp(run[name]) > 0]
 
 
 def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]:
@@ -113,7 +132,7 @@ def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]
         found = run.flat.find(name)
         members = [name] if found is None or len(found) == 1 else [run.flat.variable_name(int(v)) for v in found]
         panels.setdefault(run.unit(members[0]), []).extend(members)
-    return list(panels.items())[:MOST_PANELS]
+    return list(panels.items())
 
 
 def _title(run: Run) -> str:
@@ -131,12 +150,13 @@ def _has_ledger(run: Run) -> bool:
 def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:
     shown = names if len(names) <= MOST_CURVES else [names[k] for k in _spread(len(names), MOST_CURVES)]
     if len(shown) <= MOST_LABELLED:
-        for name, colour in zip(shown, _colours(len(shown)), strict=True):
-            axis.plot(run.time, run[name], color=colour, label=name)
+        for k, name in enumerate(shown):
+            colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS)]
+            axis.plot(run.time, run[name], color=colour, linestyle=dashes, label=name)
         _legend(axis)
     else:
         _family(axis, run, shown, len(names))
-    axis.set_ylabel(_axis_label(unit))
+    axis.set_ylabel(_axis_label(unit, names))
     _rest_line(axis)
 
 
@@ -188,15 +208,10 @@ def _rest_line(axis: Axes) -> None:
         axis.axhline(0, color="#bbbbbb", linewidth=0.8, zorder=0.5)
 
 
-def _axis_label(unit: str) -> str:
-    if not unit:
-        return "value"
-    quantity = QUANTITIES.get(unit)
-    return f"{quantity} in {unit_text(unit)}" if quantity else unit_text(unit)
-
-
-def _colours(n: int) -> list[str]:
-    return [COLOURS[k % len(COLOURS)] for k in range(n)]
+def _axis_label(unit: str, names: Sequence[str]) -> str:
+    """Quantity and unit; where neither is known, what the curves are called."""
+    quantity = QUANTITIES.get(unit) or (", ".join(names) if len(names) <= MOST_NAMED else "")
+    return f"{quantity} in {unit_text(unit)}" if quantity and unit else quantity or unit_text(unit) or "values"
 
 
 def _spread(total: int, most: int) -> list[int]:

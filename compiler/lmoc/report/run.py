@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc.ir.flat import Block, FlatDAE, Kind
-from lmoc.ir.names import Names, UnknownNameError, hint_for
+from lmoc.ir.names import Names, UnknownNameError, hint_for, names_of
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.report.units import unit_of
@@ -185,8 +185,9 @@ class Run:
         order = np.sort(np.unique(chosen, return_index=True)[1])
         return chosen[order]
 
-    def columns(self, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    def columns(self, names: str | Sequence[str] | None = None) -> dict[str, np.ndarray]:
         """{name: (times,) values}, time first: the `table_variables`, or the names given, arrays by their members."""
+        names = names_of(names)
         if names is None and self.kept is None:
             return {"time": self.time} | self._by_name(self.table_variables())
         columns = {"time": self.time}
@@ -204,14 +205,14 @@ class Run:
             raise UnknownNameError(name, hint_for(self.flat, name))
         return found
 
-    def to_dataframe(self, names: Sequence[str] | None = None):
+    def to_dataframe(self, names: str | Sequence[str] | None = None):
         """A pandas DataFrame with the time as index; columns as in `columns`."""
         import pandas
 
         columns = self.columns(names)
         return pandas.DataFrame(columns).set_index("time")
 
-    def save(self, path: str | Path, names: Sequence[str] | None = None) -> Path:
+    def save(self, path: str | Path, names: str | Sequence[str] | None = None) -> Path:
         """Write a table of the run: .csv, .npz, .parquet or .mat by the ending of the name.
 
         Raises
@@ -223,7 +224,7 @@ class Run:
 
         return save(self, Path(path), names)
 
-    def plot(self, names: Sequence[str] | None = None, path: str | Path | None = None):
+    def plot(self, names: str | Sequence[str] | None = None, path: str | Path | None = None):
         """Draw signals in panels by unit, and the energy. Returns the matplotlib figure; with `path` also writes it."""
         from lmoc.report.plots import plot
 

@@ -132,8 +132,17 @@ def _port(flat: FlatDAE, name: str) -> tuple[int, int]:
                 potential = flat.blocks[p].name(i)
                 ports[potential.rpartition(".")[0]] = (flat.blocks[p].offset + i, flat.blocks[f].offset + i)
     if name not in ports:
-        raise ModelError([Diagnostic("E0661", f"there is no port '{name}'", hint=nearest(name, ports))])
+        raise ModelError([Diagnostic("E0661", f"there is no port '{name}'", hint=_port_hint(name, list(ports)))])
     return ports[name]
+
+
+def _port_hint(name: str, ports: list[str]) -> str:
+    """Which port may have been meant: of a part one of its own, of a variable one of the same part."""
+    inside = [port for port in ports if port.startswith(f"{name}.")]
+    beside = [port for port in ports if port.rpartition(".")[0] == name.rpartition(".")[0]]
+    if inside:
+        return f"'{name}' is a part; did you mean {' or '.join(inside[:6])}?"
+    return nearest(name, ports) or f"there are {', '.join((beside or ports)[:6])}"
 
 
 class _Network:

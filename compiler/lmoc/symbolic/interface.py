@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.flat import Kind
+from lmoc.ir.names import names_of
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
@@ -27,11 +28,6 @@ if TYPE_CHECKING:
     from lmoc.symbolic.linearize import LinearModel
     from lmoc.symbolic.numeric import NumericSystem
     from lmoc.symbolic.transfer import TransferFunction
-
-
-def names_of(given: str | Sequence[str] | None) -> tuple[str, ...] | None:
-    """Return names as a tuple, where one may stand alone."""
-    return (given,) if isinstance(given, str) else None if given is None else tuple(given)
 
 
 def equilibria(prepared: Prepared, inputs: Point | None = None) -> Equilibria:

@@ -20,7 +20,7 @@ _ROUNDING = 1e-6  # of what is stored: less than this, nothing flows that could 
 _VALUES = 2_000_000  # values looked at, where that allows more than the least
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Energy:
     """Energies over the time of a run.
 
@@ -53,6 +53,20 @@ class Energy:
     def balance(self) -> float:
         worst = float(np.abs(self.residual).max())
         return worst / self.scale if self.scale > 0 else 0.0 if worst == 0 else np.inf
+
+    def __str__(self) -> str:
+        if not np.isfinite(self.balance):
+            return "unknown: a part of the ledger has no value"
+        if not (self.stored.any() or self.supplied.any() or self.lost.any()):
+            return "none stored, supplied or lost"
+        change = self.stored[-1] - self.stored[0]
+        return (
+            f"supplied {self.supplied[-1]:.4g} J = lost {self.lost[-1]:.4g} J + stored {change:.4g} J; "
+            f"balance error {self.balance:.1e}"
+        )
+
+    def __repr__(self) -> str:
+        return f"<Energy: {self}>"
 
 
 def measure(run: Trajectory) -> Energy:

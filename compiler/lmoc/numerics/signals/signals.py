@@ -7,7 +7,7 @@ the integrator at the times of its stages.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,6 +22,9 @@ from lmoc.numerics.signals.tables import Points, Table, checked_table, read_csv
 
 # where a formula with one of these is differentiated, the derivative lacks what happens at the kink itself
 _KINKED = frozenset("abs sign floor ceil integer min max mod rem div_integer if lt le gt ge eq ne".split())
+
+
+_DIFFERENCE = 1e-5  # of a run, between the values of a callable whose slope is estimated
 
 
 @dataclass(frozen=True)
@@ -48,17 +51,38 @@ class Formula:
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """A Python callable of time, with derivatives where it has a method ``derivative(n)`` that returns a callable."""
+    """A Python callable of time, with derivatives where it has a method ``derivative(n)`` that returns a callable.
+
+    Attributes
+    ----------
+    name : of the input
+    span : s, first and last time at which it is asked
+    """
 
     call: Callable[[float], float]
-    name: str = ""  # of the input
+    name: str = ""
+    span: tuple[float, float] = (-np.inf, np.inf)
 
     @lru_cache(maxsize=8)  # noqa: B019 - a handful of orders of one signal
     def at_order(self, order: int) -> Callable[[float], float] | None:
         if order == 0:
             return self.call
         make = getattr(self.call, "derivative", None)
-        return None if make is None else make(order)
+        return make(order) if make is not None else self.slope if self.estimates(order) else None
+
+    def estimates(self, order: int) -> bool:
+        """Whether differences stand for a derivative: good enough for the work of a source, not for a motion."""
+        first, last = self.span
+        return order == 1 and not hasattr(self.call, "derivative") and 0 < last - first < np.inf
+
+    def slope(self, t: float) -> float:
+        """The first derivative by five values (of order 4), inside the span alone: forward or backward at its ends."""
+        first, last = self.span
+        h = _DIFFERENCE * (last - first)
+        side = 1 if t - 2 * h < first else -1 if t + 2 * h > last else 0
+        places, weights = ((-2, -1, 1, 2), (1, -8, 8, -1)) if side == 0 else ((0, 1, 2, 3, 4), (-25, 48, -36, 16, -3))
+        step = h if side >= 0 else -h
+        return sum(w * self.value(t + k * step, 0) for k, w in zip(places, weights, strict=True)) / (12 * step)
 
     def value(self, t: float, order: int) -> float:
         """
@@ -94,12 +118,12 @@ def formula_derivative(shape: Expr, order: int) -> Expr:
     return shape
 
 
-def gives(signal: Signal, order: int) -> bool:
-    """Whether the signal has a derivative of that order."""
+def gives(signal: Signal, order: int, required: bool = True) -> bool:
+    """Whether the signal has a derivative of that order; where no state needs it, whether it can be estimated."""
     if isinstance(signal, Table):
         return signal.gives(order)
     if isinstance(signal, Function):
-        return signal.at_order(order) is not None
+        return signal.at_order(order) is not None and not (required and signal.estimates(order))
     return True
 
 
@@ -126,13 +150,18 @@ def is_own(signal: Signal, flat: FlatDAE, variable: int) -> bool:
 
 
 def bind_signals(
-    flat: FlatDAE, inputs: Mapping[str, object] | None, report: Report, orders: np.ndarray | None = None
+    flat: FlatDAE,
+    inputs: Mapping[str, object] | None,
+    report: Report,
+    orders: np.ndarray | None = None,
+    span: tuple[float, float] = (-np.inf, np.inf),
 ) -> dict[int, Signal]:
     """One signal for each input that has one: what the caller gives, else the model's own binding.
 
     Parameters
     ----------
     orders : (2, k) inputs and orders of their derivatives that are in use: a table is joined by a curve that has them
+    span : s, the start and the end of the run
     inputs : {name: number, text, callable, or table}
         A table is a pair (times, values), an array with two columns, or the path of a CSV file. The name of an array
         of inputs gives all of them the same signal.
@@ -146,6 +175,8 @@ def bind_signals(
             report.error("E0622", f"'{name}' is not an input of '{flat.name}'", hint=nearest(name, names) or listed)
             continue
         signal = make_signal(given, flat, name, report)
+        if isinstance(signal, Function):
+            signal = replace(signal, span=span)
         if isinstance(signal, Table) and orders is not None:
             signal = signal.smooth(int(orders[1, np.isin(orders[0], variables)].max(initial=0)))
         if signal is not None:

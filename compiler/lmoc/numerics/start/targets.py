@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.messages.diagnostics import Report, nearest
+from lmoc.ir.names import hint_for
+from lmoc.messages.diagnostics import Report
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,11 @@ def targets(flat: FlatDAE, values: np.ndarray, initial: Mapping[str, float], rep
     for name, value in initial.items():
         variables = flat.find(name)
         if variables is None:
-            hint = nearest(name, [b.pattern for b in flat.blocks if b.kind == Kind.UNKNOWN])
+            hint = hint_for(flat, name, lambda b: b.kind == Kind.UNKNOWN)
             report.error("E0622", f"there is no variable '{name}' to start from", hint=hint)
         elif flat.kind[variables[0]] != Kind.UNKNOWN:
-            hint = "give it with parameters= (--set)" if flat.kind[variables[0]] == Kind.PARAMETER else ""
+            hint = f"it is a parameter: --set {name}={value:g}, or parameters={{'{name}': {value:g}}}"
+            hint = hint if flat.kind[variables[0]] == Kind.PARAMETER else ""
             report.error("E0534", f"'{name}' is not a variable that can be given an initial value", hint=hint)
         else:
             start[variables], hard[variables], given[variables] = value, True, True

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.ir.flat import Assignments, Kind, parse_name
+from lmoc.ir.names import hint_among
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.semantics.classes.modification import given
 from lmoc.semantics.instances.instance import Broken, Instance, Modifier, Variable
@@ -73,13 +74,11 @@ class Overrides:
             if isinstance(found, Broken):
                 continue  # it has been said what is wrong with it
             if not isinstance(found, Variable):
-                hint = nearest(".".join(path), labels)
+                hint = hint_among(dict(zip(labels, labels, strict=True)), ".".join(path))
                 report.error("E0622", f"the model has no parameter '{name}'", hint=hint)
             elif found.kind != Kind.PARAMETER:
-                report.error(
-                    "E0622", f"'{name}' is not a parameter", found.span,
-                    hint="only parameters can be given a value from outside",
-                )  # fmt: skip
+                span = root.children[path[0]].name_span  # in the user's text; its own may be the library's
+                report.error("E0622", f"'{name}' is not a parameter", span, hint=_other_way(name, found, self.given))
             elif found.final:
                 report.error("E0206", f"'{name}' is final: its value follows from others", found.span)
             elif path in self.whole:
@@ -119,6 +118,17 @@ class Overrides:
                 for t, x in zip(target, numbers):
                     bindings.append(Assignments(np.array([t]), dag.const(float(x)), np.zeros((1, 0), int)))
         return bindings
+
+
+def _other_way(name: str, found: Variable, given: Mapping[str, object]) -> str:
+    """How a variable that is no parameter gets a value."""
+    value = given[name]
+    value = f"{value:g}" if isinstance(value, float) else value
+    if found.kind == Kind.INPUT and found.parent is not None and found.parent.parent is None:
+        return f"it is an input: --input {name}={value}, or inputs={{'{name}': {value}}}"
+    if found.kind != Kind.UNKNOWN:
+        return "only parameters can be given a value from outside"
+    return f"a start value: --init {name}={value}, or initial={{'{name}': {value}}}"
 
 
 def other_type(type_: str, value: np.ndarray) -> str:
