@@ -4,15 +4,17 @@ Given a square matrix M, a vector q and bounds, find x and w = M·x + q with, fo
 
     x = lower and w ≥ 0,   or   lower < x < upper and w = 0,   or   x = upper and w ≤ 0.
 
-The force of a string has the bounds (0, ∞), stuck friction (−limit, limit). Exchanging all components that violate their
-conditions at once takes a handful of factorizations, whatever the number of components (J. J. Júdice and F. M. Pires, A
-block principal pivoting algorithm for large-scale strictly monotone linear complementarity problems, Computers & Operations
-Research 21, 1994). Should the number of violations stop falling, one component at a time is exchanged, the last in order,
-which ends for every P-matrix (K. G. Murty, Note on a Bard-type scheme, Opsearch 11, 1974).
+The force of a string has the bounds (0, ∞), stuck friction (−limit, limit). Exchanging all components that violate
+their conditions at once takes a handful of factorizations, whatever the number of components (J. J. Júdice and F. M.
+Pires, A block principal pivoting algorithm for large-scale strictly monotone linear complementarity problems,
+Computers & Operations Research 21, 1994). Should the number of violations stop falling, one component at a time is
+exchanged, the last in order, which ends for every P-matrix (K. G. Murty, Note on a Bard-type scheme, Opsearch 11,
+1974).
 
-Constraints that depend on each other make M only semidefinite: w is then unique and x is not. The proximal point method
-(R. T. Rockafellar, SIAM J. Control Optim. 14, 1976) turns that into a few problems with M + ε·D, each warm-started from the one
-before: where a solution exists the iterates converge to one at the rate ε, and where none exists they grow without bound.
+Constraints that depend on each other make M only semidefinite: w is then unique and x is not. The proximal point
+method (R. T. Rockafellar, SIAM J. Control Optim. 14, 1976) turns that into a few problems with M + ε·D, each warm-
+started from the one before: where a solution exists the iterates converge to one at the rate ε, and where none exists
+they grow without bound.
 """
 
 from __future__ import annotations
