@@ -1,0 +1,148 @@
+"""The switched form of a flat model: the mode of each law is a value, not a structure.
+
+A law leaves its force open. Here it gets the equation
+
+    closed·y + (1 − closed)·(force + direction·limit − push) = 0,
+
+where y is the lowest derivative of its motion that the force acts on at once: the gap itself, its rate, or its
+acceleration (the relative degree of the pair). `closed`, `push` and `direction` are inputs that stay as they are
+between events. So all modes of a scene, 2ⁿ of them, share one reduction, one set of kernels and one way back to every
+variable; the free scene with all laws open decides about coordinates, and a closed law is a row of an implicit linear
+block. The states keep what a closed law adds, gap = 0 and rate = 0, as invariants (`numerics.laws.manifold`).
+
+Reducing every mode by itself (`lmoc.ir.mode`) would give fewer states, and is how the equations of a mode are
+printed. For a train of 50 wagons that meets 49 modes it costs 49 reductions and kernels; measured at 25 to 140 ms
+each, that is seconds where this form needs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot
+from lmoc.ir.flat import Block, FlatDAE, Group, Kind
+from lmoc.ir.law import LawKind, Laws, law_count
+
+ORIGIN = "law"
+NONE = -1
+POSITION = 2  # relative degree of a gap between inertias: its second derivative feels the force
+
+_Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Switched:
+    """A flat model in switched form. All arrays have an entry for each law, in the order of the flat model's laws.
+
+    Attributes
+    ----------
+    flat : the flat model with the laws' equations, and without laws
+    laws : the laws as they were
+    force, rate : variables; the rate of a gap (NONE where the degree is 0), or the velocity of the law
+    gap : variables; NONE for laws between a force and a velocity
+    level : variables y
+    closed, push, direction : variables, inputs; direction is NONE for complementarities
+    degree : how often the position behind the motion is differentiated in y: 0, 1 or 2
+    """
+
+    flat: FlatDAE
+    laws: tuple[Laws, ...]
+    force: np.ndarray
+    gap: np.ndarray
+    rate: np.ndarray
+    level: np.ndarray
+    closed: np.ndarray
+    push: np.ndarray
+    direction: np.ndarray
+    degree: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.force)
+
+
+def switched(flat: FlatDAE, degree: np.ndarray) -> Switched:
+    """Return the switched form for given relative degrees, (laws,), each 0, 1 or 2."""
+    return _form(flat, degree, _switched_laws)
+
+
+def free(flat: FlatDAE) -> Switched:
+    """Return the form in which all laws are open and their forces are given from outside."""
+    return _form(flat, np.full(law_count(flat.laws), POSITION), _free_laws)
+
+
+def _form(flat: FlatDAE, degree: np.ndarray, equations: Callable[[Laws, _Columns, np.ndarray], Group]) -> Switched:
+    added = _Added(flat)
+    tables, levels, first = [], [], 0
+    for laws in flat.laws:
+        own = degree[first : first + laws.rows]
+        first += laws.rows
+        columns = _columns(added, laws, own)
+        level = np.stack([columns["gap"], columns["rate"], columns.pop("acceleration")])[own, np.arange(laws.rows)]
+        added.groups.append(equations(laws, columns, level))
+        tables.append(columns)
+        levels.append(level)
+    table = {name: np.concatenate([c[name] for c in tables]) for name in tables[0]} if tables else {}
+    done = replace(flat, blocks=tuple(added.blocks), groups=(*flat.groups, *added.groups), laws=())
+    return Switched(done, flat.laws, level=np.concatenate(levels), degree=degree, **table)
+
+
+class _Added:
+    """Variables and equations that a flat model gets."""
+
+    def __init__(self, flat: FlatDAE) -> None:
+        self.blocks = list(flat.blocks)
+        self.groups: list[Group] = []
+        self.count = flat.count
+
+    def variables(self, name: str, laws: Laws, rows: int, kind: Kind) -> np.ndarray:
+        path = ((f"{name} of law {len(self.blocks)}", (rows,)),)
+        self.blocks.append(Block(path, self.count, rows, kind, part=laws.part, span=laws.span))
+        self.count += rows
+        return np.arange(self.count - rows, self.count)
+
+    def derivative(self, name: str, laws: Laws, of: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """Return the derivatives of some of the variables `of`, NONE for the others."""
+        made = np.full(laws.rows, NONE)
+        if wanted.any():
+            made[wanted] = self.variables(name, laws, int(wanted.sum()), Kind.UNKNOWN)
+            pair = np.stack([made[wanted], of[wanted]], axis=1)
+            self.groups.append(Group(slot(0), slot(1, 1), pair, laws.span, laws.part, ORIGIN))
+        return made
+
+
+def _columns(added: _Added, laws: Laws, degree: np.ndarray) -> _Columns:
+    nothing = np.full(laws.rows, NONE)
+    unilateral = laws.kind is LawKind.UNILATERAL
+    rate = added.derivative("rate", laws, laws.motion, degree >= 1) if unilateral else laws.motion
+    return {
+        "force": laws.force,
+        "gap": laws.motion if unilateral else nothing,
+        "rate": rate,
+        "acceleration": added.derivative("acceleration", laws, rate, degree >= POSITION),
+        "closed": added.variables("closed", laws, laws.rows, Kind.INPUT),
+        "push": added.variables("push", laws, laws.rows, Kind.INPUT),
+        "direction": nothing if laws.direction is None else laws.direction,
+    }
+
+
+def _free_laws(laws: Laws, own: _Columns, level: np.ndarray) -> Group:
+    """Return ``force = push``."""
+    return Group(slot(0), slot(1), np.stack([own["force"], own["push"]], axis=1), laws.span, laws.part, ORIGIN)
+
+
+def _switched_laws(laws: Laws, own: _Columns, level: np.ndarray) -> Group:
+    """Return ``closed·y + (1 − closed)·(force + direction·limit − push) = 0``."""
+    columns = [own["closed"], level, laws.force, own["push"]]
+    open_: Expr = slot(2) - slot(3)
+    if laws.kind is LawKind.DRY_FRICTION:
+        columns += [own["direction"], laws.slip]
+        open_ = open_ + mul(slot(4), slot(5))
+    elif laws.kind is LawKind.CONTACT_FRICTION:
+        columns += [own["direction"], laws.friction, laws.normal]
+        open_ = open_ + mul(slot(4), mul(slot(5), slot(6)))
+    left = slot(0) * slot(1) + (ONE - slot(0)) * open_
+    return Group(left, ZERO, np.stack(columns, axis=1), laws.span, laws.part, ORIGIN)
