@@ -63,6 +63,7 @@ def test_the_switched_form_has_the_states_of_the_free_scene():
 
 def test_modes_of_many_laws_are_one_reduction():
     text = """model Train Mass m[N](each m = 1); Cable c[N - 1](each L = 0.1); parameter Integer N = %d;
-        equation for i in 1:N-1 loop connect(m[i].flange, c[i].a); connect(c[i].b, m[i+1].flange); end for; end Train;"""
+        equation for i in 1:N-1 loop
+          connect(m[i].flange, c[i].a); connect(c[i].b, m[i+1].flange); end for; end Train;"""
     short, long = (switched(flat(text % n), np.full(n - 1, 2)) for n in (5, 50))
     assert len(short.flat.groups) == len(long.flat.groups) and long.count == 49
