@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -94,7 +95,9 @@ class _Added:
     """Variables and equations that a flat model gets."""
 
     def __init__(self, flat: FlatDAE) -> None:
-        self.blocks = list(flat.blocks)
+        directions = [laws.direction for laws in flat.laws if laws.direction is not None]
+        held = np.isin([b.offset for b in flat.blocks], np.concatenate(directions)) if directions else []
+        self.blocks = [replace(b, kind=Kind.INPUT) if own else b for b, own in zip_longest(flat.blocks, held)]
         self.groups: list[Group] = []
         self.count = flat.count
 
