@@ -5,10 +5,10 @@ r⁺ = r⁻ + W·Λ. Newton's law with restitution asks of every law that touche
 
     0 ≤ Λ ⟂ r⁺ + e·min(r⁻, 0) ≥ 0,
 
-for all laws simultaneously (F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996, chapter 8).
-With different e, or through friction, that can create energy (T. R. Kane, Stanford Mechanics Alumni Club Newsletter,
-1984; C. Glocker, Multibody System Dynamics 29, 2013) or, for laws that depend on each other, contradict itself.
-Poisson's law then decides: a plastic impact compresses, and at least e times its impulses is given back.
+for all laws simultaneously (F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996, chapter
+8). With different e, or through friction, that can create energy (T. R. Kane, Stanford Mechanics Alumni Club
+Newsletter, 1984; C. Glocker, Multibody System Dynamics 29, 2013) or, for laws that depend on each other, contradict
+itself. Poisson's law then decides: a plastic impact compresses, and at least e times its impulses is given back.
 """
 
 from __future__ import annotations

@@ -1,0 +1,152 @@
+"""What the laws of a scene see at one instant: gaps, rates, what their forces would change, and their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.ir.flat import Kind
+from lmoc.ir.law import COMPLEMENTARY, LawKind
+from lmoc.ir.program import needed_steps
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.structure.laws.switched import NONE, Switched
+
+Array = NDArray[np.float64]
+KINDS = tuple(LawKind)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What does not change during a run, an entry for each law.
+
+    Attributes
+    ----------
+    kind : index into KINDS
+    unilateral, one_way, dry, contact : masks of the four kinds
+    degree : 0, 1 or 2 (`structure.laws.degree`)
+    restitution : Newton's coefficient, 0 for laws without
+    normal : index of the law whose force is the normal force of contact friction, NONE for others
+    """
+
+    kind: NDArray[np.int64]
+    degree: NDArray[np.int64]
+    restitution: Array
+    normal: NDArray[np.int64]
+
+    def of(self, *kinds: LawKind) -> NDArray[np.bool_]:
+        return np.isin(self.kind, [KINDS.index(k) for k in kinds])
+
+    @property
+    def complementary(self) -> NDArray[np.bool_]:
+        return self.of(*COMPLEMENTARY)
+
+    @property
+    def impulsive(self) -> NDArray[np.bool_]:
+        """Complementarities between inertias: only these carry impulses."""
+        return self.complementary & (self.degree == 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """Values at a time and state, with all laws open and their forces zero.
+
+    Attributes
+    ----------
+    gap, rate : (n,) NaN where a law has none
+    bias : (n,) the level quantities y (`structure.laws.switched`)
+    delassus : (n, n) their derivatives by the forces
+    response : (states, n) the derivatives of the states' rates by the forces
+    slip, stick : (n,) limits of friction, not negative; NaN for complementarities. Those of contact friction are shares
+        of the normal force.
+    """
+
+    gap: Array
+    rate: Array
+    bias: Array
+    delassus: Array
+    response: Array
+    slip: Array
+    stick: Array
+
+
+class Gauge:
+    """Evaluates the laws' quantities for one run.
+
+    Parameters
+    ----------
+    form, plan : the switched form, and the plan of its reduction
+    values : (flat.count,) parameter values
+    base : (plan.count,) registers with all laws open and all forces zero
+    signals : of the inputs
+    """
+
+    def __init__(self, form: Switched, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
+        self.form, self.plan, self.values, self.signals = form, plan, values, signals
+        self.base = base
+        self.limits = _limits(form)
+        places = [form.gap, form.rate, form.level, *self.limits]
+        self.registers = [np.where(v == NONE, -1, plan.reduced.register_of[v]) for v in places]
+        self.known = [_known(plan, values, v) for v in places]
+        self.force = plan.reduced.register_of[form.force]
+        wanted = np.concatenate([*(r[r >= 0] for r in self.registers), self.force, plan.derivatives])
+        self.program = needed_steps(plan.full_program, wanted, plan.count)
+        self.interpreter = Interpreter(self.program, plan.count)
+        self.outputs = np.concatenate([self.registers[2], plan.derivatives])
+        column, variable, order = plan.reduced.inputs
+        self.push = column[[int(np.flatnonzero((variable == p) & (order == 0))[0]) for p in form.push]]
+        self.by_force = Jacobian(self.program, self.push, self.outputs, plan.count)
+        self.table = _table(form, values)
+
+    def filled(self, t: float, x: Array, base: Array | None = None) -> Array:
+        """Return all registers at a time and state."""
+        w = (self.base if base is None else base).copy()
+        w[self.plan.states] = x
+        for register, (variable, order) in zip(self.plan.sampled, self.plan.samplers, strict=True):
+            w[register] = sample(self.signals[variable], order, np.array([t]))[0]
+        self.interpreter.run(w, t)
+        return w
+
+    def at(self, t: float, x: Array) -> Instant:
+        w = self.filled(t, x)
+        gap, rate, bias, slip, stick = (
+            np.where(r >= 0, w[r], k) for r, k in zip(self.registers, self.known, strict=True)
+        )
+        matrix = np.zeros((len(self.outputs), len(self.push)))
+        matrix[self.by_force.rows, self.by_force.columns] = self.by_force.values(w, t)
+        n = self.form.count
+        return Instant(gap, rate, bias, matrix[:n], matrix[n:], np.maximum(slip, 0.0), np.maximum(stick, 0.0))
+
+
+def _limits(form: Switched) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the variables of the slip and stick limits; of contact friction, its coefficient."""
+    slip, stick = [], []
+    for laws in form.laws:
+        nothing = np.full(laws.rows, NONE)
+        dry = laws.kind is LawKind.DRY_FRICTION
+        coefficient = nothing if laws.friction is None else laws.friction
+        slip.append(laws.slip if dry else coefficient)
+        stick.append(laws.stick if dry else coefficient)
+    return np.concatenate(slip), np.concatenate(stick)
+
+
+def _known(plan: Plan, values: Array, variables: NDArray[np.int64]) -> Array:
+    """Return the values of those variables that are constants or parameters, NaN for the others."""
+    kind = plan.reduced.flat.kind[variables]
+    return np.where((variables != NONE) & (kind <= Kind.PARAMETER), values[variables], np.nan)
+
+
+def _table(form: Switched, values: Array) -> Table:
+    kind = np.concatenate([np.full(g.rows, KINDS.index(g.kind)) for g in form.laws])
+    restitution = [np.zeros(g.rows) if g.restitution is None else values[g.restitution] for g in form.laws]
+    by_force = {int(v): k for k, v in enumerate(form.force)}
+    normal = [
+        np.full(g.rows, NONE) if g.normal is None else np.array([by_force.get(int(v), NONE) for v in g.normal])
+        for g in form.laws
+    ]
+    return Table(kind, form.degree, np.concatenate(restitution), np.concatenate(normal))

@@ -1,0 +1,144 @@
+"""The next mode: which laws hold once everything at an instant is taken together.
+
+Laws that could be closed without a jump, a gap and its rate at zero, a sliding velocity at zero, are candidates.
+Their forces solve one complementarity problem on the level at which each is felt; friction that reaches its sticking
+limit slips, with its slipping limit, and the problem is solved again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.ir.law import LawKind
+from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
+from lmoc.numerics.laws.instant import Instant, Table
+
+Mask = NDArray[np.bool_]
+
+ROUNDING = 1e-10  # by which a friction force may pass its limit and still stick
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """Which laws are closed, and in which direction open friction slips.
+
+    Attributes
+    ----------
+    closed : (n,)
+    direction : (n,) sign of the sliding velocity of open friction, 0 elsewhere
+    """
+
+    closed: Mask
+    direction: NDArray[np.int64]
+
+    @property
+    def key(self) -> bytes:
+        return self.closed.tobytes() + self.direction.tobytes()
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A mode with its forces.
+
+    Attributes
+    ----------
+    mode : Mode
+    force, level : (n,) forces of the laws, and the level quantities that they lead to
+    unique : (n,) whether the force is determined
+    """
+
+    mode: Mode
+    force: Array
+    level: Array
+    unique: Mask
+
+
+class Unsettled(Exception):
+    """No consistent set of sticking and slipping laws was found."""
+
+
+def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64]) -> Settled:
+    """Return the mode that holds from an instant on.
+
+    Parameters
+    ----------
+    mode : the one before; where both sides of a law would do, it stays where it was
+    candidate : (n,) laws that could be closed from here on
+    sliding : (n,) direction of friction that is no candidate
+
+    Raises
+    ------
+    NoSolution
+        No forces satisfy the laws: such as a body pressed between two stops, or Painlevé's paradox.
+    Unsettled
+        Sticking and slipping laws contradict each other.
+    """
+    direction, stuck = sliding.copy(), candidate.copy()
+    frictions = table.of(LawKind.DRY_FRICTION, LawKind.CONTACT_FRICTION)
+    direction[stuck | ~frictions] = 0
+    side = np.where(mode.closed | (candidate & ~frictions), FREE, LOWER)
+    force = np.zeros(len(candidate))
+    for _ in range(3 * len(candidate) + 10):
+        force, side, unique = _forces(table, now, stuck, direction, side)
+        slips = stuck & _beyond_limits(table, now, force, side)
+        if not slips.any():
+            level = now.bias + now.delassus @ force
+            return Settled(Mode(stuck & (side == FREE), direction), force, level, unique)
+        direction[slips] = -np.sign(force[slips]).astype(int)
+        stuck &= ~slips
+    raise Unsettled
+
+
+def _forces(
+    table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides
+) -> tuple[Array, Sides, Mask]:
+    """Solve for the forces of the laws in `stuck`; those of sliding friction follow from them."""
+    n = len(stuck)
+    active = np.flatnonzero(stuck)
+    constant, share = _sliding_forces(table, now, direction)
+    spread = np.eye(n)[:, active] + share[:, active]  # all forces from those that are sought
+    matrix = now.delassus[active] @ spread
+    q = now.bias[active] + now.delassus[active] @ constant
+    lower, upper = _bounds(table, now)
+    found = solve(matrix, q, lower[active], upper[active], side[active])
+    sides, unique = np.full(n, LOWER), np.ones(n, bool)
+    sides[active], unique[active] = found.side, found.unique
+    return constant + spread @ found.x, sides, unique
+
+
+def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the forces of sliding friction: constants, and shares of the other laws' forces."""
+    n = len(direction)
+    slides = direction != 0
+    constant, share = np.zeros(n), np.zeros((n, n))
+    dry = slides & table.of(LawKind.DRY_FRICTION)
+    constant[dry] = -direction[dry] * now.slip[dry]
+    on = np.flatnonzero(slides & table.of(LawKind.CONTACT_FRICTION))
+    share[on, table.normal[on]] = -direction[on] * now.slip[on]
+    return constant, share
+
+
+def _bounds(table: Table, now: Instant) -> tuple[Array, Array]:
+    """Return bounds of the forces; those of contact friction follow from other forces and are looked at afterwards."""
+    upper = np.full(len(table.kind), np.inf)
+    dry = table.of(LawKind.DRY_FRICTION)
+    upper[dry] = now.stick[dry]
+    return np.where(table.complementary, 0.0, -upper), upper
+
+
+def _beyond_limits(table: Table, now: Instant, force: Array, side: Sides) -> Mask:
+    """Return which friction forces have reached or passed their sticking limits."""
+    contact = table.of(LawKind.CONTACT_FRICTION)
+    limit = now.stick[contact] * np.maximum(force[table.normal[contact]], 0.0)
+    beyond = table.of(LawKind.DRY_FRICTION) & (side != FREE)
+    beyond[contact] = np.abs(force[contact]) > limit * (1 + ROUNDING)
+    return beyond
+
+
+def free_mode(table: Table) -> Mode:
+    """Return the mode in which every law is open and no friction slides."""
+    n = len(table.kind)
+    return Mode(np.zeros(n, bool), np.zeros(n, int))
