@@ -67,13 +67,13 @@ class Manifold:
             x = x + correction(matrix, -value)
         raise NoWayBack
 
-    def rate_scale(self, t: float, x: Array) -> Array:
-        """Return the sizes of the terms whose sums are the rates, 0 for laws without."""
-        chosen = np.stack([np.zeros(self.rows.shape[1], bool), self.rows[1] >= 0])
-        _, matrix = self._evaluate(t, x, chosen)
-        scale = np.zeros(self.rows.shape[1])
-        scale[chosen[1]] = np.abs(matrix) @ np.abs(x)
-        return scale
+    def scales(self, t: float, x: Array) -> tuple[Array, Array]:
+        """Return the sizes of the terms whose sums are the gaps and the rates, 0 where a law has none."""
+        chosen = self.rows >= 0
+        value, matrix = self._evaluate(t, x, chosen)
+        scale = np.zeros(self.rows.shape)
+        scale[chosen] = np.abs(matrix) @ np.abs(x) + np.abs(value - matrix @ x)
+        return scale[0], scale[1]
 
 
 def correction(matrix: Array, right: Array) -> Array:

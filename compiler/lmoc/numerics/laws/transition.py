@@ -19,6 +19,7 @@ from lmoc.numerics.laws.manifold import Manifold
 from lmoc.numerics.laws.mode import Mask, Mode, Settled, settle
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
+TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero
 STILL = 1e-11  # rates below this share of the velocities that make them are zero
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over
 
@@ -84,9 +85,9 @@ class Transitions:
         table, gaps = self.table, self.table.of(LawKind.UNILATERAL)
         now = self.gauge.at(t, x)
         held = mode.closed | trigger.closing
-        touching = gaps & (table.degree >= 1) & (held | _about_to_close(now))
+        touching = gaps & (table.degree >= 1) & (held | _about_to_close(now, self.manifold.scales(t, x)[0]))
         x = self.manifold.project(t, x, touching, held & ~gaps & (table.degree == 2))
-        now, scale = self.gauge.at(t, x), self.manifold.rate_scale(t, x)
+        now, scale = self.gauge.at(t, x), self.manifold.scales(t, x)[1]
         striking = table.impulsive & (touching | (held & ~gaps))
         impact, over, until = None, np.zeros(len(gaps), bool), -np.inf
         if (now.rate[striking] < -STILL * scale[striking]).any():
@@ -97,7 +98,7 @@ class Transitions:
                 impact = self._impact(now, striking, np.where(over, 0.0, table.restitution))
                 behind = self._behind(t, x, striking, impact)
             x, now = behind
-            scale = np.maximum(scale, self.manifold.rate_scale(t, x))
+            scale = np.maximum(scale, self.manifold.scales(t, x)[1])
         candidate = self._candidates(now, touching, scale) & ~trigger.opening
         settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger))
         closed = settled.mode.closed
@@ -151,9 +152,9 @@ def _sliding(table: Table, now: Instant, candidate: Mask, trigger: Trigger) -> N
     return np.where(slides & trigger.opening, trigger.direction, direction).astype(int)
 
 
-def _about_to_close(now: Instant) -> Mask:
+def _about_to_close(now: Instant, scale: Array) -> Mask:
     with np.errstate(invalid="ignore"):
-        return now.gap <= -AT_ONCE * np.minimum(now.rate, 0.0)
+        return now.gap <= TOUCHING * scale - AT_ONCE * np.minimum(now.rate, 0.0)
 
 
 def _transition(
