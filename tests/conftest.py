@@ -15,6 +15,9 @@ settings.register_profile("same", derandomize=True)
 settings.register_profile("random")
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
+# every structure that a stage hands on is checked, in child processes too
+os.environ["LMOC_CHECK"] = "1"
+
 SPRING = """\
 model Oscillator "A mass on a spring"
   parameter Real k(unit = "N/m") = 8 "stiffness";

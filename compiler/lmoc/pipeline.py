@@ -1,4 +1,8 @@
-"""The stages in their order: what `check`, `run`, `show` and the Python interface all go through."""
+"""The stages in their order: what `check`, `run`, `show` and the Python interface all go through.
+
+`STAGES` is the list that the timings, the progress line and `lmoc show --stage` read. With ``LMOC_CHECK=1`` in the
+environment, every structure is checked when a stage hands it on (`lmoc.ir.check`).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.messages.source import Source
@@ -18,11 +22,12 @@ if TYPE_CHECKING:
 
     from lmoc.ir.flat import FlatDAE
     from lmoc.ir.reduced import Reduced
+    from lmoc.numerics.text import Lowered
     from lmoc.syntax import tree
 
 
 class Clock:
-    """Wall time of each stage, in seconds; tells `listener` which one begins."""
+    """Wall time of each stage, in seconds; tells `listener` which one begins. Its stages are those of `STAGES`."""
 
     def __init__(self, listener: Callable[[str], None] | None = None):
         self.seconds: dict[str, float] = {}
@@ -30,6 +35,8 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        if name not in BY_NAME:
+            raise KeyError(f"there is no stage '{name}'")
         if self._listener:
             self._listener(name)
         begin = time.perf_counter()
@@ -37,6 +44,11 @@ class Clock:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - begin
+
+    def tell(self, what: str) -> None:
+        """Tell the listener what begins that is no stage."""
+        if self._listener:
+            self._listener(what)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,17 +135,23 @@ def parse(sources: Sequence[Source], clock: Clock) -> tuple[tree.File, ...]:
     return files
 
 
-def flatten(scene: Scene, clock: Clock) -> FlatDAE:
-    """The flat model of a scene, with the warnings so far in its `notes`."""
+def load_library(clock: Clock) -> tuple[tree.File, ...]:
+    """Return the syntax trees of the library."""
     with clock.stage("library"):
         from lmoc.sources import library
 
-        parts = library.load(file.span.source.text for file in scene.files)
+        return library.load()
+
+
+def flatten(scene: Scene, clock: Clock) -> FlatDAE:
+    """The flat model of a scene, with the warnings so far in its `notes`."""
+    parts = load_library(clock)
     with clock.stage("flatten"):
+        from lmoc.ir.check import checked
         from lmoc.semantics.flatten import flatten as flatten_files
 
         report = Report()
-        flat = flatten_files(scene.files, parts, scene.model, scene.parameters, report)
+        flat = checked(flatten_files(scene.files, parts, scene.model, scene.parameters, report))
         report.check()
     return flat
 
@@ -150,3 +168,119 @@ def reduce(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, cloc
         reduced = reduce_flat(flat, values, states, report)
         report.check()
     return reduced
+
+
+# ------------------------------------------------------------------------ their list
+
+
+@dataclass(frozen=True)
+class View:
+    """A way to look at what a stage has made."""
+
+    name: str
+    text: Callable[[Any], str]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step from one structure to the next.
+
+    Attributes
+    ----------
+    name : in the timings, and what a listener is told
+    label : what the progress line says
+    function : from what the stage before has made, the scene and a clock to what this one makes; None for the stages
+        inside of a simulation
+    views : what `lmoc show --stage` can print
+    """
+
+    name: str
+    label: str
+    function: Callable[[Any, Scene, Clock], Any] | None = None
+    views: tuple[View, ...] = ()
+
+
+def _parsed(sources: Sequence[Source], scene: Scene, clock: Clock) -> Scene:
+    return replace(scene, files=parse(sources, clock))
+
+
+def _flattened(scene: Scene, _: Scene, clock: Clock) -> FlatDAE:
+    return flatten(scene, clock)
+
+
+def _reduced(flat: FlatDAE, scene: Scene, clock: Clock) -> Reduced:
+    from lmoc.parameters import indexed
+
+    return reduce(flat, flat.parameter_values(indexed(flat, flat.overrides)), scene.states, clock)
+
+
+def _lowered(reduced: Reduced, _: Scene, clock: Clock) -> Lowered:
+    with clock.stage("lower"):
+        from lmoc.numerics.text import lower
+
+        report = Report()
+        lowered = lower(reduced, report)
+        report.check()
+    return lowered
+
+
+def _tree_text(scene: Scene) -> str:
+    from lmoc.syntax.outline import tree_text
+
+    return tree_text(scene.files)
+
+
+def _instance_text(flat: FlatDAE) -> str:
+    from lmoc.ir.text.flat import instance_text
+
+    return instance_text(flat)
+
+
+def _text(structure: object) -> str:
+    from lmoc.ir.text import text
+
+    return text(structure)
+
+
+def _normalized_text(reduced: Reduced) -> str:
+    from lmoc.structure.normalize import normalize
+
+    return _text(normalize(reduced.flat, reduced.values, None, Report()))
+
+
+def _lowered_text(lowered: Lowered) -> str:
+    from lmoc.numerics.text import lowered_text
+
+    return lowered_text(lowered)
+
+
+STAGES = (
+    Stage("parse", "parse", _parsed, (View("parse", _tree_text),)),
+    Stage("library", "library"),  # read by `flatten`, timed apart
+    Stage("flatten", "flatten", _flattened, (View("instantiate", _instance_text), View("flatten", _text))),
+    Stage("reduce", "reduce", _reduced, (View("normalize", _normalized_text), View("reduce", _text))),
+    Stage("lower", "lower", _lowered, (View("lower", _lowered_text),)),
+    Stage("start", "lower and start"),
+    Stage("simulate", "lower and start"),  # until simulated time advances
+)
+BY_NAME = {stage.name: stage for stage in STAGES}
+VIEWS = tuple(view.name for stage in STAGES for view in stage.views)
+
+
+def shown(name: str, sources: Sequence[Source], scene: Scene, clock: Clock) -> str:
+    """Return a view of what a stage makes of some sources.
+
+    Parameters
+    ----------
+    name : one of `VIEWS`
+    scene : the model, parameters and states asked for; its files are those of the sources
+    """
+    structure: Any = sources
+    for stage in STAGES:
+        if stage.function is not None:
+            structure = stage.function(structure, scene, clock)
+        for view in stage.views:
+            if view.name == name:
+                clock.tell("show")
+                return view.text(structure)
+    raise KeyError(name)

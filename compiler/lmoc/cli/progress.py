@@ -7,8 +7,9 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from lmoc.pipeline import BY_NAME
+
 WAIT = 1.0  # seconds without a word
-BEFORE = {"simulate": "lower and start"}  # what a stage does until simulated time advances
 
 
 class Progress:
@@ -35,7 +36,7 @@ class Progress:
 
     def stage(self, name: str) -> None:
         """A stage begins."""
-        self._stage, self._done = BEFORE.get(name, name), None
+        self._stage, self._done = BY_NAME[name].label if name in BY_NAME else name, None
 
     def reached(self, simulated: float, stop: float) -> None:
         """The simulation has come to this time on its way to the stop."""

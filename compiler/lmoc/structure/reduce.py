@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lmoc.ir.check import checked
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import split_program
@@ -55,8 +56,8 @@ def reduce(
         span = flat.parts[flat.laws[0].part].span
         report.error("E0418", "a law that holds on one side only cannot be simulated yet", span)
         report.check()
-    normalized = normalize(flat, values, states, report)
-    return assemble(solve_structure(normalized, states, report))
+    normalized = checked(normalize(flat, values, states, report))
+    return checked(assemble(solve_structure(normalized, states, report)))
 
 
 def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Solved:

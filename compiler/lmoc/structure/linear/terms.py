@@ -133,5 +133,5 @@ def _told_apart(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ordered = ratio[order]
         near = np.empty(len(ratio), np.int64)
         near[order] = np.cumsum(np.diff(ordered, prepend=ordered[:1]) > SAME * np.abs(ordered))
-        label = numbered(label * len(ratio) + near)[1]
+        label = numbered(label.astype(np.int64) * len(ratio) + near)[1]
     return label, np.where(alone, 1.0, values[:, 0])

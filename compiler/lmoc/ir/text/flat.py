@@ -1,4 +1,4 @@
-"""The structures of the stages as text: flat model and reduced system in the user's names, arrays put together."""
+"""The flat model as text: its parts, variables and equations in the user's names, arrays put together."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ import numpy as np
 
 from lmoc.expression.text import number_text, to_text
 from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, Part
-from lmoc.ir.names import block_pattern, patterns, summarised
-from lmoc.ir.program import Apply, Program, Solve, Step, Total
-from lmoc.ir.reduced import Reduced
+from lmoc.ir.names import block_pattern
+from lmoc.ir.text.columns import aligned, cut
 
 FEW = 3  # rows of a group that are written out one by one
 MOST_SUMS = 60
 MOST_TERMS = 40  # of a sum that is written out
-WIDTH = 160  # characters after which an equation is cut
 _CHAPTERS = {"connection": "connections", "unconnected": "unconnected flows", "ledger": "energy ledger"}
 
 
@@ -39,7 +37,7 @@ def instance_text(flat: FlatDAE) -> str:
         described = f"  {part.description}" if part.description else ""
         yield f"{lead}{part.class_name} {name}{described}" if number else f"model {name}{described}"
         rows = [_declaration(b, part, values) for b in members.get(number, ())]
-        yield from (f"{lead}{row}" for row in _aligned(rows, "    "))
+        yield from (f"{lead}{row}" for row in aligned(rows, "    "))
         for child in children.get(number, ()):
             yield from lines(child, lead + "  ")
 
@@ -72,7 +70,7 @@ def flat_text(flat: FlatDAE) -> str:
 
 def _parts(flat: FlatDAE) -> list[str]:
     rows = [(p.pattern, p.class_name, p.description) for p in flat.parts[1:]]
-    return [f"parts ({len(rows)})", *_aligned(rows)] if rows else []
+    return [f"parts ({len(rows)})", *aligned(rows)] if rows else []
 
 
 def _variables(flat: FlatDAE, title: str, kinds: Sequence[Kind], values: np.ndarray) -> list[str]:
@@ -83,7 +81,7 @@ def _variables(flat: FlatDAE, title: str, kinds: Sequence[Kind], values: np.ndar
     rows = [
         (b.pattern, signals.get(b.offset, _value(b, values)), b.unit, _marks(b), b.description) for b in blocks
     ]
-    return [f"{title} ({sum(b.size for b in blocks)})", *_aligned(rows)]
+    return [f"{title} ({sum(b.size for b in blocks)})", *aligned(rows)]
 
 
 def _value(block: Block, values: np.ndarray) -> str:
@@ -116,7 +114,7 @@ def _equations(flat: FlatDAE) -> list[str]:
         chapters.setdefault(_CHAPTERS.get(group.origin, title), []).append(group)
     lines = [f"equations ({sum(g.rows for g in flat.groups)})"]
     for title, groups in chapters.items():
-        lines += [f"  {title}", *(f"    {_cut(line)}" for group in groups for line in group_lines(flat, group))]
+        lines += [f"  {title}", *(f"    {cut(line)}" for group in groups for line in group_lines(flat, group))]
     return lines
 
 
@@ -149,7 +147,7 @@ def _sums(flat: FlatDAE) -> list[str]:
         return []
     lines = [line for first, last in _runs(flat) for line in _sum_lines(flat, first, last)]
     more = [f"… and {len(lines) - MOST_SUMS} more lines"] if len(lines) > MOST_SUMS else []
-    return [f"balances at connections ({rows})", *(f"    {_cut(line)}" for line in [*lines[:MOST_SUMS], *more])]
+    return [f"balances at connections ({rows})", *(f"    {cut(line)}" for line in [*lines[:MOST_SUMS], *more])]
 
 
 def _runs(flat: FlatDAE) -> list[tuple[int, int]]:
@@ -190,138 +188,4 @@ def _initial(flat: FlatDAE) -> list[str]:
     if not flat.initial_groups:
         return []
     lines = [line for group in flat.initial_groups for line in group_lines(flat, group)]
-    return [f"initial equations ({sum(g.rows for g in flat.initial_groups)})", *(f"    {_cut(x)}" for x in lines)]
-
-
-# -------------------------------------------------------------------------- reduced system
-
-
-def reduced_text(reduced: Reduced) -> str:
-    """Counts, states, what the reduction rests on, and the steps that compute the derivatives."""
-    flat = reduced.flat
-    sections = [
-        [flat.name, *(f"  {n:>9} {stage}" for stage, n in reduced.counts.items())],
-        _states(reduced),
-        _quadratures(reduced),
-        _program("computed once for a set of parameters", reduced, reduced.parameter_program),
-        _program("the derivatives, step by step", reduced, reduced.rhs),
-        ["assumed about the parameters", *(f"    {text}" for text in _unique(g.text for g in reduced.guards))],
-        ["notes", *(f"    {d.message}" for d in reduced.notes)],
-        [f"computed when asked for: {_rows(reduced.observe)} quantities in {len(reduced.observe)} steps"],
-    ]
-    return "\n\n".join("\n".join(s) for s in sections if len(s) > 1 or s and s[0].startswith("computed"))
-
-
-def _unique(texts: Iterator[str]) -> list[str]:
-    distinct = list(dict.fromkeys(texts))
-    return distinct if len(distinct) <= 20 else [*distinct[:20], f"… and {len(distinct) - 20} more"]
-
-
-def register_patterns(reduced: Reduced, registers: np.ndarray, most: int = 12) -> list[str]:
-    """The jets in some registers, arrays put together."""
-    table = reduced.registers
-    return patterns(reduced.flat, table.variable[registers], table.order[registers], most)
-
-
-def _states(reduced: Reduced) -> list[str]:
-    lines = [f"    {name}" for name in register_patterns(reduced, reduced.states, 40)]
-    return [f"states ({len(reduced.states)})", *(lines or ["    none"])]
-
-
-def _quadratures(reduced: Reduced) -> list[str]:
-    names = register_patterns(reduced, reduced.quadratures, 20)
-    return [f"quadratures ({len(reduced.quadratures)})", *(f"    {name}" for name in names)] if names else []
-
-
-def _program(title: str, reduced: Reduced, program: Program, indent: str = "    ") -> list[str]:
-    lines = [title]
-    for number, step in enumerate(program, 1):
-        first, *rest = step_lines(reduced, step)
-        lines += [f"{indent}{number:>3}  {first}", *(f"{indent}     {line}" for line in rest)]
-    return lines
-
-
-def step_lines(reduced: Reduced, step: Step) -> list[str]:
-    """A step in names: the first of its rows, and their number."""
-    if isinstance(step, Apply):
-        text = to_text(step.shape, lambda k, _: reduced.register_name(int(step.slots[0, k])))
-        return [_cut(f"{reduced.register_name(int(step.out[0]))} := {text}") + _times(len(step.out))]
-    if isinstance(step, Total):
-        terms = _terms(reduced, step)
-        return [_cut(f"{reduced.register_name(int(step.out[0]))} := {terms}") + _times(len(step.out))]
-    return _solve_lines(reduced, step)
-
-
-def _solve_lines(reduced: Reduced, step: Solve) -> list[str]:
-    instances, size = step.unknowns.shape
-    kind = "constant linear" if step.constant else "linear" if step.linear else "nonlinear"
-    names = summarised([reduced.register_name(int(r)) for r in step.unknowns[0]], 8)
-    plural = "s" if size > 1 else ""
-    lines = [f"solve {size} {kind} equation{plural} for {', '.join(names)}{_times(instances)}"]
-    for inner in step.inner:
-        lines += [f"  {line}" for line in step_lines(reduced, inner)]
-    return lines
-
-
-def _terms(reduced: Reduced, step: Total) -> str:
-    begin, end = int(step.start[0]), int(step.start[1])
-    text = ""
-    for j in range(begin, min(end, begin + 12)):
-        c, name = float(step.coefficient[j]), reduced.register_name(int(step.index[j]))
-        size = name if abs(c) == 1 else f"{number_text(abs(c))}*{name}"
-        text += (" - " if c < 0 else " + ") + size
-    text = text.removeprefix(" + ") or "0"
-    return text + (f" … ({end - begin} terms)" if end - begin > 12 else "")
-
-
-def _times(rows: int) -> str:
-    return f"   (and {rows - 1} alike)" if rows > 1 else ""
-
-
-def _rows(program: Program) -> int:
-    return sum(step.unknowns.size if isinstance(step, Solve) else len(step.out) for step in program)
-
-
-# ----------------------------------------------------------------------------- numeric system
-
-
-def numeric_text(reduced: Reduced) -> str:
-    """How a run with the model's own signals evaluates the derivatives, and the shape of their Jacobian."""
-    from lmoc.messages.diagnostics import Report
-    from lmoc.numerics.integrate.matrices import layout_of
-    from lmoc.numerics.signals.signals import default_signals
-    from lmoc.numerics.simulate import Simulator
-
-    report = Report()
-    plan, system = Simulator(reduced).system(default_signals(reduced.flat), True, report)
-    _, indices = system.pattern()
-    names = register_patterns(reduced, plan.states)
-    rows = [
-        ("evaluated by", system.description),
-        ("integrated", f"{system.n}: {', '.join(names)}"),
-        ("of which", f"{plan.state_count} states, {system.n - plan.state_count} quadratures"),
-        ("parameters", str(len(plan.parameters))),
-        ("operations", f"{plan.row_count} scalar equations in {len(plan.program)} steps"),
-        ("Jacobian", f"{len(indices)} entries; stored by an implicit method as {layout_of(system).text}"),
-    ]
-    function = getattr(system, "function", None)
-    if function is None or plan.row_count > 500:
-        program = _program("steps", reduced, plan.program)
-    else:
-        program = ["casadi function", *(f"    {line}" for line in function.str(True).splitlines())]
-    return "\n".join([reduced.flat.name, *_aligned(rows), "", *program])
-
-
-# --------------------------------------------------------------------------------- layout
-
-
-def _aligned(rows: Sequence[Sequence[str]], lead: str = "  ") -> list[str]:
-    """Rows of cells in columns; a column that is empty throughout is left out."""
-    columns = [c for c in zip(*rows, strict=True) if any(c)]
-    widths = [min(max(map(len, column)), 48) for column in columns]
-    cells = zip(*columns, strict=True)
-    return [lead + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= WIDTH else text[: WIDTH - 2] + " …"
+    return [f"initial equations ({sum(g.rows for g in flat.initial_groups)})", *(f"    {cut(x)}" for x in lines)]
