@@ -40,4 +40,8 @@ def test_what_elimination_leaves_is_shown_in_the_users_names(lmoc, tmp_path):
     answer = lmoc("show", "--stage", "normalize", path)
     assert answer.code == 0
     assert "    a.theta\n" in answer.out and "b.theta" not in answer.out
-    assert re.search(r"#(\d+) := 1/g\.N\n[\s\S]*", answer.out) and re.search(r"a\.J \+ #\d+\*#\d+", answer.out)
+    ratio, leverage, inertia = re.search(
+        r"(#\d+) := 1/g\.N\n.*(#\d+) := b\.J\*\1\n.*(#\d+) := \1\*\2\n", answer.out, re.DOTALL
+    ).groups()
+    assert f"(a.J + {inertia})*der(der(a.theta)) - #" in answer.out
+    assert f"b.energy - b.J*({ratio}*der(a.theta))^2/2 = 0" in answer.out and leverage != inertia
