@@ -36,6 +36,8 @@ class PartLaws:
     ----------
     unknown : set of int
         Variables that no part gives by itself.
+    relations, closed : lists of int
+        Rows with such variables, and rows in which everything is known: identities, or equations of motion.
     """
 
     def __init__(self, flat: FlatDAE, kinematics: Kinematics):
@@ -71,6 +73,8 @@ class PartLaws:
                     ready.append(j)
         self.unknown = {v for left in open_of for v in left}
         self.relations = [i for i, left in enumerate(open_of) if left]
+        causes = set(self._cause.values())
+        self.closed = [i for i, left in enumerate(open_of) if not left and i not in causes]
 
     def _is_unknown(self, variable: int) -> bool:
         return self.flat.kind[variable] == Kind.UNKNOWN and variable not in self.kinematics.known

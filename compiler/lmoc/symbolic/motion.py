@@ -6,24 +6,25 @@ coordinates' rates, each coordinate gives one equation, ``Σ flow · ∂(rate)/�
 own terms, with symmetric mass matrix, in which the flows of ideal parts (rods, gears, pulleys) cancel by themselves.
 Nothing is inverted, so what the user wrote stays recognizable.
 
-Scenes whose forces are not all tied to ports get the explicit form, one solved acceleration an equation.
+What a user has written beside the parts (a circuit, a bob that is no part) stands as it is; where reactions act in
+it, they are eliminated. Every equation is checked against the numeric system at a random point. Scenes for which there
+are not enough such equations get the explicit form, one solved acceleration an equation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, Outline, SymbolicSystem, jet_symbol, symbolic_system
+from lmoc.symbolic.system import Interpreter, NoSymbolsError, Outline, SymbolicSystem, jet_symbol, symbolic_system
+from lmoc.symbolic.trial import Trial
 
 if TYPE_CHECKING:
     import sympy
@@ -58,14 +59,14 @@ class Motion:
     values: Mapping[sympy.Symbol, float] = field(default_factory=dict)
 
 
-def derive(reduced: Reduced, values: np.ndarray, forces: bool = False) -> tuple[Motion, Outline]:
-    """Equations of motion of a reduced system.
+def derive(reduced: Reduced, values: np.ndarray, forces: bool = False, solved: bool = False) -> tuple[Motion, Outline]:
+    """Return the equations of motion of a reduced system.
 
     Parameters
     ----------
     reduced, values : as in `symbolic_system`
-    forces : bool
-        With the internal forces of ideal parts.
+    forces : with the internal forces of ideal parts
+    solved : the explicit form even where there is one that divides by nothing
 
     Raises
     ------
@@ -74,11 +75,8 @@ def derive(reduced: Reduced, values: np.ndarray, forces: bool = False) -> tuple[
     """
     interpreter = Interpreter(reduced, values)
     outline = interpreter.outline()
-    try:
-        found = _virtual_power(interpreter, outline, forces)
-    except (ModelError, NotLinearError):
-        found = None
-    if found is not None and agrees(found, interpreter, values):
+    found = None if solved else _balanced(interpreter, outline, values, forces)
+    if found is not None:
         return replace(found, values=dict(interpreter.parameters.used)), outline
     return explicit(symbolic_system(reduced, values)), outline
 
@@ -116,32 +114,100 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
     )
 
 
-def _virtual_power(interpreter: Interpreter, outline: Outline, forces: bool) -> Motion | None:
+def _balanced(interpreter: Interpreter, outline: Outline, values: np.ndarray, forces: bool) -> Motion | None:
+    """Equations that divide by nothing that moves; None where there are not enough of them."""
+    ports = _ports(interpreter.reduced.flat)
+    try:
+        kinematics = Kinematics(interpreter, outline, [p for p, _ in ports])
+        laws = PartLaws(interpreter.reduced.flat, kinematics)
+        trial = Trial(interpreter, values)
+        residuals = _independent(kinematics, trial, _candidates(kinematics, laws, ports, trial))
+        if residuals is None:
+            return None
+        found, own = _reactions(laws, set(interpreter.reduced.undetermined.tolist())) if forces else ({}, {})
+    except (NoSymbolsError, NotLinearError):
+        return None
+    return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, found, True, own)
+
+
+def _candidates(kinematics: Kinematics, laws: PartLaws, ports: list, trial: Trial) -> Iterator[sympy.Expr]:
+    """Residuals that may be equations of motion, the likeliest first.
+
+    Virtual power; what a user has written beside the parts (a circuit, a bob that is no part); sums in which the
+    forces between ideal parts cancel.
+    """
+    yield from _virtual_power(kinematics, laws, ports, trial)
+    yield from (laws.residual(i) for i in laws.closed)
+    elimination, _, right = laws.solve_relations(balances=True)
+    yield from (_total(combination, right) for combination in elimination.conditions)
+
+
+def _independent(
+    kinematics: Kinematics, trial: Trial, candidates: Iterable[sympy.Expr]
+) -> tuple[sympy.Expr, ...] | None:
+    """As many true equations as there are coordinates, which determine the highest derivatives; in their order."""
+    highest = [jet_symbol(q.name, n) for q, n in zip(kinematics.coordinates, kinematics.orders, strict=True)]
+    rows, residuals = np.zeros((0, len(highest))), []
+    for residual in candidates if highest else ():
+        row = trial.slopes(residual, highest)
+        more = np.vstack([rows, row])
+        if row.any() and np.linalg.matrix_rank(more, tol=1e-9) > len(rows) and trial.vanishes(residual):
+            rows, residuals = more, [*residuals, residual]
+            if len(residuals) == len(highest):
+                break
+    if len(residuals) < len(highest):
+        return None
+    place = _each_its_own(np.abs(rows) > 1e-12)
+    return tuple(residuals[i] for i in place)
+
+
+def _each_its_own(occurs: np.ndarray) -> list[int]:
+    """For each column a row in which it occurs, all different: augmenting paths, the row of the same number first."""
+    n = len(occurs)
+    row_of: dict[int, int] = {}  # column -> row
+    column_of: dict[int, int] = {}
+
+    def augment(column: int, seen: set[int]) -> bool:
+        for row in sorted(np.flatnonzero(occurs[:, column]).tolist(), key=lambda i: i != column):
+            if row not in seen:
+                seen.add(row)
+                if row not in column_of or augment(column_of[row], seen):
+                    row_of[column], column_of[row] = row, column
+                    return True
+        return False
+
+    for column in range(n):
+        augment(column, set())
+    return [row_of[column] for column in range(n)]
+
+
+def _total(combination: Mapping[int, sympy.Expr], right: Sequence[sympy.Expr]) -> sympy.Expr:
     import sympy as sp
 
-    flat = interpreter.reduced.flat
-    ports = _ports(flat)
-    kinematics = Kinematics(interpreter, outline, [p for p, _ in ports])
-    laws = PartLaws(flat, kinematics)
+    return sp.Add(*(c * right[j] for j, c in combination.items()))
+
+
+def _virtual_power(kinematics: Kinematics, laws: PartLaws, ports: list, trial: Trial) -> Iterator[sympy.Expr]:
+    """The power of all flows for a unit rate of each coordinate in turn, without those in which a reaction stays."""
+    import sympy as sp
+
     elimination, unknowns, right = laws.solve_relations()
     tied = {
-        unknowns[v]: sum((c * right[j] for j, c in combination.items()), sp.S.Zero)
-        + sum((c * unknowns[x] for x, c in elimination.by_free[v].items()), sp.S.Zero)
+        unknowns[v]: _total(combination, right) + sp.Add(*(c * unknowns[x] for x, c in elimination.by_free[v].items()))
         for v, combination in elimination.solution.items()
     }
     rates = [jet_symbol(q.name, 1) for q in kinematics.coordinates]
-    power = {q: [] for q in rates}
+    power: dict[sympy.Symbol, list] = {q: [] for q in rates}
     for potential, flow in ports:
         rate = kinematics.rate(kinematics.value(potential))
         for q in rates:
             weight = slope(rate, q)
             if weight != 0:
                 power[q].append(laws.value(flow).xreplace(tied) * weight)
-    residuals = [_without(sp.Add(*power[q]), set(unknowns.values())) for q in rates]
-    if any(r is None for r in residuals):
-        return None
-    found, own = _reactions(laws, set(interpreter.reduced.undetermined.tolist())) if forces else ({}, {})
-    return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), tuple(residuals), found, True, own)
+    for q in rates:
+        residual = _without(sp.Add(*power[q]), set(unknowns.values()), trial)
+        if residual is not None:
+            yield residual
 
 
 def _ports(flat) -> list[tuple[int, int]]:
@@ -155,12 +221,12 @@ def _ports(flat) -> list[tuple[int, int]]:
     return pairs
 
 
-def _without(power: sympy.Expr, reactions: set) -> sympy.Expr | None:
+def _without(power: sympy.Expr, reactions: set, trial: Trial) -> sympy.Expr | None:
     """The sum with the reactions cancelled; None where one stays."""
     import sympy as sp
 
     for reaction in sorted(power.free_symbols & reactions, key=lambda s: s.name):
-        if sp.simplify(slope(power, reaction)) != 0:
+        if not trial.vanishes(sp.expand(slope(power, reaction))):
             return None
     return power.xreplace({r: sp.S.Zero for r in reactions})
 
@@ -215,63 +281,3 @@ def explicit(system: SymbolicSystem) -> Motion:
         rate = system.derivatives[v if order == 2 else q].xreplace(jets)
         residuals.append(jet_symbol(system.states[q].name, order) - rate)
     return Motion(coordinates, orders, tuple(residuals), {}, False)
-
-
-def agrees(motion: Motion, interpreter: Interpreter, values: np.ndarray) -> bool:
-    """The residuals vanish with the rates of the numeric system, and determine them; tried at a random point."""
-    point = _random_point(motion, interpreter, values)
-    highest = [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders, strict=True)]
-    if not highest:
-        return True
-    matrix = np.zeros((len(highest), len(highest)))
-    for i, r in enumerate(motion.residuals):
-        for j in np.flatnonzero([x in r.free_symbols for x in highest]):
-            matrix[i, j] = _number(slope(r, highest[j]), point)
-    largest = np.abs(matrix).max(axis=1, initial=0.0)
-    if not np.all(largest > 0) or np.linalg.matrix_rank(matrix / largest[:, None]) < len(highest):
-        return False
-    terms = [[_number(term, point) for term in r.as_ordered_terms()] for r in motion.residuals]
-    return all(abs(sum(t)) <= 1e-8 * sum(map(abs, t)) for t in terms)
-
-
-def _random_point(motion: Motion, interpreter: Interpreter, values: np.ndarray) -> dict[sympy.Symbol, sympy.Float]:
-    """Numbers for all symbols that fit together: the rates are those of the numeric system."""
-    import sympy as sp
-
-    from lmoc.symbolic.numeric import NumericSystem
-
-    reduced, flat = interpreter.reduced, interpreter.reduced.flat
-    generator = np.random.default_rng(7)
-    values = _with_all_values(flat, values, generator)
-    system = NumericSystem(reduced, values, ())
-    x = generator.uniform(0.2, 0.9, len(reduced.states))
-    jets = generator.uniform(0.2, 0.9, reduced.inputs.shape[1])
-    rates = system.rates_with(x, jets, 0.4)
-    point = {sp.Symbol("time"): 0.4}
-    for (_, variable, order), value in zip(reduced.inputs.T.tolist(), jets, strict=True):
-        point[jet_symbol(flat.variable_name(variable), order)] = value
-    for q, v in interpreter.outline().coordinates:
-        name = interpreter.w[int(reduced.states[q])].name
-        numbers = [x[q], x[v], rates[v]] if v >= 0 else [x[q], rates[q]]
-        point |= {jet_symbol(name, n): value for n, value in enumerate(numbers)}
-    point |= {s: float(values[v]) for s, v in interpreter.parameters.variable.items()}
-    symbols = set().union(*(r.free_symbols for r in motion.residuals), set())
-    point |= {s: generator.uniform(0.2, 0.9) for s in symbols - set(point)}
-    return {s: sp.Float(float(value), 17) for s, value in point.items()}
-
-
-def _with_all_values(flat, values: np.ndarray, generator) -> np.ndarray:
-    """Parameter values with random ones where there are none, and what is bound to them."""
-    values = values.copy()
-    bound = np.concatenate([a.target for a in flat.bindings]) if flat.bindings else np.zeros(0, int)
-    free = np.isnan(values) & np.isin(flat.kind, (Kind.CONSTANT, Kind.PARAMETER))
-    free[bound.astype(int)] = False
-    values[free] = generator.uniform(0.5, 1.5, int(free.sum()))
-    for a in flat.bindings:
-        if flat.kind[a.target[0]] in (Kind.CONSTANT, Kind.PARAMETER):
-            values[a.target] = np.where(np.isnan(values[a.target]), a.values(values), values[a.target])
-    return values
-
-
-def _number(value: sympy.Expr, point: dict[sympy.Symbol, float]) -> float:
-    return float(value.xreplace(point))
