@@ -15,6 +15,7 @@ import numpy as np
 
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
+from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.roots import Root, closed_roots, scan, search
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, time_stands_in_it
@@ -199,7 +200,7 @@ def _linear(equations: list, unknowns: list, inputs: set) -> list[Root]:
     found = eliminate(rows)
 
     def total(combination):
-        return sp.cancel(sum((c * right[j] for j, c in combination.items()), sp.S.Zero))
+        return cancelled(sp.Add(*(c * right[j] for j, c in combination.items())))
 
     conditions = [c for c in (_essential(total(c), inputs) for c in found.conditions) if c != 0]
     if any(not c.free_symbols & inputs for c in conditions):
@@ -216,7 +217,7 @@ def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
     """What must vanish, without factors that cannot."""
     import sympy as sp
 
-    top = sp.numer(sp.cancel(condition))
+    top = sp.numer(cancelled(condition))
     if top == 0:
         return top
     factors = [f for f, _ in sp.factor_list(top)[1] if f.free_symbols & inputs]
@@ -226,6 +227,9 @@ def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
 def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem) -> tuple[list[Root], dict, str]:
     """Eliminate what stands linearly, then solve the core: in closed form, with the inputs at zero where that helps.
 
+    Unknowns that stand in no equation may have any value: they are not sought. Equations in which no unknown is left
+    are conditions on the inputs.
+
     Returns
     -------
     (roots, inputs that were taken as zero, how they were sought)
@@ -233,18 +237,39 @@ def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem) -> tuple
     import sympy as sp
 
     equations, unknowns, explicit = _core(equations, unknowns)
+    unknowns = [x for x in unknowns if any(e.has(x) for e in equations)]
+    conditions = [e for e in equations if not e.free_symbols & set(unknowns)]
+    equations = [e for e in equations if e not in conditions]
+    conditions = [_essential(c, set(system.inputs)) for c in conditions]
+    if any(not c.free_symbols & set(system.inputs) for c in conditions):
+        return [], {}, "exact"  # a load that nothing carries
     if not unknowns:
-        found = [] if any(equations) else [Root({x: sp.simplify(v) for x, v in explicit.items()})]
-        return found, {}, "exact"
+        root = Root({x: sp.simplify(v) for x, v in explicit.items()}, tuple(conditions))
+        return [root], {}, "exact"
     zeroed = {u: sp.S.Zero for u in system.inputs if any(e.has(u) for e in (*equations, *explicit.values()))}
-    alone = len(unknowns) == 1 and len(equations) == 1
     for zero in ({}, zeroed):
         at_zero = [e.xreplace(zero) for e in equations]
-        core = closed_roots(at_zero[0], unknowns[0], system.numbers) if alone else None
+        core = _exactly_solved(at_zero, unknowns, system)
         if core is not None:
-            return _with_explicit(core, explicit, zero, system), zero, "exact"
+            rest = tuple(c for c in (e.xreplace(zero) for e in conditions) if c != 0)
+            found = [replace(root, conditions=rest) for root in core]
+            return _with_explicit(found, explicit, zero, system), zero, "exact"
+    zeroed |= {u: sp.S.Zero for u in system.inputs if any(c.has(u) for c in conditions)}
+    if any(c.xreplace(zeroed).xreplace(system.numbers) != 0 for c in conditions):
+        return [], zeroed, "exact"
+    alone = len(unknowns) == 1 and len(at_zero) == 1
     sought = scan(at_zero[0], unknowns[0], system) if alone else search(at_zero, unknowns, system)
     return _with_explicit(sought.roots, explicit, zeroed, system), zeroed, sought.how
+
+
+def _exactly_solved(equations: list, unknowns: list, system: SymbolicSystem) -> list[Root] | None:
+    """Roots in closed form, of one unknown; None where there are none."""
+    if len(unknowns) > 1:
+        return None
+    found = closed_roots(equations[0], unknowns[0], system.numbers)
+    if found is None or len(equations) == 1:
+        return found
+    return [r for r in found if all(e.subs(r.values).xreplace(system.numbers).simplify() == 0 for e in equations[1:])]
 
 
 def _with_explicit(roots: list[Root], explicit: dict, zero: dict, system: SymbolicSystem) -> list[Root]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.symbolic.search import REACH, plain, rests, values_at
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.values import no_value
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from lmoc.symbolic.system import SymbolicSystem
 
 STARTS = 200
-REACH = 10.0  # half the side of the box that is searched, in SI units
 SAMPLES = 8001
 DENSITY = 20.0  # of the samples about zero
 
@@ -123,7 +123,7 @@ def scan(equation: sympy.Expr, x: sympy.Symbol, system: SymbolicSystem) -> Sough
     grid = _turn() if turn else _spread()
     where = "within one turn" if turn else f"for |{x.name}| ≤ {REACH:g}, dense about zero"
     how = f"sign changes at {SAMPLES} points {where}; roots that touch zero without crossing are not seen"
-    return Sought([Root({x: _plain(r)}, how=how) for r in _sign_changes(equation, x, grid)], how)
+    return Sought([Root({x: plain(r)}, how=how) for r in _sign_changes(equation, x, grid)], how)
 
 
 def _turn() -> np.ndarray:
@@ -155,48 +155,16 @@ def _bisect(f, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def _plain(value: float) -> sympy.Expr:
-    """A float, or the multiple of π/2 that it is."""
-    import sympy as sp
-
-    turns = round(value / (np.pi / 2))
-    return turns * sp.pi / 2 if abs(value - turns * np.pi / 2) < 1e-9 else sp.Float(value)
-
-
 def search(equations: list, unknowns: list, system: SymbolicSystem) -> Sought:
-    """Newton's method from many starts in a box; says how thorough that was."""
+    """Newton's method from many starts in a box, families recognized; says how thorough that was."""
     import sympy as sp
 
     equations = _with_numbers(equations, unknowns, system)
     f = sp.lambdify([unknowns], equations, "numpy")
     jacobian = sp.lambdify([unknowns], [[slope(e, x) for x in unknowns] for e in equations], "numpy")
-    reach = np.array([np.pi if _periodic(equations, x) else REACH for x in unknowns])
-    turning = reach == np.pi
-    generator = np.random.default_rng(1)
-    found: list[np.ndarray] = []
-    starts = [np.zeros(len(unknowns)), *generator.uniform(-reach, reach, (STARTS - 1, len(unknowns)))]
-    for start in starts:
-        root = _newton(f, jacobian, start)
-        if root is None:
-            continue
-        root[turning] = (root[turning] + np.pi - 1e-9) % (2 * np.pi) - np.pi + 1e-9
-        if not any(np.allclose(root, other, atol=1e-7) for other in found):
-            found.append(root)
+    turning = np.array([_periodic(equations, x) for x in unknowns])
+    found = rests(f, jacobian, turning, STARTS)
+    reach = np.where(turning, np.pi, REACH)
     box = ", ".join(f"|{x.name}| ≤ {r:.3g}" for x, r in zip(unknowns, reach, strict=True))
     how = f"Newton's method from {STARTS} starts in {box}; there may be others"
-    plain = [[_plain(v) for v in root] for root in sorted(found, key=tuple)]
-    return Sought([Root(dict(zip(unknowns, root, strict=True)), how=how) for root in plain], how)
-
-
-def _newton(f, jacobian, x: np.ndarray) -> np.ndarray | None:
-    with np.errstate(all="ignore"):
-        for _ in range(60):
-            value = np.array(f(x), float)
-            if not np.all(np.isfinite(value)):
-                return None
-            step = np.linalg.lstsq(np.array(jacobian(x), float), value, rcond=None)[0]
-            x = x - step
-            if np.abs(step).max() < 1e-12 * (1.0 + np.abs(x).max()):
-                scale = np.abs(np.array(jacobian(x), float)).sum() + 1.0
-                return x if np.abs(np.array(f(x), float)).max() < 1e-9 * scale else None
-    return None
+    return Sought([Root(values_at(rest, unknowns), how=how) for rest in found], how)

@@ -1,0 +1,181 @@
+"""Zeros of a few functions from many starts by Newton's method, and the families that they lie in.
+
+Where the Jacobian is singular at a zero, it may be one of a family: a trolley that may stand anywhere. The unknowns in
+which the null space is largest are moved a little and held, and the others are sought again; where they are found,
+those unknowns are free, and the family is represented by its member at which they are zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import sympy
+
+REACH = 10.0  # half the side of the box that is searched, in SI units
+SINGULAR = 1e-7  # of the largest singular value
+STEPS = 60  # of Newton's method
+ASIDE = (0.05, -0.11, 0.23)  # how far along a family other members are looked for
+
+Functions = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A zero, or a family of them.
+
+    Attributes
+    ----------
+    at : (n,) the zero; of a family the member at which the free unknowns are zero
+    free : indices of the unknowns that may have any value
+    along : (n, len(free)) how the unknowns change with the free ones
+    straight : whether they do so everywhere
+    """
+
+    at: np.ndarray
+    free: tuple[int, ...]
+    along: np.ndarray
+    straight: bool = True
+
+
+def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, reach: float = REACH) -> list[Rest]:
+    """Return the zeros and families that Newton's method finds, by rising values.
+
+    Parameters
+    ----------
+    f, jacobian : of an array (n,); (m,) and (m, n)
+    turning : (n,) which unknowns are angles with a period of one turn
+    starts : how many, the first at zero, the others random in the box
+    """
+    n = len(turning)
+    box = np.where(turning, np.pi, reach)
+    generator = np.random.default_rng(1)
+    found: list[Rest] = []
+    for start in [np.zeros(n), *generator.uniform(-box, box, (starts - 1, n))]:
+        root = newton(f, jacobian, start)
+        if root is None or any(_member(root, other, turning) for other in found):
+            continue
+        rest = _family(f, jacobian, root)
+        rest = Rest(_within_a_turn(rest.at, turning), rest.free, rest.along, rest.straight)
+        if not any(rest.free == o.free and _same(rest.at, o.at, turning) for o in found):
+            found.append(rest)
+    return sorted(found, key=lambda rest: tuple(np.round(rest.at, 9)))
+
+
+def _within_a_turn(x: np.ndarray, turning: np.ndarray) -> np.ndarray:
+    """Angles from −π, excluded, to π."""
+    return np.where(turning, (x + np.pi - 1e-9) % (2 * np.pi) - np.pi + 1e-9, x)
+
+
+def _same(x: np.ndarray, y: np.ndarray, turning: np.ndarray) -> bool:
+    apart = x - y
+    apart = np.where(turning, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
+    return bool(np.abs(apart).max(initial=0.0) <= 1e-7 * (1.0 + np.abs(y).max(initial=0.0)))
+
+
+def _member(x: np.ndarray, rest: Rest, turning: np.ndarray) -> bool:
+    """Whether a zero belongs to what is known."""
+    return rest.straight and _same(x, rest.at + rest.along @ x[list(rest.free)], turning)
+
+
+def _family(f: Functions, jacobian: Functions, root: np.ndarray) -> Rest:
+    """The family of a zero, or it alone."""
+    n = len(root)
+    alone = Rest(root, (), np.zeros((n, 0)))
+    _, singular, right = np.linalg.svd(np.atleast_2d(np.asarray(jacobian(root), float)))
+    rank = int(np.sum(singular > SINGULAR * singular.max(initial=0.0)))
+    null = right[rank:].T
+    free = _largest_rows(null)
+    held = list(free)
+    for aside in ASIDE if held else ():
+        moved = root + null @ np.linalg.solve(null[held], np.full(len(held), aside))
+        if _with_held(f, jacobian, moved, held) is None:
+            return alone
+    if not held:
+        return alone
+    along = null @ np.linalg.inv(null[held])
+    at_zero = _with_held(f, jacobian, root - along @ root[held], held)
+    if at_zero is None:
+        return Rest(root, free, along, straight=False)
+    points = [at_zero + along @ np.full(len(held), aside) for aside in (0.7, -1.3)]
+    straight = all(_is_zero(f, jacobian, p) for p in points)
+    return Rest(at_zero, free, np.round(along, 12) + 0.0, straight)
+
+
+def _largest_rows(null: np.ndarray) -> tuple[int, ...]:
+    """As many rows of a basis as it has columns, linearly independent, the largest first (pivoted Gram–Schmidt)."""
+    rest, chosen = null.copy(), []
+    for _ in range(null.shape[1]):
+        sizes = np.linalg.norm(rest, axis=1)
+        i = int(np.argmax(np.round(sizes, 9)))
+        chosen.append(i)
+        direction = rest[i] / sizes[i]
+        rest = rest - np.outer(rest @ direction, direction)
+    return tuple(sorted(chosen))
+
+
+def _with_held(f: Functions, jacobian: Functions, x: np.ndarray, held: Sequence[int]) -> np.ndarray | None:
+    """A zero at which some unknowns are as given."""
+    others = np.setdiff1d(np.arange(len(x)), held)
+
+    def full(y: np.ndarray) -> np.ndarray:
+        z = x.copy()
+        z[others] = y
+        return z
+
+    if not len(others):
+        return x if _is_zero(f, jacobian, x) else None
+    found = newton(lambda y: f(full(y)), lambda y: np.asarray(jacobian(full(y)), float)[:, others], x[others])
+    return None if found is None else full(found)
+
+
+def _is_zero(f: Functions, jacobian: Functions, x: np.ndarray) -> bool:
+    scale = np.abs(np.asarray(jacobian(x), float)).sum() + 1.0
+    return bool(np.abs(np.asarray(f(x), float)).max(initial=0.0) < 1e-9 * scale)
+
+
+def newton(f: Functions, jacobian: Functions, x: np.ndarray) -> np.ndarray | None:
+    """Return a zero by Newton's method, the shortest step where there is a choice; None where it does not converge."""
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            value, matrix = np.asarray(f(x), float), np.asarray(jacobian(x), float)
+            if not (np.isfinite(value).all() and np.isfinite(matrix).all()):
+                return None
+            step = np.linalg.lstsq(matrix, value, rcond=1e-10)[0]
+            x = x - step
+            if np.abs(step).max(initial=0.0) < 1e-12 * (1.0 + np.abs(x).max(initial=0.0)):
+                return x if _is_zero(f, jacobian, x) else None
+    return None
+
+
+def plain(value: float) -> sympy.Expr:
+    """Return a float, or the multiple of π/2 that it is."""
+    import sympy as sp
+
+    turns = round(value / (np.pi / 2))
+    return turns * sp.pi / 2 if abs(value - turns * np.pi / 2) < 1e-9 else sp.Float(value)
+
+
+def values_at(rest: Rest, unknowns: Sequence[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Expr]:
+    """Return {unknown: value}; a free one stands for itself, and those that follow from it contain it."""
+    import sympy as sp
+
+    values = {}
+    for i, x in enumerate(unknowns):
+        if i in rest.free:
+            values[x] = x
+        else:
+            moved = zip(rest.along[i].tolist(), rest.free, strict=True) if rest.straight else ()
+            values[x] = sp.Add(plain(float(rest.at[i])), *(_whole(c) * unknowns[k] for c, k in moved if c))
+    return values
+
+
+def _whole(value: float) -> sympy.Expr:
+    import sympy as sp
+
+    near = round(value)
+    return sp.Integer(near) if abs(value - near) < 1e-9 else sp.Float(value)
