@@ -10,6 +10,7 @@ from conftest import ROOT
 from oracles.symbolic_truth import equal
 
 import lmoc
+from lmoc.expression.to_sympy import exact
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, unit_text
 from lmoc.symbolic.system import jet_symbol
@@ -121,3 +122,50 @@ def test_sums_are_sorted_alike_in_every_style():
 
 def test_units_for_people():
     assert unit_text("N.m/rad") == "N·m/rad" and unit_text("m/s2") == "m/s²"
+
+
+OSCILLATOR = """
+model Oscillator
+  constant Real pi = 3.14159265358979;
+  parameter Real f0(unit = "Hz") = 1;
+  input Real u(unit = "N") = 0;
+  Spring s(k = (2*pi*f0)^2); Mass m(m = 1); Fixed w; Force f(f = u);
+equation
+  connect(w.flange, s.a); connect(s.b, m.flange); connect(f.flange, m.flange);
+end Oscillator;
+"""
+
+
+def test_pi_is_written_as_such():
+    dae = lmoc.compile_text(OSCILLATOR)
+    tf = dae.transfer_function("u", "m.q")
+    s, m, f0 = sp.symbols("s m.m f0")
+    assert tf.expression == 1 / (m * s**2 + 4 * sp.pi**2 * f0**2)
+    assert tf.poles.imag == pytest.approx([2 * sp.pi.evalf(), -2 * sp.pi.evalf()])
+    notation = Notation.of(tf.numerator, tf.denominator)
+    assert notation.quotient(tf.numerator, tf.denominator, "s") == "1/(m·s² + 4·π²·f0²)"
+    (line,) = dae.equations().lines()
+    assert line == "m·q̈ + 4·π²·f0²·q = u"
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (3.14159265358979, "pi"),
+        (6.283185307179586, "2*pi"),
+        (-0.5235987755982988, "-pi/6"),
+        (3.1416, "3927/1250"),
+        (3.14159, "314159/100000"),
+        (9.81, "981/100"),
+        (1 / 12, "1/12"),
+        (0.0, "0"),
+    ],
+)
+def test_the_number_a_person_meant(value, expected):
+    assert exact(value) == sp.sympify(expected)
+
+
+def test_numbers_stay_as_written():
+    text = "model P Real phi(start = 1), w; equation w = der(phi); 0.35*der(w) = -9.81*sin(phi) - 0.07*w; end P;"
+    (line,) = lmoc.compile_text(text).equations().lines()
+    assert line == "0.35·φ̈ + 0.07·φ̇ + 9.81·sin(φ) = 0"

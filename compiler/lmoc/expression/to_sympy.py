@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     import sympy
 
 _SMALL_DENOMINATOR = 10_000
+_MOST_PARTS = 24  # of a turn's half that are recognized: π/24
+_AS_WRITTEN = 2e-15  # relative: people write 3.14159265358979
 
 
 def exact(value: float) -> sympy.Expr:
-    """The number a person meant: 0.5 → 1/2, 0.08333333333333333 → 1/12, 9.81 → 981/100."""
+    """Return the number a person meant: 0.5 → 1/2, 0.0833333333333333 → 1/12, 9.81 → 981/100, 3.14159265358979 → π."""
     import sympy
 
     if not math.isfinite(value):
@@ -26,6 +28,9 @@ def exact(value: float) -> sympy.Expr:
     simple = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
     if float(simple) == value:
         return sympy.Rational(simple.numerator, simple.denominator)
+    turns = Fraction(value / math.pi).limit_denominator(_MOST_PARTS)
+    if 0 < abs(turns.numerator) <= 1000 and abs(float(turns) * math.pi - value) <= _AS_WRITTEN * abs(value):
+        return sympy.Rational(turns.numerator, turns.denominator) * sympy.pi
     return sympy.Rational(repr(float(value)))
 
 

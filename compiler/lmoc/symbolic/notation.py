@@ -191,6 +191,8 @@ class Formula:
             return (0, 0, "")
         base = factor.base if isinstance(factor, sp.Pow) else factor
         text = str(base)
+        if base in (sp.pi, sp.E):
+            return (0, 1, text)
         if isinstance(base, sp.Symbol):
             name, _ = base_of(base.name)
             if name in self.notation.late:

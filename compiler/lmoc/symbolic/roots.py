@@ -80,7 +80,7 @@ def _closed_form(polynomial: sympy.Poly, x: sympy.Symbol, numbers: Mapping) -> l
     if n % 2 == 1:
         return [-shift + sp.sign(value) * sp.Abs(value) ** sp.Rational(1, n)]
     known = value.xreplace(numbers)
-    if not known.is_Number or known == 0:
+    if not known.is_number or known == 0:
         return None
     return [-shift - value ** sp.Rational(1, n), -shift + value ** sp.Rational(1, n)] if known > 0 else []
 

@@ -90,6 +90,8 @@ def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
         hint = f'a text stands in double quotes: "{plain}"'
     if owner and not hint:
         hint = f"the literal is written '{owner}.{name}'"
+    if name == "pi" or [part.name for part in ref.parts] == ["Modelica", "Constants", "pi"]:
+        hint = "declare it: constant Real pi = 3.14159265358979;"
     return Wrong("E0201", f"there is no variable '{plain}' here", ref.parts[0].span, hint=hint)
 
 
