@@ -317,12 +317,20 @@ class DAE:
         """Return {state name: SymPy expression of its derivative}, keys as in `states`."""
         return self.symbolic(parameters=parameters).ode
 
-    def equations(self, forces: bool = False, parameters: Point | None = None) -> EquationsOfMotion:
-        """Return the equations of motion as a person writes them, with the internal forces of ideal parts if asked."""
+    def equations(
+        self, forces: bool = False, parameters: Point | None = None, *, explicit: bool = False
+    ) -> EquationsOfMotion:
+        """Return the equations of motion as a person writes them.
+
+        Parameters
+        ----------
+        forces : with the internal forces of ideal parts
+        explicit : solved for the highest derivatives
+        """
         from lmoc.symbolic.equations import equations_of_motion
 
         prepared = self.prepare(parameters)
-        return equations_of_motion(prepared.reduced, prepared.values, forces)
+        return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
         """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`."""

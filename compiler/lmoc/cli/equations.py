@@ -20,6 +20,7 @@ def configure(parser: Parser) -> None:
     add_symbol_arguments(parser)
     add = parser.add_argument
     add("--with-forces", action="store_true", help="with the internal forces of rods, strings and gears")
+    add("--explicit", action="store_true", help="solved for the highest derivatives")
     add("--about-equilibrium", action="store_true", help="in deviations from the equilibrium: constant loads disappear")
     add("--equilibrium", metavar="N", type=ordinal, help="in deviations from the N-th that `lmoc equilibria` lists")
     add = parser.add_mutually_exclusive_group().add_argument
@@ -33,7 +34,7 @@ def execute(arguments: argparse.Namespace) -> int:
     dae = compiled(arguments)
     rest = None
     with working("equations"):
-        found = dae.equations(forces=arguments.with_forces)
+        found = dae.equations(forces=arguments.with_forces, explicit=arguments.explicit)
         if arguments.about_equilibrium or arguments.equilibrium is not None:
             rest = equilibrium(dae, arguments.equilibrium)
             found = found.about(rest)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.symbolic.notation import Formula, Notation, told
-from lmoc.symbolic.sorting import Equation, gathered, sorted_equation
+from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, symbolic_system
 from lmoc.symbolic.values import exactly
@@ -18,7 +19,9 @@ from lmoc.symbolic.values import exactly
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.ir.flat import FlatDAE
     from lmoc.ir.reduced import Reduced
+    from lmoc.symbolic.motion import Motion
 
 
 MOST_SOLVED = 3  # coordinates; with more, forces are not tried with the accelerations solved
@@ -232,8 +235,10 @@ def _delta(name: str) -> str:
     return "δ" + name
 
 
-def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forces: bool = False) -> EquationsOfMotion:
-    """Equations of motion of a reduced system.
+def equations_of_motion(
+    reduced: Reduced, values: np.ndarray | None = None, forces: bool = False, solved: bool = False
+) -> EquationsOfMotion:
+    """Return the equations of motion of a reduced system.
 
     Parameters
     ----------
@@ -242,6 +247,8 @@ def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forc
         Parameter values in force.
     forces : bool
         With the internal forces of ideal parts (rods, strings, gears).
+    solved : bool
+        For the highest derivatives, even where there is a form that divides by nothing.
 
     Raises
     ------
@@ -251,15 +258,18 @@ def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forc
     from lmoc.symbolic.motion import accelerations, derive
 
     values = reduced.values if values is None else values
-    motion, outline = derive(reduced, values, forces)
+    motion, outline = derive(reduced, values, forces, solved)
     late = [*(u.name for u in outline.inputs), *(q.name for q in motion.coordinates)]
+    drivers = _drivers(reduced.flat, motion)
     equations = tuple(
-        sorted_equation(r, q, n, motion.coordinates, late, clear_all=not motion.balanced)
+        solved_equation(jet_symbol(q.name, n) - r, q, n)
+        if solved
+        else sorted_equation(r, q, n, motion.coordinates, late, not motion.balanced, drivers)
         for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
     )
     small = motion.forces and len(motion.coordinates) <= MOST_SOLVED
-    solved = accelerations(symbolic_system(reduced, values)) if small else {}
-    found = {name: _shortest(value, solved, late) for name, value in motion.forces.items()}
+    rates = accelerations(symbolic_system(reduced, values)) if small else {}
+    found = {name: _shortest(value, rates, late) for name, value in motion.forces.items()}
     occurring = [e.residual for e in equations] + list(found.values())
     notation = Notation.of(*occurring, names=found, late=late, given={**outline.own_names, **motion.own_names})
     flat = reduced.flat
@@ -272,6 +282,13 @@ def equations_of_motion(reduced: Reduced, values: np.ndarray | None = None, forc
         assumptions=outline.assumptions,
         undetermined=tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else (),
     )
+
+
+def _drivers(flat: FlatDAE, motion: Motion) -> frozenset[str]:
+    """Coordinates of first order that are no places: they drive the motion, as a current does a motor."""
+    first = [q.name for q, n in zip(motion.coordinates, motion.orders, strict=True) if n == 1]
+    units = {name: flat.block_at(int(flat.find(name)[0])).unit for name in first}
+    return frozenset(name for name, unit in units.items() if unit and unit not in LENGTHS_AND_ANGLES)
 
 
 def _descriptions(flat, names: Iterable[str]) -> dict[str, tuple[str, str]]:

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -179,9 +181,16 @@ class LinearModel:
         return StateSpace(*self.matrices())
 
     def to_control(self):
-        """A control.StateSpace (python-control must be installed)."""
-        import control
+        """Return a control.StateSpace.
 
+        Raises
+        ------
+        ModuleNotFoundError
+            The package python-control is not installed.
+        ModelError
+            E0660, as `matrices`.
+        """
+        control = python_control()
         return control.ss(*self.matrices(), states=self.states, inputs=self.inputs, outputs=self.outputs)
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -342,3 +351,14 @@ def _check_values(symbols: set, system: SymbolicSystem) -> None:
     missing = symbols & {s for s, v in system.values.items() if np.isnan(v)}
     if missing:
         raise no_value(sorted(s.name for s in missing))
+
+
+def python_control() -> ModuleType:
+    """Return the module `control`, with a word of what to install where it is missing."""
+    try:
+        return import_module("control")
+    except ModuleNotFoundError as error:
+        if error.name != "control":
+            raise
+        message = "to_control() needs python-control: pip install control; to_scipy() and matrices() do without"
+        raise ModuleNotFoundError(message, name="control") from None

@@ -54,6 +54,7 @@ def sorted_equation(
     coordinates: Iterable[sympy.Symbol],
     late: Iterable[str],
     clear_all: bool = False,
+    drivers: frozenset[str] = frozenset(),
 ) -> Equation:
     """Sort a residual into terms.
 
@@ -64,15 +65,21 @@ def sorted_equation(
     coordinates, late : all coordinates, and the names of all inputs and coordinates
     clear_all : bool
         Clear every denominator, not only plain products.
+    drivers : names of coordinates that drive the others (a current): undifferentiated, they stand on the right
     """
     import sympy as sp
 
     names = [q.name for q in coordinates]
+    own = base_of(coordinate.name)[0]
+    driving = drivers - {own}
     terms = gathered(residual, set(late))
     terms = _same_rates_together(_without_denominators(terms, clear_all))
-    left = [(c, f) for c, f in terms if any(base_of(s.name)[0] in names for s in f.free_symbols)]
-    right = [(_sign_inside(-c), f) for c, f in terms if not any(base_of(s.name)[0] in names for s in f.free_symbols)]
-    own = base_of(coordinate.name)[0]
+
+    def moves(factor: sympy.Expr) -> bool:
+        return any(base_of(s.name)[0] in names and s.name not in driving for s in factor.free_symbols)
+
+    left = [(c, f) for c, f in terms if moves(f)]
+    right = [(_sign_inside(-c), f) for c, f in terms if not moves(f)]
 
     def rank(term: Term):
         jets = [base_of(s.name) for s in term[1].free_symbols]
@@ -87,6 +94,42 @@ def sorted_equation(
     if _is_negative(leading):
         left, right = ([(_sign_inside(-c), f) for c, f in side] for side in (left, right))
     return Equation(sp.Symbol(own), order, tuple(left), tuple(right))
+
+
+def solved_equation(rate: sympy.Expr, coordinate: sympy.Symbol, order: int) -> Equation:
+    """Return ``q̈ = numerator/denominator`` for the solved highest derivative of a coordinate."""
+    import sympy as sp
+
+    top, bottom = sp.fraction(cancelled(rate))
+    top, bottom = (_shortest_form(_without_squares(sp.expand(part))) for part in (top, bottom))
+    if bottom.could_extract_minus_sign():
+        top, bottom = -top, -bottom
+    sign = sp.Integer(-1 if _is_negative(top) else 1)
+    right = ((sign, sign * top / bottom),) if top != 0 else ()
+    return Equation(coordinate, order, ((sp.S.One, jet_symbol(coordinate.name, order)),), right)
+
+
+def _without_squares(polynomial: sympy.Expr) -> sympy.Expr:
+    """A polynomial in sines and cosines with sin² + cos² = 1, whichever of the two that makes shorter."""
+    import sympy as sp
+
+    for angle in sorted({f.args[0] for f in polynomial.atoms(sp.sin, sp.cos)}, key=sp.default_sort_key):
+        pair = sp.sin(angle), sp.cos(angle)
+        forms = [polynomial]
+        for one, other in (pair, pair[::-1]):
+            rest = sp.rem(polynomial, one**2 + other**2 - 1, one)
+            forms.append(sp.expand(rest))
+        polynomial = min(forms, key=lambda e: (e.count_ops(), len(sp.sstr(e))))
+    return polynomial
+
+
+def _shortest_form(polynomial: sympy.Expr) -> sympy.Expr:
+    import sympy as sp
+
+    forms = [polynomial, sp.factor_terms(polynomial)]
+    if polynomial.is_Add and len(polynomial.args) <= MOST_FACTORED:
+        forms.append(sp.factor(polynomial))
+    return min(forms, key=lambda e: (e.count_ops(), len(sp.sstr(e))))
 
 
 def _is_negative(coefficient: sympy.Expr) -> bool:

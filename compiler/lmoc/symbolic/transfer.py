@@ -7,21 +7,25 @@ free of fractions, so that everything happens in a ring of polynomials: nothing 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.symbolic.linearize import LinearModel
+from lmoc.symbolic.determinant import TooLongError, determinant
+from lmoc.symbolic.linearize import LinearModel, python_control
 from lmoc.symbolic.notation import Notation
-from lmoc.symbolic.styles import UNICODE, Style
-from lmoc.symbolic.system import refuse
+from lmoc.symbolic.rational import cancelled
+from lmoc.symbolic.styles import LATEX, UNICODE, Style
+from lmoc.symbolic.system import NoSymbolsError, no_symbols, refuse
 
 if TYPE_CHECKING:
     import sympy
 
 MOST_STATES = 24
+MOST_TERMS = 4_000  # of the minors of a determinant; more is not tried in symbols
+MOST_SHOWN = 160  # terms of numerator and denominator; longer ones are given in numbers
 ROUNDED = 1e-11  # of the terms of a difference: less is rounding
 
 
@@ -64,9 +68,9 @@ class TransferFunction:
 
     def __getattr__(self, name: str):
         """Whatever a SymPy expression can do."""
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return getattr(self.expression, name)
+        if not name.startswith("_") and hasattr(self.expression, name):
+            return getattr(self.expression, name)
+        raise AttributeError(f"a transfer function has no attribute '{name}'")
 
     def __add__(self, other) -> sympy.Expr:
         return self.expression + other
@@ -106,6 +110,18 @@ class TransferFunction:
             raise refuse(f"poles and zeros need values for {', '.join(missing)}", hint="use `--set name=value`")
         return np.array([float(c) for c in value.all_coeffs()])
 
+    @cached_property
+    def numeric(self) -> TransferFunction:
+        """The same with numbers for the parameters, its denominator's leading coefficient 1.
+
+        Raises
+        ------
+        ModelError
+            E0660 for a parameter without a value.
+        """
+        top, bottom = (_with_numbers(p.tolist(), self.s) for p in self.coefficients)
+        return replace(self, numerator=top, denominator=bottom, cancelled=(), values={})
+
     @property
     def poles(self) -> np.ndarray:
         return np.roots(self.coefficients[1])
@@ -139,10 +155,22 @@ class TransferFunction:
 
         return Scipy(*self.coefficients)
 
-    def to_control(self):
-        """A control.TransferFunction (python-control must be installed)."""
-        import control
+    def _repr_latex_(self) -> str:
+        """What a notebook shows."""
+        notation = Notation.of(self.numerator, self.denominator, names=(self.output, self.input))
+        quotient = notation.quotient(self.numerator, self.denominator, "s", LATEX)
+        names = (notation.name(name, LATEX) for name in (self.output, self.input))
+        return "$\\displaystyle \\frac{{{}}}{{{}}} = {}$".format(*names, quotient)
 
+    def to_control(self):
+        """Return a control.TransferFunction.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            The package python-control is not installed.
+        """
+        control = python_control()
         return control.tf(*self.coefficients, inputs=self.input, outputs=self.output)
 
 
@@ -162,6 +190,11 @@ class InputOutputEquation:
         notation = Notation.of(self.left, self.right, names=(self.input, self.output))
         return self.write(notation, UNICODE)
 
+    def _repr_latex_(self) -> str:
+        """What a notebook shows."""
+        notation = Notation.of(self.left, self.right, names=(self.input, self.output))
+        return f"$\\displaystyle {self.write(notation, LATEX)}$"
+
     def write(self, notation: Notation, style: Style) -> str:
         """In the names and the style given."""
         sides = ((self.left, self.output), (self.right, self.input))
@@ -179,19 +212,19 @@ def _side(notation: Notation, style: Style, operator: sympy.Expr, name: str) -> 
 
 
 def characteristic_polynomial(model: LinearModel) -> sympy.Expr:
-    """det(sI − A) in lowest terms, free of fractions, as a polynomial in ``Symbol("s")``."""
+    """Return det(sI − A) in lowest terms, free of fractions, as a polynomial in ``Symbol("s")``."""
     import sympy as sp
 
     return _normal(_determinant(_pencil(model)[0]), sp.Symbol("s"))
 
 
 def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None = None) -> TransferFunction:
-    """Transfer function from one input to one output of a symbolic linear model.
+    """Return the transfer function from one input to one output of a symbolic linear model.
 
     Raises
     ------
     ModelError
-        E0661 for an unknown name, E0660 where there are too many states for symbols.
+        E0661 for an unknown name, E0660 (`NoSymbolsError`) where the symbols grow long.
     """
     import sympy as sp
 
@@ -204,13 +237,15 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     through = sum((D[row, column] * s**k for k, D in enumerate(model.Ds)), sp.S.Zero)
     last = sp.lcm_list([sp.fraction(sp.together(c))[1] for c in [*model.C[row, :], through]] or [sp.S.One])
     bordered = sp.Matrix.vstack(
-        sp.Matrix.hstack(pencil, sp.Matrix([-sp.cancel(d) for d in drive]).reshape(pencil.rows, 1)),
-        sp.Matrix([[*(sp.cancel(last * c) for c in model.C[row, :]), sp.cancel(last * through)]]),
+        sp.Matrix.hstack(pencil, sp.Matrix([-cancelled(d) for d in drive]).reshape(pencil.rows, 1)),
+        sp.Matrix([[*(cancelled(last * c) for c in model.C[row, :]), cancelled(last * through)]]),
     )
     full = _determinant(pencil)
-    top, bottom = sp.fraction(sp.cancel(_determinant(bordered) / (full * last)))
+    top, bottom = sp.fraction(cancelled(_determinant(bordered) / (full * last)))
     if sp.Poly(bottom, s).LC().could_extract_minus_sign():
         top, bottom = sp.expand(-top), sp.expand(-bottom)
+    if len(sp.Add.make_args(sp.expand(top))) + len(sp.Add.make_args(sp.expand(bottom))) > MOST_SHOWN:
+        raise _too_long()
     point = {n: v for n, v in model.point.items() if str(v) != n}
     common = _cancelled(full, bottom, s)
     return TransferFunction(u, y, _collect(top, s), _collect(bottom, s), common, dict(values or {}), point)
@@ -271,52 +306,45 @@ def _pencil(model: LinearModel) -> tuple[sympy.Matrix, list[sympy.Expr]]:
 
     s = sp.Symbol("s")
     n = len(model.states)
-    _check_states(n)
+    if n > MOST_STATES:
+        raise _too_long()
     scales, rows = [], []
     for i in range(n):
-        entries = [sp.cancel(model.A[i, j]) for j in range(n)]
-        drives = [sp.cancel(B[i, j]) for B in model.Bs for j in range(B.cols)]
+        entries = [cancelled(model.A[i, j]) for j in range(n)]
+        drives = [cancelled(B[i, j]) for B in model.Bs for j in range(B.cols)]
         scale = sp.lcm_list([sp.fraction(e)[1] for e in [*entries, *drives]] or [sp.S.One])
-        rows.append([sp.cancel(scale * ((s if i == j else 0) - e)) for j, e in enumerate(entries)])
+        rows.append([cancelled(scale * ((s if i == j else 0) - e)) for j, e in enumerate(entries)])
         scales.append(scale)
     return sp.Matrix(n, n, [e for row in rows for e in row]), scales
 
 
 def _determinant(matrix: sympy.Matrix) -> sympy.Expr:
-    """Determinant over the ring of polynomials; rows or columns with a single entry are expanded first."""
+    """Determinant of a matrix of polynomials, multiplied out."""
     import sympy as sp
-    from sympy.polys.matrices import DomainMatrix
+    from sympy.polys.constructor import construct_domain
 
-    factor = sp.S.One
-    while matrix.rows:
-        found = _single_entry(matrix)
-        if found is None:
-            break
-        i, j = found
-        factor *= (-1) ** (i + j) * matrix[i, j]
-        matrix = matrix.minor_submatrix(i, j)
-    if not matrix.rows:
-        return factor
-    dense = DomainMatrix.from_Matrix(matrix)
-    return sp.expand(factor * dense.domain.to_sympy(dense.charpoly()[-1] * (-1) ** matrix.rows))
+    entries = matrix.todok()
+    domain, elements = construct_domain([sp.S.One, *entries.values()], field=False)
+    if not domain.is_Composite:
+        domain, elements = construct_domain([sp.S.One, *entries.values(), sp.Symbol("s")], field=False)
+    rows: list[dict] = [{} for _ in range(matrix.rows)]
+    for (i, j), element in zip(entries, elements[1:], strict=False):
+        rows[i][j] = element
+    try:
+        return domain.to_sympy(determinant(rows, domain.one, MOST_TERMS))
+    except TooLongError:
+        raise _too_long() from None
 
 
-def _single_entry(matrix: sympy.Matrix) -> tuple[int, int] | None:
-    for i in range(matrix.rows):
-        row = [j for j in range(matrix.cols) if matrix[i, j] != 0]
-        if len(row) == 1:
-            return i, row[0]
-        column = [j for j in range(matrix.rows) if matrix[j, i] != 0]
-        if len(column) == 1:
-            return column[0], i
-    return None
+def _too_long() -> NoSymbolsError:
+    return no_symbols("the transfer function in symbols is too long to be read", hint="`.numeric` has numbers")
 
 
 def _cancelled(full: sympy.Expr, left: sympy.Expr, s: sympy.Symbol) -> tuple[sympy.Expr, ...]:
     """Factors in s of the characteristic polynomial that are no longer in the denominator."""
     import sympy as sp
 
-    rest = sp.factor_list(sp.numer(sp.cancel(full / left)))[1]
+    rest = sp.factor_list(sp.numer(cancelled(full / left)))[1]
     return tuple(_collect(factor, s) for factor, count in rest for _ in range(count) if factor.has(s))
 
 
