@@ -21,7 +21,7 @@ from lmoc.numerics.evaluate.segments import can_segment
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate.base import Problem
-from lmoc.numerics.integrate.choice import integrator
+from lmoc.numerics.integrate.choice import integrate
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import bind_signals
 from lmoc.numerics.simulate import Simulator
@@ -136,10 +136,10 @@ def test_shapes_and_scalars_agree(path: Path) -> None:
 
 def trajectory(system: System, plan: Plan, x0: np.ndarray, grid: np.ndarray, rtol: float) -> np.ndarray:
     rows = [x0[None]]
-    problem = Problem(
-        system, x0, grid, rtol, np.full(len(x0), rtol * 1e-3), lambda _, states: rows.append(states.copy())
-    )
-    outcome = integrator("dop853")(problem)
+    atol, end = np.full(len(x0), rtol * 1e-3), float(grid[-1])
+    begin, times = float(grid[0]), grid[1:]
+    problem = Problem(system, begin, x0, end, times, rtol, atol, lambda _, states: rows.append(states.copy()))
+    outcome = integrate(problem, "dop853")
     assert not outcome.status.failed
     return np.concatenate(rows)
 

@@ -292,7 +292,9 @@ def test_the_table_of_the_integrators_in_the_documentation():
     text = (Path(__file__).parents[2] / "docs/architecture.md").read_text(encoding="utf-8")
     for one in table():
         stiff = "yes" if one.stiff else "no"
-        assert f"| `{one.name}` | {one.method} | {one.order} | {stiff} | {one.library} |" in text
+        steps = "yes" if one.steps else "no"
+        row = f"| `{one.name}` | {one.method} | {one.order} | {one.dense} | {stiff} | {one.library} | {steps} |"
+        assert row in text
     assert {one.name for one in table()} | {"auto"} == set(SOLVERS)
 
 

@@ -31,6 +31,15 @@ def solver_hint(name: str) -> str:
     return f"'{own}' is the method of that kind here" if own else nearest(name, SOLVERS)
 
 
+@dataclass(frozen=True, eq=False)
+class Span:
+    """Where a run begins and ends, s, and its output times (k,), none of them outside."""
+
+    start: float
+    end: float
+    times: np.ndarray
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """Options of one run; None takes the model's `experiment`, else the default in brackets.
@@ -39,13 +48,14 @@ class RunOptions:
     ----------
     start, stop : s [0, 10]
     points : number of output times, evenly spread [501, or from the experiment's interval]
-    times : the output times themselves; replaces start, stop and points
+    times : the output times themselves; replaces stop and points. The run begins at the start all the same
     rtol : [1e-6]
     atol : one number for all states [rtol·1e-3·nominal of each]
     solver : one of SOLVERS
     formulation : "reduced"
     energy : integrate work and heat along
     keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
+    max_step : s, the longest step of the integrator [no limit]
     max_steps : steps after which the run is given up
     max_seconds : wall time after which the run is given up [no limit]
     """
@@ -60,26 +70,37 @@ class RunOptions:
     formulation: str = "reduced"
     energy: bool = True
     keep: Sequence[str] | None = None
+    max_step: float | None = None
     max_steps: int = 5_000_000
     max_seconds: float | None = None
 
-    def grid(self, experiment: Experiment) -> np.ndarray:
-        """The output times.
+    def span(self, experiment: Experiment, begin: float | None = None) -> Span:
+        """Return where the run begins and ends, and its output times.
+
+        Parameters
+        ----------
+        begin : where it begins if nobody says otherwise, in place of the experiment's start
 
         Raises
         ------
         ValueError
             Where times do not increase, or the stop lies before the start.
         """
+        start = _finite("start", _first(self.start, begin, experiment.start, 0.0))
         if self.times is not None:
             times = np.array(self.times, float).reshape(-1)
             if not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
                 raise ValueError("the output times must be finite and increase")
-            return times
-        start = _finite("start", _first(self.start, experiment.start, 0.0))
-        stop = _finite("stop", _first(self.stop, experiment.stop, start + 10.0 if self.start is not None else 10.0))
+            if times[0] < start and (self.start is not None or begin is not None):
+                raise ValueError(f"the first output time {times[0]:g} s lies before the start time {start:g} s")
+            return Span(min(start, float(times[0])), float(times[-1]), times)
+        after = start + 10.0 if self.start is not None or begin is not None else 10.0
+        stop = _finite("stop", _first(self.stop, experiment.stop if begin is None else None, after))
         if not stop > start:
             raise ValueError(f"the stop time {stop:g} s must lie after the start time {start:g} s")
+        return Span(start, stop, self._grid(start, stop, experiment))
+
+    def _grid(self, start: float, stop: float, experiment: Experiment) -> np.ndarray:
         if self.points is None and experiment.interval:
             return _spaced(start, stop, experiment.interval)
         points = 501 if self.points is None else self.points
@@ -102,6 +123,8 @@ class RunOptions:
         """
         rtol = _finite("rtol", _first(self.rtol, experiment.tolerance, 1e-6))
         atol = _finite("atol", _first(self.atol, 1.0))
+        if not _finite("max_step", _first(self.max_step, 1.0)) > 0:
+            raise ValueError(f"the longest step is positive, found max_step = {self.max_step:g}")
         if not (1e-14 <= rtol < 1 and atol > 0):
             raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found rtol = {rtol:g}, atol = {self.atol}")
 

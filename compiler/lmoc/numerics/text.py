@@ -46,7 +46,7 @@ def lowered_text(lowered: Lowered) -> str:
         ("of which", f"{plan.state_count} states, {system.n - plan.state_count} quadratures"),
         ("parameters", str(len(plan.parameters))),
         ("operations", f"{plan.row_count} scalar equations in {len(plan.program)} steps"),
-        ("Jacobian", f"{len(indices)} entries; stored by an implicit method as {layout_of(system).text}"),
+        ("Jacobian", f"{len(indices)} entries; stored by an implicit method as {layout_of(system, plan).text}"),
     ]
     function = getattr(system, "function", None)
     if function is None or plan.row_count > 500:

@@ -102,29 +102,10 @@ class Run:
         found = self.flat.find(inner)
         if found is None or len(found) != 1:
             raise UnknownNameError(name, hint_for(self.flat, inner))
-        register = self._derivative_register(int(found[0]), order)
-        if register < 0 or self.trajectory.kept is not None:
+        values = self.trajectory.derivative(int(found[0]), order)
+        if values is None:
             raise UnknownNameError(name, "of derivatives only those of states are at hand, where all is kept")
-        from lmoc.numerics.observe.slices import slice_of
-
-        observer = self.trajectory.observer
-        part = slice_of(observer.plan, np.array([register])).bind(observer.base, observer.signals)
-        return part(self.time, self.trajectory.table)[:, 0]
-
-    def _derivative_register(self, variable: int, order: int) -> int:
-        """Where a derivative stands, -1 if nowhere. A variable may be a jet of another one: v = der(q)."""
-        reduced, table = self.reduced, self.reduced.registers
-        own = np.flatnonzero((table.variable == variable) & (table.order == order))
-        if len(own):
-            return int(own[0])
-        register = int(reduced.register_of[variable])
-        for _ in range(order):
-            integrated = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
-            if register not in integrated:
-                return -1
-            rates = np.concatenate([reduced.derivatives, reduced.quadrature_derivatives])
-            register = int(rates[integrated.index(register)])
-        return register
+        return values
 
     @property
     def states(self) -> list[str]:

@@ -14,7 +14,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.simulate import sources_without_value
+from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.messages.equations import listed
 from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.system import coordinates_of, time_stands_in_it

@@ -20,7 +20,7 @@ def run_checks(run: Trajectory) -> Trajectory:
     SimulationError
         At the first output time at which an assertion of level error does not hold; the partial result ends there.
     """
-    flat = run.observer.flat
+    flat = run.flat
     if not flat.checks:
         return run
     report = Report()
@@ -36,7 +36,7 @@ def run_checks(run: Trajectory) -> Trajectory:
             report.warning("W0551", f"{check.message} (from t = {run.time[times[0]]:.6g} s)", check.span)
     if failures:
         k, check, _ = min(failures, key=lambda f: f[0])
-        partial = replace(run, time=run.time[: k + 1], table=run.table[: k + 1], _cache={})
+        partial = run.until(k + 1)
         place = f" ({check.span})" if check.span is not None else ""
         message = f"an assertion does not hold at t = {run.time[k]:.6g} s: {check.message}{place}"
         raise SimulationError(message, float(run.time[k]), partial)

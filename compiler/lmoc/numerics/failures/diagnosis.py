@@ -14,8 +14,8 @@ from lmoc.messages.source import Span
 from lmoc.numerics.evaluate.interpreter import DENSE, Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.losable import Moving, losable, moving
+from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Slice
-from lmoc.numerics.observe.trajectory import Observer
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, is_own, sample
 from lmoc.support.distinct import distinct

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from lmoc.numerics.integrate import cvode
-from lmoc.numerics.integrate.base import Outcome, Problem
+from lmoc.numerics.integrate.base import Integration, Problem, Properties
 
-PROPERTIES = cvode.ADAMS
+PROPERTIES = Properties("adams", "Adams", stiff=False, order="1-12", dense="1-12", library="SUNDIALS")
 
 
-def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times."""
-    return cvode.integrate(problem, "adams")
+def begin(problem: Problem) -> Integration:
+    """Return the method at the beginning of a problem.
+
+    Raises
+    ------
+    NotFound
+        The libraries are not at hand.
+    """
+    return cvode.begin(problem, "adams")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time as clock
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -22,29 +23,64 @@ class Problem:
     Attributes
     ----------
     system : System
-    x : (n,) state at ``times[0]``
-    times : (k,) increasing output times
+    t, x : where it begins; x is (n,)
+    end : s, where it ends
+    times : (k,) output times behind t and up to the end, not decreasing
     rtol, atol : tolerances; atol is (n,)
     sink : callable (first, states)
-        Takes the states at the output times ``first …`` as an array (count, n). The start itself is not among them.
-    max_steps : int
+        Takes the states at the output times ``times[first], …`` as an array (count, n).
+    max_step : s, the longest step
+    max_steps : steps after which the run is given up
     deadline : value of ``time.monotonic()`` at which to stop, None for no limit
     progress : called with the time reached, a few times a second at the most
     patience : steps that an explicit method may still need where it finds the problem stiff; beyond, it gives up
     breaks : times within at which the right-hand side jumps or has a kink
+    guard : callable (t, x) -> Status
+        Looks at every accepted step before its output is passed on; anything but OK ends the integration where the
+        step has begun.
+    roots : Roots, or None where nothing switches
     """
 
     system: System
+    t: float
     x: np.ndarray
+    end: float
     times: np.ndarray
     rtol: float
     atol: np.ndarray
     sink: Callable[[int, np.ndarray], None]
+    max_step: float = np.inf
     max_steps: int = 5_000_000
     deadline: float | None = None
     progress: Callable[[float], None] | None = None
     patience: float = np.inf
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    guard: Callable[[float, np.ndarray], Status] | None = None
+    roots: Roots | None = None
+
+    @property
+    def needs_steps(self) -> bool:
+        """Whether somebody looks at every accepted step."""
+        return self.guard is not None or self.roots is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Roots:
+    """Functions whose change of sign ends a step.
+
+    Attributes
+    ----------
+    values : callable (t, x) -> (m,)
+    signs : (m,) float, the sign that each has at the beginning: where it is 1 or -1, the other sign is a root, even at
+        once; where it is 0, the first sign met counts as the one it has had. Kept up to date on the way
+    reached : callable (t, x, which, signs) -> bool
+        Called with each root in order, `which` (m,) of them change sign there, to `signs`. True ends the integration
+        there, False lets it go on.
+    """
+
+    values: Callable[[float, np.ndarray], np.ndarray]
+    signs: np.ndarray
+    reached: Callable[[float, np.ndarray, np.ndarray, np.ndarray], bool] = lambda t, x, which, signs: True
 
 
 @dataclass
@@ -54,13 +90,14 @@ class Outcome:
     Attributes
     ----------
     time, x : where it stands at the end
-    reached : number of output times that have been handed to the sink (the start counted)
-    status : why it ended; OK at the last output time
-    step : the last step size, where the method tells
+    reached : number of output times that have been handed to the sink
+    status : why it ended; OK at the end of the problem
     counts : steps, rejected, … for the statistics
+    step : s, the last step size, where the method tells
     matrix : how an implicit method has stored its Jacobian, empty for an explicit one
     evaluation : how the equations have been evaluated, empty where as `System.description` says
     solver : the method that has done it, empty where it is the one that was called
+    roots : (m,) which root functions vanish there; None where it has not ended at one
     """
 
     time: float
@@ -72,17 +109,101 @@ class Outcome:
     matrix: str = ""
     evaluation: str = ""
     solver: str = ""
+    roots: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
 class Properties:
-    """What an integrator can do; the rows of the table in the documentation."""
+    """What an integrator can do; the rows of the table in the documentation.
+
+    Attributes
+    ----------
+    order, dense : orders of the steps and of the values between them
+    stiff : implicit, and stable for stiff problems
+    steps : gives account of every step, so that roots can be found and coordinates watched; else another one of the
+        same method does that
+    library : where it comes from
+    """
 
     name: str
     method: str
     stiff: bool
     order: str
+    dense: str
     library: str
+    steps: bool = True
+
+
+class Integration(ABC):
+    """A method at work on one problem: its state, and one accepted step at a time. A context manager.
+
+    Attributes
+    ----------
+    t, x : where it stands
+    before : s, where the last step began
+    steps, rejected : counted so far
+    step_size : s, the step it would try next, infinity where it does not tell
+    wanted : s, the earliest time at which values between steps will be asked for; the loop sets it
+    made_jump : the state has been changed from outside, so that nothing remembered of the past holds
+    """
+
+    t: float
+    x: np.ndarray
+    before: float
+    step_size: float = np.inf
+    wanted: float = np.inf
+    made_jump = False
+    native = False  # `advance` goes to an output time without Python between the steps
+    matrix = ""
+    evaluation = ""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.steps = self.rejected = 0
+        self._collected: list[np.ndarray] = []
+
+    @abstractmethod
+    def step(self) -> Status:
+        """Make one step, not beyond the problem's end.
+
+        OK, or STIFF where it is made but shall be the last one; otherwise why there is none.
+        """
+
+    @abstractmethod
+    def interpolate(self, times: np.ndarray) -> np.ndarray:
+        """Return the states (k, n) at times within the last step."""
+
+    @abstractmethod
+    def jump(self, x: np.ndarray) -> None:
+        """Go on from another state at the same time."""
+
+    def advance(self, time: float) -> Status:
+        """Go to an output time by as many steps as that takes; `x` is the state there. For those that are `native`."""
+        raise NotImplementedError
+
+    def collect(self, times: np.ndarray) -> None:
+        """Keep the states at times within the last step."""
+        self._collected.append(self.interpolate(times))
+
+    def collect_here(self) -> None:
+        """Keep the state where it stands."""
+        self._collected.append(self.x.copy()[None])
+
+    def collected(self) -> np.ndarray:
+        """Return the states kept since the last call, (k, n)."""
+        kept, self._collected = self._collected, []
+        return np.concatenate(kept) if kept else np.zeros((0, len(self.x)))
+
+    def counts(self) -> dict[str, int]:
+        """Return what it has cost, for the statistics."""
+        return {"steps": self.steps, "rejected": self.rejected}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_) -> None:
+        """Free what belongs to a library: nothing here."""
+        return
 
 
 @contextmanager
@@ -97,6 +218,10 @@ def on_interrupt(action: Callable[..., None]) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+class Expired(Exception):
+    """The time allowed for the run is over."""
 
 
 class Watch:

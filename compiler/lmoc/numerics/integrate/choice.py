@@ -6,7 +6,6 @@ undamped motion). So it begins; it notices stiffness by itself, and a stiff meth
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties
 from lmoc.numerics.integrate.status import NotFound, Status
 
@@ -35,9 +35,20 @@ def _module(name: str):
     return import_module(f"lmoc.numerics.integrate.{name}")
 
 
-def integrator(name: str) -> Callable[[Problem], Outcome]:
-    """The function that integrates a problem."""
-    return _module(name).integrate
+def integrate(problem: Problem, name: str) -> Outcome:
+    """Integrate with one method; where casadi's CVODES does not serve, with that of SUNDIALS.
+
+    Raises
+    ------
+    NotFound
+        The library that it comes from is not at hand.
+    """
+    if name != "cvodes":
+        return loop.integrate(problem, _module(name).begin(problem))
+    outcome = _module(name).integrate(problem)
+    if outcome is not None:
+        return outcome
+    return replace(loop.integrate(problem, _module("cvode").begin(problem)), solver="cvode")
 
 
 def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
@@ -69,23 +80,25 @@ class _Used:
 
 
 def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
-    outcome, used, method = Outcome(float(problem.times[0]), problem.x, 1), None, solver
-    begin = outcome.time
+    outcome, used, method = Outcome(problem.t, problem.x, 0), None, solver
+    begin = problem.t
     for edge in (*problem.breaks.tolist(), np.inf):
         if edge - _near(edge) / 2 <= begin:  # a kink at the start
             begin = edge + _near(edge) / 2
             continue
+        if begin >= problem.end:
+            break
         later, own = _smooth(_until(problem, outcome, begin, edge), method)
         later.counts = _added(outcome.counts, later.counts)
         later.matrix, later.evaluation = later.matrix or outcome.matrix, later.evaluation or outcome.evaluation
-        later.reached = int(np.searchsorted(problem.times, later.time + _near(later.time), "right"))
+        later.reached += outcome.reached
         outcome, begin = later, edge + _near(edge) / 2
         taken_over = len(own.solvers) > 1
         if used is None or taken_over:
             used = own
         if taken_over:  # the stiff method goes on behind the next break
             method = own.solvers[-1]
-        if outcome.status.failed or outcome.reached == len(problem.times):
+        if outcome.status is not Status.OK or edge >= problem.end:
             break
     if len(problem.breaks):
         outcome.counts["breaks"] = len(problem.breaks)
@@ -95,22 +108,17 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
 def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
     """What remains of a problem, from behind one edge to just before the next; an output on an edge is before it."""
     done, times = outcome.reached, problem.times
-    if np.isinf(edge):
-        inner, end, on_edge = times[done:], [], 0
-    else:
-        inner = times[done : np.searchsorted(times, edge - _near(edge))]
-        end = [edge - _near(edge) / 2]
-        on_edge = int(np.searchsorted(times, edge + _near(edge), "right")) - done - len(inner)
-
-    def sink(first: int, states: np.ndarray) -> None:
-        before = len(inner) + 1 - first
-        if len(states) > before:  # the end is nobody's output time unless some fall on the edge
-            states = np.concatenate([states[:before], np.repeat(states[before:], on_edge, axis=0)])
-        if len(states):
-            problem.sink(first - 1 + done, states)
-
-    whole = np.concatenate([[begin], inner, end])
-    return replace(problem, x=outcome.x, times=whole, sink=sink, breaks=np.zeros(0))
+    end = min(problem.end, edge - _near(edge) / 2)
+    inside = times[done : np.searchsorted(times, end if np.isinf(edge) else edge + _near(edge), "right")]
+    return replace(
+        problem,
+        t=begin,
+        x=outcome.x,
+        end=end,
+        times=np.clip(inside, begin, end),
+        sink=lambda first, states: problem.sink(first + done, states),
+        breaks=np.zeros(0),
+    )
 
 
 def _near(t: float) -> float:
@@ -125,16 +133,16 @@ def _added(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
 def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
     """Integrate where nothing jumps."""
     if solver != "auto":
-        outcome = integrator(solver)(problem)
+        outcome = integrate(problem, solver)
         reason = f"in place of {solver}, which does not take this run" if outcome.solver else "asked for"
         return outcome, _Used((outcome.solver or solver,), reason)
-    outcome = integrator("dop853")(replace(problem, patience=patience(problem.system)))
+    outcome = integrate(replace(problem, patience=patience(problem.system)), "dop853")
     if outcome.status not in (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE):
         return outcome, _Used(("dop853",), "not stiff")
     spent = problem.system.evaluations
     name, why = stiff_method(problem, outcome)
-    later = integrator(name)(_rest(problem, outcome, name))
-    later.reached += outcome.reached - 1
+    later = integrate(_rest(problem, outcome, name), name)
+    later.reached += outcome.reached
     later.counts = _added(outcome.counts, later.counts)
     if "evaluations" in later.counts:  # SUNDIALS counts its own, and the system those of Python
         later.counts["evaluations"] += spent
@@ -172,8 +180,8 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     if abs(fastest.imag) <= 3 * abs(fastest.real):
         why = f"because the fastest mode decays (time constant {1 / max(abs(fastest), 1e-300):.3g} s)"
         return ("cvode", f"BDF, {why}") if sundials.available() else ("radau", f"Radau, {why}")
-    remaining = (problem.times[-1] - outcome.time) / outcome.step
-    followed = outcome.status is Status.STIFF and remaining < _FOLLOWED * patience(system)
+    most = _FOLLOWED * patience(system)
+    followed = outcome.status is Status.STIFF and problem.end - outcome.time < most * outcome.step
     if followed and _at_work(problem, outcome, values, vectors, k):
         return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
     return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
@@ -197,9 +205,10 @@ def _rest(problem: Problem, outcome: Outcome, name: str) -> Problem:
     factor = _TIGHTER if name == "cvode" else 1.0
     return replace(
         problem,
+        t=outcome.time,
         x=outcome.x,
-        times=np.concatenate([[outcome.time], problem.times[done:]]),
+        times=problem.times[done:],
         rtol=max(problem.rtol * factor, 1e-13),
         atol=problem.atol * factor,
-        sink=lambda first, states: problem.sink(first - 1 + done, states),
+        sink=lambda first, states: problem.sink(first + done, states),
     )

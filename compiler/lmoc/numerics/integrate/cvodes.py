@@ -2,71 +2,62 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from lmoc.numerics.integrate import cvode
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties, on_interrupt
 from lmoc.numerics.integrate.status import Status
 
 # between two output times. It does not see that its steps no longer move the time; `cvode`, which takes over, does
 MAX_STEPS = 20_000
-PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", library="casadi")
+PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", dense="1-5", library="casadi", steps=False)
 
 _NOT_GONE = 1e-9  # s: over a shorter interval casadi does not integrate but gives the same state again
 _KEPT = 8  # integrators kept with a system, each for its own times and tolerances
 
 
-def suits(problem: Problem) -> bool:
-    """Whether the system is one casadi function of time, states and parameters, and its times are far enough apart."""
-    plain = problem.system.casadi_dae() is not None
-    return plain and problem.deadline is None and np.diff(problem.times).min() > 2 * _NOT_GONE
+def integrate(problem: Problem) -> Outcome | None:
+    """Integrate over the output times; None where casadi's method does not suit or has failed without a result.
 
-
-def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times; by `cvode`, the same method, where casadi's cannot.
-
-    Raises
-    ------
-    NotFound
-        `cvode` is needed and not at hand.
+    It suits where the equations are one casadi function of time, states and parameters, nobody looks at the steps, and
+    the times are far enough apart.
     """
-    if not suits(problem):
-        return replace(cvode.integrate(problem), solver="cvode")
+    apart = np.diff(np.concatenate([[problem.t], problem.times, [problem.end]]))
+    suits = problem.system.casadi_dae() is not None and not problem.needs_steps and problem.deadline is None
+    if not (suits and apart[:-1].min(initial=np.inf) > 2 * _NOT_GONE and (apart[-1] == 0 or apart[-1] > 2 * _NOT_GONE)):
+        return None
     interrupted = []
 
     def interrupt(*_) -> None:
         interrupted.append(True)
         raise KeyboardInterrupt
 
+    times = problem.times if apart[-1] == 0 else np.append(problem.times, problem.end)
     try:
         with on_interrupt(interrupt):
-            solver = _solver(problem)
+            solver = _solver(problem, times)
             result = solver(x0=problem.x, p=problem.system.casadi_dae().parameters)
     except (RuntimeError, KeyboardInterrupt):  # of an interrupt casadi makes a failure of the right-hand side
-        if interrupted:
-            return Outcome(float(problem.times[0]), problem.x, 1, Status.INTERRUPTED)
-        # it keeps nothing of a run that fails: the same method again, for the partial result
-        return replace(cvode.integrate(problem), solver="cvode")
+        # it keeps nothing of a run that fails
+        return Outcome(problem.t, problem.x, 0, Status.INTERRUPTED) if interrupted else None
     states = np.array(result["xf"]).T
     finite = np.isfinite(states).all(axis=1)
-    reached = len(states) if finite.all() else int(np.argmin(finite))
+    good = len(states) if finite.all() else int(np.argmin(finite))
+    reached = min(good, len(problem.times))
     if reached:
-        problem.sink(1, states[:reached])
-    last = states[reached - 1] if reached else problem.x
+        problem.sink(0, states[:reached])
     cost = solver.stats()
     counts = {"steps": cost["nsteps"], "evaluations": cost["nfevals"], "jacobians": cost["nlinsetups"]}
     status = Status.OK if finite.all() else Status.NOT_FINITE
-    return Outcome(float(problem.times[reached]), last, reached + 1, status, counts=counts)
+    time, x = (float(times[good - 1]), states[good - 1]) if good else (problem.t, problem.x)
+    return Outcome(time, x, reached, status, counts)
 
 
-def _solver(problem: Problem):
-    """The integrator for these times and tolerances; casadi fixes both when it is made."""
+def _solver(problem: Problem, times: np.ndarray):
+    """Return the integrator for these times and tolerances; casadi fixes both when it is made."""
     import casadi as ca
 
     dae = problem.system.casadi_dae()
-    key = problem.times.tobytes(), problem.rtol, float(problem.atol.min()), problem.max_steps
+    key = problem.t, times.tobytes(), problem.rtol, float(problem.atol.min()), problem.max_steps, problem.max_step
     kept = dae.kept
     if key not in kept:
         options = {
@@ -76,7 +67,9 @@ def _solver(problem: Problem):
             "disable_internal_warnings": True,
             "show_eval_warnings": False,
         }
+        if np.isfinite(problem.max_step):
+            options["max_step_size"] = problem.max_step
         if len(kept) == _KEPT:
             del kept[next(iter(kept))]
-        kept[key] = ca.integrator("run", "cvodes", dae.equations, float(problem.times[0]), problem.times[1:], options)
+        kept[key] = ca.integrator("run", "cvodes", dae.equations, problem.t, times, options)
     return kept[key]

@@ -7,11 +7,9 @@ at a time, since a vector operation costs as much for one short step as for a hu
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 
 import numpy as np
 
-from lmoc.numerics.evaluate.stepper import Stepper
 from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.integrate.base import Problem
 
@@ -21,55 +19,52 @@ _CHUNK = 500_000  # numbers of the result made at once
 
 
 class DenseOutput:
-    """Hands the states at the output times of a problem to its sink.
+    """Gathers steps with output times in them, to evaluate many at a time.
 
-    Attributes
+    Parameters
     ----------
-    reached : number of output times behind
-    next : the first output time ahead, infinity where there is none
+    n : components
+    outputs : output times to come
     """
 
-    def __init__(self, problem: Problem) -> None:
-        n = len(problem.x)
-        self.problem = problem
-        self.times = problem.times.tolist()
-        self.reached, self.next = 1, (*self.times[1:2], math.inf)[0]
-        self._first = 1  # the first output time in the steps gathered
-        self._most = max(1, min(_BATCH // max(1, 18 * n), len(self.times)))
+    def __init__(self, n: int, outputs: int) -> None:
+        self._most = max(1, min(_BATCH // max(1, 18 * n), outputs))
+        self._n = n
         self._count = 0
+        self._times: list[np.ndarray] = []
         self._span = np.empty((2, self._most))  # where the steps begin, and their lengths
         self._outputs = np.empty(self._most, int)
         self._x = np.empty((2, self._most, n))  # where the states begin and end
         self._stages = np.empty((self._most, 16, n))
 
-    def add(self, t: float, t_new: float, h: float, stepper: Stepper, stages: np.ndarray) -> None:
-        """Take the step just tried, from t to t_new, with output times in it."""
-        last = bisect_right(self.times, t_new, self.reached)
+    def add(self, t: float, h: float, x: np.ndarray, x_new: np.ndarray, stages: np.ndarray, times: np.ndarray) -> bool:
+        """Take a step from t of length h with output times in it; whether no more can be taken before `values`."""
         k = self._count
         self._span[:, k] = t, h
-        self._x[0, k], self._x[1, k] = stepper.x, stepper.x_new
+        self._x[0, k], self._x[1, k] = x, x_new
         self._stages[k] = stages
-        self._outputs[k] = last - self.reached
-        self._count, self.reached = k + 1, last
-        self.next = self.times[last] if last < len(self.times) else math.inf
-        if self._count == self._most:
-            self.flush()
+        self._times.append(times)
+        self._outputs[k] = len(times)
+        self._count = k + 1
+        return self._count == self._most
 
     @np.errstate(all="ignore")
-    def flush(self) -> None:
-        """Evaluate what has been gathered and hand it on."""
+    def values(self) -> np.ndarray:
+        """Return the states (k, n) at the output times of the steps gathered, and forget these."""
         count, self._count = self._count, 0
         if not count:
-            return
+            return np.zeros((0, self._n))
+        times, self._times = np.concatenate(self._times), []
         (begin, step), (x, x_new) = self._span[:, :count], self._x[:, :count]
         terms = dense_terms(step, x, x_new, self._stages[:count])
-        owner, first = np.repeat(np.arange(count), self._outputs[:count]), self._first
-        theta = (self.problem.times[first : self.reached] - begin[owner]) / step[owner]
+        owner = np.repeat(np.arange(count), self._outputs[:count])
+        theta = (times - begin[owner]) / step[owner]
         largest = max(1, _CHUNK // max(1, x.shape[1]))
+        result = np.empty((len(owner), x.shape[1]))
         for a in range(0, len(owner), largest):
             own = owner[a : a + largest]
-            self.problem.sink(first + a, evaluate_dense(theta[a : a + largest], x[own], terms[own]))
-        self._first = self.reached
+            result[a : a + largest] = evaluate_dense(theta[a : a + largest], x[own], terms[own])
+        return result
 
 
 def roughness(problem: Problem, x: np.ndarray, h: float, stages: np.ndarray) -> float:

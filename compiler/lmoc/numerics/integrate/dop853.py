@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from lmoc.numerics.evaluate.stepper import Stepper
-from lmoc.numerics.integrate.base import Outcome, Problem, Properties, Watch
-from lmoc.numerics.integrate.dense_output import DenseOutput, roughness
+from lmoc.numerics.integrate.base import Integration, Problem, Properties
+from lmoc.numerics.integrate.dense_output import DenseOutput, dense_terms, evaluate_dense, roughness
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", library="own")
+PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", dense="7", library="own")
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
 _STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region
@@ -24,92 +24,97 @@ _ROUGH = 5.5, 60.0  # |h·λ| and roughness, in tolerances, from which the dense
 _CAREFUL = 4.5  # |h·λ| up to which it is, and which the steps keep to …
 _CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
 _LEAST = 1e-300  # s, a step that can still be divided by
-_LOOK = 128  # steps between two looks at the clock
 
 
-def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times."""
-    run = _Run(problem)
-    try:
-        return run.go()
-    except KeyboardInterrupt:
-        return run.outcome(Status.INTERRUPTED)
+def begin(problem: Problem) -> Integration:
+    """Return the method at the beginning of a problem."""
+    return Dop853(problem)
 
 
-class _Run:
-    """The state of one integration."""
+class Dop853(Integration):
+    """The method at work. The step made last stays as it is in the stepper until the next one begins."""
 
     def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+        super().__init__(problem)
         self.stepper: Stepper = problem.system.stepper()
-        self.output = DenseOutput(problem)
-        self.t, self.end = float(problem.times[0]), float(problem.times[-1])
-        self.steps = self.rejected = 0
+        self.end, self.max_step = problem.end, problem.max_step
+        self.output = DenseOutput(len(problem.x), len(problem.times))
         self.stiff_count = self.calm_count = 0
         self.careful = 0
-        self.watch = Watch(problem)
+        self.t = self.before = problem.t
+        self._start(problem.x)
 
-    def go(self) -> Outcome:
-        problem, stepper, end = self.problem, self.stepper, self.end
-        stepper.start(self.t, problem.x, problem.rtol, problem.atol)
-        if not np.isfinite(stepper.f).all():
-            return self.outcome(Status.NOT_FINITE)
-        h = initial_step(problem, stepper.f, end - self.t)
-        grow, lost = _GROW, False
-        while self.t < end:
-            tried = self.steps + self.rejected
-            if tried >= problem.max_steps:
-                return self.outcome(Status.TOO_MANY_STEPS)
-            if tried % _LOOK == 0 and self.watch.expired(self.t):
-                return self.outcome(Status.TOO_LONG)
-            t_new, h = self.target(h)
+    def _start(self, x: np.ndarray, step_size: float | None = None) -> None:
+        """Stand at a state without a step behind."""
+        problem, stepper = self.problem, self.stepper
+        self.pending = False  # whether the step in the stepper has been accepted
+        self.stages: np.ndarray | None = None  # of that step, once they are asked for
+        self.grow, self.lost = _GROW, False
+        stepper.start(self.t, x, problem.rtol, problem.atol)
+        self.finite = bool(np.isfinite(stepper.f).all())
+        if step_size is None:
+            step_size = initial_step(problem, self.t, x, stepper.f) if self.finite else 0.0
+        self.step_size = step_size
+
+    @property
+    def x(self) -> np.ndarray:
+        return self.stepper.x_new if self.pending else self.stepper.x
+
+    def jump(self, x: np.ndarray) -> None:
+        self.before = self.t
+        self._start(x.copy(), self.step_size)
+
+    def step(self) -> Status:
+        stepper = self.stepper
+        if self.pending:
+            stepper.accept()
+            self.pending = False
+        if not self.finite:
+            return Status.NOT_FINITE
+        t, end, h = self.t, self.end, min(self.step_size, self.max_step)
+        while True:
+            t_new = t + h
+            if t + 1.001 * h >= end:  # the end is reached exactly
+                t_new, h = end, end - t
             if h <= 8e-16 * abs(t_new) or h < _LEAST:
-                return self.outcome(Status.NOT_FINITE if lost else Status.COLLAPSED)
-            error, stiffness = stepper.attempt(self.t, h)
-            lost = not math.isfinite(error)
+                self.step_size = h
+                return Status.NOT_FINITE if self.lost else Status.COLLAPSED
+            error, stiffness = stepper.attempt(t, h)
+            self.lost = not math.isfinite(error)
+            self.stages = None
             if error < 1.0:
-                if self.output.next <= t_new and not self.show(t_new, h, stiffness):
+                if stiffness >= _ROUGH[0] and self.wanted < t_new and self._is_rough(t, h):
                     self.rejected += 1
                     self.careful = _CAREFUL_STEPS
                     h *= _CAREFUL / stiffness
                     continue
-                self.accept(t_new)
-                factor = min(grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else grow
-                held = self.careful > 0 and factor * stiffness > _CAREFUL
-                if self.has_become_stiff(held or stiffness > _STIFF_LIMIT, h):
-                    return self.outcome(Status.STIFF, step=h)
-                h *= _CAREFUL / stiffness if held else factor
-                grow = _GROW
-            else:
-                self.rejected += 1
-                h *= 0.1 if lost else max(_SHRINK, _SAFETY * error**-0.125)
-                grow = 1.0
-        return self.outcome(Status.OK)
+                return self._accept(t_new, h, error, stiffness)
+            self.rejected += 1
+            h *= 0.1 if self.lost else max(_SHRINK, _SAFETY * error**-0.125)
+            self.grow = 1.0
 
-    def target(self, h: float) -> tuple[float, float]:
-        """Where a step of about h ends, and its length: it reaches the end exactly."""
-        return (self.end, self.end - self.t) if self.t + 1.001 * h >= self.end else (self.t + h, h)
-
-    def show(self, t_new: float, h: float, stiffness: float) -> bool:
-        """Pass the step just tried on for output; False where its dense output is much less accurate than itself.
+    def _is_rough(self, t: float, h: float) -> bool:
+        """Whether the dense output of the step just tried is much less accurate than the step itself.
 
         So it may be where stability limits the step and not accuracy: the stages then swing about the solution.
         """
-        problem, stepper = self.problem, self.stepper
-        stages = stepper.stages(self.t, h)
-        inside = self.output.next < t_new
-        if inside and stiffness >= _ROUGH[0] and roughness(problem, stepper.x, h, stages) > _ROUGH[1]:
-            return False
-        self.output.add(self.t, t_new, h, stepper, stages)
-        return True
+        self.stages = self.stepper.stages(t, h)
+        return roughness(self.problem, self.stepper.x, h, self.stages) > _ROUGH[1]
 
-    def accept(self, t_new: float) -> None:
+    def _accept(self, t_new: float, h: float, error: float, stiffness: float) -> Status:
         self.steps += 1
         self.careful = max(0, self.careful - 1)
-        self.stepper.accept()
-        self.t = t_new
+        self.before, self.t, self.length, self.pending = self.t, t_new, h, True
+        factor = min(self.grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else self.grow
+        held = self.careful > 0 and factor * stiffness > _CAREFUL
+        self.grow = _GROW
+        if self._has_become_stiff(held or stiffness > _STIFF_LIMIT, h):
+            self.step_size = h
+            return Status.STIFF
+        self.step_size = h * (_CAREFUL / stiffness if held else factor)
+        return Status.OK
 
-    def has_become_stiff(self, limited: bool, h: float) -> bool:
+    def _has_become_stiff(self, limited: bool, h: float) -> bool:
         """Whether too many steps lie ahead and the last ones were limited by stability."""
         if limited:
             self.stiff_count, self.calm_count = self.stiff_count + 1, 0
@@ -120,16 +125,35 @@ class _Run:
                 self.stiff_count = 0
         return False
 
-    def outcome(self, status: Status, step: float = np.inf) -> Outcome:
-        self.output.flush()
-        counts = {"steps": self.steps, "rejected": self.rejected}
-        return Outcome(self.t, self.stepper.x.copy(), self.output.reached, status, counts, step)
+    # ------------------------------------------------------------------ values within the last step
+
+    def _own_stages(self) -> np.ndarray:
+        if self.stages is None:
+            self.stages = self.stepper.stages(self.before, self.length)
+        return self.stages
+
+    @np.errstate(all="ignore")
+    def interpolate(self, times: np.ndarray) -> np.ndarray:
+        stepper, h = self.stepper, self.length
+        terms = dense_terms(np.array([h]), stepper.x[None], stepper.x_new[None], self._own_stages()[None])
+        owner = np.zeros(len(times), int)
+        return evaluate_dense((times - self.before) / h, stepper.x[None][owner], terms[owner])
+
+    def collect(self, times: np.ndarray) -> None:
+        stages = self._own_stages()
+        full = self.output.add(self.before, self.length, self.stepper.x, self.stepper.x_new, stages, times)
+        if full:
+            self._collected.append(self.output.values())
+
+    def collected(self) -> np.ndarray:
+        self._collected.append(self.output.values())
+        return super().collected()
 
 
 @np.errstate(all="ignore")
-def initial_step(problem: Problem, f: np.ndarray, span: float) -> float:
-    """A first step size (Hairer, Nørsett, Wanner I, II.4)."""
-    system, x, t = problem.system, problem.x, float(problem.times[0])
+def initial_step(problem: Problem, t: float, x: np.ndarray, f: np.ndarray) -> float:
+    """Return a first step size (Hairer, Nørsett, Wanner I, II.4)."""
+    system, span = problem.system, problem.end - t
     scale = problem.atol + problem.rtol * np.abs(x)
 
     def norm(v: np.ndarray) -> float:
@@ -137,7 +161,7 @@ def initial_step(problem: Problem, f: np.ndarray, span: float) -> float:
 
     d0, d1 = norm(x), norm(f)
     h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(max(h0, _LEAST), span)  # the slope may have no finite norm
+    h0 = min(max(h0, _LEAST), span, problem.max_step)  # the slope may have no finite norm
     trial = np.empty_like(x)
     system.rhs(t + h0, x + h0 * f, trial)
     d2 = norm(trial - f) / h0

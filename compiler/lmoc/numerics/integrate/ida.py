@@ -4,45 +4,64 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import Outcome, Problem, Properties
-from lmoc.numerics.integrate.cvode import Frame
+from lmoc.numerics.integrate.base import Integration, Problem, Properties
+from lmoc.numerics.integrate.cvode import Multistep
 
-PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", library="SUNDIALS")
+PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", dense="1-5", library="SUNDIALS")
 
 
-def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times.
+def begin(problem: Problem) -> Integration:
+    """Return the method at the beginning of a problem.
 
     Raises
     ------
     NotFound
         The libraries are not at hand.
     """
-    from lmoc.numerics.integrate.sundials import ida
+    return Ida(problem)
 
-    t0, opened = float(problem.times[0]), problem.system.opened()
-    system = opened or problem.system
-    frame = Frame(problem, system)
-    y, atol, mass = problem.x, problem.atol, np.ones(problem.system.n)
-    if opened is not None:
-        y = opened.start(t0, problem.x)
-        z = y[len(mass) :]
-        atol = np.concatenate([atol, problem.rtol * np.maximum(1.0, np.abs(z))])
-        mass = opened.differential.astype(float)
-    y, mass = frame.arrange(y), frame.arrange(mass)
 
-    def residual(t: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
-        frame.rhs(t, y, out)
-        np.subtract(mass * yp, out, out=out)
+class Ida(Multistep):
+    """IDA at work."""
 
-    def fill(t: float, y: np.ndarray, target: np.ndarray, cj: float) -> None:
-        frame.fill(t, y, target, -1.0, cj * mass)
+    def __init__(self, problem: Problem) -> None:
+        from lmoc.numerics.integrate.sundials import ida
 
-    yp = np.empty_like(y)
-    frame.rhs(t0, y, yp)
-    given = frame.given(y, frame.arrange(atol), fill)
-    outcome = frame.outcome(lambda: ida.integrate(given, residual, mass * yp, mass > 0))
-    if opened is not None:
-        outcome.counts["algebraic"] = opened.n - problem.system.n
-        outcome.evaluation = opened.description
-    return outcome
+        self.opened = problem.system.opened()
+        super().__init__(problem, self.opened or problem.system)
+        atol, mass = problem.atol, np.ones(problem.system.n)
+        y = self._whole(problem.x)
+        if self.opened is not None:
+            atol = np.concatenate([atol, problem.rtol * np.maximum(1.0, np.abs(y[len(mass) :]))])
+            mass = self.opened.differential.astype(float)
+            self.evaluation = self.opened.description
+        self.mass = self.arrange(mass)
+        y, yp = self._consistent(y)
+        given = self.given(y, self.arrange(atol), self._fill)
+        self.session = ida.IdaSession(given, self._residual, yp, self.mass > 0)
+
+    def _whole(self, x: np.ndarray) -> np.ndarray:
+        """The states with the algebraic variables that belong to them."""
+        return x if self.opened is None else self.opened.start(self.t, x)
+
+    def _consistent(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values and derivatives in the solver's order."""
+        y = self.arrange(y)
+        yp = np.empty_like(y)
+        self.rhs(self.t, y, yp)
+        return y, self.mass * yp
+
+    def _residual(self, t: float, y: np.ndarray, yp: np.ndarray, out: np.ndarray) -> None:
+        self.rhs(t, y, out)
+        np.subtract(self.mass * yp, out, out=out)
+
+    def _fill(self, t: float, y: np.ndarray, target: np.ndarray, cj: float) -> None:
+        self.fill(t, y, target, -1.0, cj * self.mass)
+
+    def jump(self, x: np.ndarray) -> None:
+        self.before, self.x = self.t, x
+        self.session.restart(self.t, *self._consistent(self._whole(x)))
+
+    def counts(self) -> dict[str, int]:
+        more = {} if self.opened is None else {"algebraic": self.opened.n - self.problem.system.n}
+        return super().counts() | more

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.evaluate.system import IndexOne, System
+from lmoc.numerics.plan import Plan
 
 _DENSE = 40  # states up to which dense matrices are as fast
 _BAND = 40  # widest band (both halves) for the band solver
@@ -56,12 +57,12 @@ class Layout:
             target[...] = flat.reshape(target.shape)
 
 
-def layout_of(system: System) -> Layout:
+def layout_of(system: System | IndexOne, plan: Plan) -> Layout:
     """Choose the storage for the Jacobian of a system."""
     n = system.n
     indptr, rows = system.pattern()
     columns = np.repeat(np.arange(n), np.diff(indptr))
-    entries = np.flatnonzero((rows < system.plan.state_count) | (rows >= len(system.plan.states)))
+    entries = np.flatnonzero((rows < plan.state_count) | (rows >= len(plan.states)))
     rows, columns = rows[entries], columns[entries]
     diagonal = np.arange(n)
     if n <= _DENSE:

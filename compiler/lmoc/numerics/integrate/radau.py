@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import Outcome, Problem, Properties, Watch
+from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("radau", "Radau IIA", stiff=True, order="5", library="scipy")
+PROPERTIES = Properties("radau", "Radau IIA", stiff=True, order="5", dense="4", library="scipy")
 
 _DENSE = 100  # states up to which the Jacobian is a dense matrix
 _FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding
@@ -26,36 +26,39 @@ _SAFETY, _SHORTER, _LONGER = 0.8, 0.1, 5.0  # how the longest step follows from 
 _UNSEEN = 1.2  # by which it grows over steps without output
 
 
-def integrate(problem: Problem) -> Outcome:
-    """Integrate over the output times (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8)."""
-    if len(problem.times) == 1:
-        return Outcome(float(problem.times[0]), problem.x, 1)
-    with np.errstate(all="ignore"):  # what is not finite is told by the outcome
-        return _Run(problem).go()
+def begin(problem: Problem) -> Integration:
+    """Return the method at the beginning of a problem."""
+    return Radau(problem)
 
 
-class _Run:
-    """The state of one integration."""
+class Radau(Integration):
+    """The method at work (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8)."""
 
     def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.rhs, self.jacobian = self.marked(_rhs(problem)), self.marked(_jacobian(problem))
+        super().__init__(problem)
+        self.rhs, self.jacobian = self._marked(_rhs(problem)), self._marked(_jacobian(problem))
         self.raised: ValueError | None = None  # by the system itself, as a function given for an input may
-        self.t, self.x, self.reached = float(problem.times[0]), problem.x.copy(), 1
-        self.slope = self.rhs(self.t, self.x)
-        self.steps = self.rejected = self.jacobians = 0
-        self.solver = self.begin(None, np.inf)
+        self.t, self.x = problem.t, problem.x.copy()
+        self.jacobians = 0
+        self.jump(self.x)
 
-    def begin(self, first_step: float | None, longest: float):
-        """scipy's solver from where the run stands."""
-        from scipy.integrate import Radau
+    def jump(self, x: np.ndarray) -> None:
+        self.before, self.x = self.t, x
+        self.coefficients: np.ndarray | None = None
+        with np.errstate(all="ignore"):  # what is not finite is told by the status
+            self.slope = self.rhs(self.t, x)
+            self._begin(None, self.problem.max_step)
+
+    def _begin(self, first_step: float | None, longest: float) -> None:
+        """Have scipy's solver stand where the run does."""
+        from scipy.integrate import Radau as Solver
 
         problem = self.problem
-        return Radau(
+        self.solver = Solver(
             self.rhs,
             self.t,
             self.x,
-            float(problem.times[-1]),
+            problem.end,
             rtol=max(problem.rtol, _FINEST),
             atol=problem.atol,
             jac=self.jacobian,
@@ -63,22 +66,8 @@ class _Run:
             max_step=longest,
         )
 
-    def go(self) -> Outcome:
-        status = Status.OK
-        try:
-            watch = Watch(self.problem)
-            while status is Status.OK and self.solver.status == "running":
-                if self.steps + self.rejected >= self.problem.max_steps:
-                    status = Status.TOO_MANY_STEPS
-                else:
-                    status = Status.TOO_LONG if watch.expired(self.t) else self.step()
-        except KeyboardInterrupt:
-            status = Status.INTERRUPTED
-        counts = {"steps": self.steps, "rejected": self.rejected, "jacobians": self.jacobians + self.solver.njev}
-        return Outcome(self.t, self.x, self.reached, status, counts=counts)
-
-    def marked(self, function: Callable) -> Callable:
-        """A function whose errors can be told from those of scipy."""
+    def _marked(self, function: Callable) -> Callable:
+        """Return a function whose errors can be told from those of scipy."""
 
         def call(t: float, x: np.ndarray):
             try:
@@ -89,45 +78,49 @@ class _Run:
 
         return call
 
+    @np.errstate(all="ignore")
     def step(self) -> Status:
-        """One step and the output within it; why there can be no more steps, where that is so."""
-        try:
-            self.solver.step()
-        except ValueError as error:
-            if error is self.raised:
-                raise
-            return Status.NOT_FINITE  # such a value has reached the factorization
-        if self.solver.status == "failed":
-            return Status.COLLAPSED
+        while True:
+            try:
+                self.solver.step()
+            except ValueError as error:
+                if error is self.raised:
+                    raise
+                return Status.NOT_FINITE  # such a value has reached the factorization
+            if self.solver.status == "failed":
+                return Status.COLLAPSED
+            if self._accept():
+                return Status.OK
+
+    def _accept(self) -> bool:
+        """Take the step that scipy has made; False where it has to be made again, shorter."""
         h, t_new = self.solver.t - self.t, float(self.solver.t)
         coefficients = _FIT @ self.solver.dense_output()(self.t + _NODES * h).T
         bend = h * self.slope - coefficients[1]
-        last = int(np.searchsorted(self.problem.times, t_new, "right"))
-        inside = last > self.reached and self.problem.times[self.reached] < t_new
-        rough = self.roughness(bend) if inside else 0.0
+        inside = self.wanted < t_new
+        rough = self._roughness(bend) if inside else 0.0
         longest = h * min(_LONGER, max(_SHORTER, _SAFETY * (_ROUGH / max(rough, 1e-300)) ** 0.25))
         if rough > _ROUGH:
-            self.again(longest)
-            return Status.OK
+            self.rejected += 1
+            self.jacobians += self.solver.njev
+            self._begin(longest, longest)
+            return False
         self.steps += 1
-        if last > self.reached:
-            theta = (self.problem.times[self.reached : last] - self.t) / h
-            self.problem.sink(self.reached, _values(theta, coefficients, bend))
-            self.reached = last
-        self.t, self.x, self.slope = t_new, self.solver.y, np.arange(4) @ coefficients / h
-        self.solver.max_step = longest if inside else _UNSEEN * self.solver.max_step
-        return Status.OK
+        self.before, self.t, self.x = self.t, t_new, self.solver.y
+        self.coefficients, self.bend, self.slope = coefficients, bend, np.arange(4) @ coefficients / h
+        self.solver.max_step = min(longest if inside else _UNSEEN * self.solver.max_step, self.problem.max_step)
+        return True
 
-    def roughness(self, bend: np.ndarray) -> float:
-        """The largest difference of the two polynomials within a step, in tolerances."""
+    def _roughness(self, bend: np.ndarray) -> float:
+        """Return the largest difference of the two polynomials within a step, in tolerances."""
         allowed = self.problem.atol + self.problem.rtol * np.abs(self.x)
         return float(np.max(np.abs(bend) / allowed * _LARGEST))
 
-    def again(self, h: float) -> None:
-        """Give up the step just made, for steps that are no longer than h."""
-        self.rejected += 1
-        self.jacobians += self.solver.njev
-        self.solver = self.begin(h, h)
+    def interpolate(self, times: np.ndarray) -> np.ndarray:
+        return _values((times - self.before) / (self.t - self.before), self.coefficients, self.bend)
+
+    def counts(self) -> dict[str, int]:
+        return super().counts() | {"jacobians": self.jacobians + self.solver.njev}
 
 
 def _bubble(theta: np.ndarray) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import FlatDAE
 from lmoc.support.distinct import distinct
 
-if TYPE_CHECKING:
-    from lmoc.numerics.observe.trajectory import Trajectory
-
+Observe = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 _SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at
 _ROUNDING = 1e-6  # of what is stored: less than this, nothing flows that could be judged
 _VALUES = 2_000_000  # values looked at, where that allows more than the least
@@ -69,26 +67,30 @@ class Energy:
         return f"<Energy: {self}>"
 
 
-def measure(run: Trajectory) -> Energy:
-    """The ledger of a trajectory, from the variables ``ledger.stored``, ``ledger.work`` and ``ledger.heat``."""
-    work, heat = run["ledger.work"], run["ledger.heat"]
-    return Energy(run["ledger.stored"], work - work[0], heat - heat[0], exchanged_energy(run))
+def measure(stored: np.ndarray, work: np.ndarray, heat: np.ndarray, exchanged: float) -> Energy:
+    """Return the ledger from the values of ``ledger.stored``, ``ledger.work`` and ``ledger.heat`` over time."""
+    return Energy(stored, work - work[0], heat - heat[0], exchanged)
 
 
-def exchanged_energy(run: Trajectory) -> float:
-    """Half of Σ |term - term at the start| over the terms of all stored energies, at its largest."""
-    flat = run.observer.flat
-    times, states = run.samples
+def exchanged_energy(flat: FlatDAE, pieces: Sequence[tuple[Observe, np.ndarray, np.ndarray]]) -> float:
+    """Return half of Σ |term - term at the start| over the terms of all stored energies, at its largest.
+
+    Parameters
+    ----------
+    pieces : for each piece of a run ``(variables, times, states) -> values``, some times and the states there
+    """
+    count = sum(len(times) for _, times, _ in pieces)
     most = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
-    rows = np.arange(0, len(times), -(-len(times) // most))
-    times, states, total = times[rows], states[rows], np.zeros(len(rows))
+    thinned = [(observe, times[:: -(-count // most)], x[:: -(-count // most)]) for observe, times, x in pieces]
+    times = np.concatenate([t for _, t, _ in thinned])
+    total = np.zeros(len(times))
     for group, expression, own in _energy_groups(flat):
         used = distinct(group.slots[own])
-        values = run.observer(used, times, states)
+        values = np.concatenate([observe(used, t, x) for observe, t, x in thinned])
         columns = np.searchsorted(used, group.slots[own])
         for term in _terms(expression):
             value = evaluate(term, lambda k, _: values[:, columns[:, k]], times[:, None])  # noqa: B023
-            value = np.broadcast_to(value, (len(rows), len(own)))
+            value = np.broadcast_to(value, (len(times), len(own)))
             total += np.nan_to_num(np.abs(value - value[:1])).sum(axis=1)
     return float(total.max(initial=0.0)) / 2
 

@@ -1,120 +1,93 @@
-"""The trajectory: states over time, and every variable of the flat model when somebody asks for it."""
+"""The trajectory: pieces, each with its own states and its own way back to every variable of the flat model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.messages.diagnostics import Diagnostic, nearest
-from lmoc.numerics.observe.energy import Energy, measure
-from lmoc.numerics.observe.slices import signal_values, slice_of
-from lmoc.numerics.plan import LEDGER, Plan
-from lmoc.numerics.signals.signals import Signal
-from lmoc.support.distinct import distinct
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Diagnostic
+from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
+from lmoc.numerics.observe.observer import Observer, find
+from lmoc.numerics.plan import LEDGER
 
 _CACHED = 2_000_000  # numbers of the largest result that is kept
-_SAMPLES = 25, 200  # least and most output times whose states are kept in any case …
-_SAMPLED = 2_000_000  # … and numbers in them, where that allows more than the least
+
+Mode = tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Observer:
-    """What is needed to compute variables from states: the plan, and the parameter values and signals of the run."""
-
-    plan: Plan
-    values: np.ndarray
-    base: np.ndarray
-    signals: Mapping[int, Signal]
-
-    @property
-    def flat(self) -> FlatDAE:
-        return self.plan.reduced.flat
-
-    def __call__(self, variables: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """Values of variables of the flat model, (times, variables); NaN for what the model leaves open."""
-        return self.prepare(variables)(times, states)
-
-    def prepare(self, variables: np.ndarray):
-        """``(times, states) -> (times, variables)`` for repeated use."""
-        reduced, flat = self.plan.reduced, self.flat
-        variables = np.asarray(variables, int)
-        kinds = flat.kind[variables]
-        constant = (kinds == Kind.PARAMETER) | (kinds == Kind.CONSTANT)
-        inputs = np.flatnonzero(kinds == Kind.INPUT)
-        registers = reduced.register_of[variables]
-        computed = np.flatnonzero(~constant & (kinds != Kind.INPUT) & (registers >= 0))
-        # what is not determined stays NaN, whatever one of its possible values the solution has taken
-        computed = computed[~np.isin(variables[computed], reduced.undetermined)]
-        part = slice_of(self.plan, registers[computed]).bind(self.base, self.signals)
-
-        def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
-            result = np.full((len(times), len(variables)), np.nan)
-            result[:, constant] = self.values[variables[constant]]
-            for k in inputs:
-                signal = self.signals.get(int(variables[k]))
-                if signal is not None:
-                    result[:, k] = signal_values(signal, times, self.values)
-            if len(computed):
-                result[:, computed] = part(times, states)
-            return result
-
-        return values
-
-
-class Recorder:
-    """Takes the states at the output times from an integrator: keeps them, or only the variables asked for.
+class Piece:
+    """A stretch of a run with one reduction, one mode, one choice of coordinates.
 
     Attributes
     ----------
-    reached : number of output times taken so far
-    table : (times, n) what is kept
-    variables : those in the columns of the table, None where they are the states
-    samples : some output times, evenly spread, whose states are at hand in any case
+    observer : from its states to the variables
+    begin : s, where it starts: the run's start, or where the piece before ends
+    time : (k,) s, the output times in it
+    table : (k, n) states at these times, or the kept variables
+    samples : some of the times (s,) and the states there (s, n), whatever is kept
+    mode : the laws that are active
     """
 
-    def __init__(self, observer: Observer, times: np.ndarray, keep: tuple[str, ...] | None) -> None:
-        self.observer = observer
-        self.times = times
-        self.reached = 0
-        self.variables = None if keep is None else _retained(observer.flat, keep)
-        self._evaluate = None if keep is None else observer.prepare(self.variables)
-        width = len(observer.plan.states) if keep is None else len(self.variables)
-        self.table = np.empty((len(times), width))
-        n = len(observer.plan.states)
-        most = int(np.clip(_SAMPLED // max(1, n), *_SAMPLES))
-        self.samples = np.append(np.arange(0, len(times) - 1, -(-len(times) // most)), len(times) - 1)
-        self._sampled = None if keep is None else np.empty((len(self.samples), n))
+    observer: Observer
+    begin: float
+    time: np.ndarray
+    table: np.ndarray
+    samples: tuple[np.ndarray, np.ndarray]
+    mode: Mode = ()
 
-    def __call__(self, first: int, states: np.ndarray) -> None:
-        last = first + len(states)
-        self.table[first:last] = self.kept(self.times[first:last], states)
-        if self._sampled is not None:
-            a, b = np.searchsorted(self.samples, (first, last))
-            self._sampled[a:b] = states[self.samples[a:b] - first]
-        self.reached = max(self.reached, last)
+    @property
+    def reduced(self) -> Reduced:
+        return self.observer.plan.reduced
 
-    def kept(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """What is kept of some states."""
-        return states if self._evaluate is None else self._evaluate(times, states)
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of the states."""
+        return self.reduced.state_names
 
-    def taken(self) -> tuple[np.ndarray, np.ndarray]:
-        """Output times so far, and what is kept of them."""
-        return self.times[: self.reached], self.table[: self.reached]
-
-    def sampled(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times (k,) and states (k, n) of the samples reached."""
-        own = self.samples[self.samples < self.reached]
-        return self.times[own], self.table[own] if self._sampled is None else self._sampled[: len(own)]
+    def until(self, count: int) -> Piece:
+        """Return the piece with its first output times alone."""
+        return Piece(self.observer, self.begin, self.time[:count], self.table[:count], self.samples, self.mode)
 
 
-def _retained(flat: FlatDAE, keep: tuple[str, ...]) -> np.ndarray:
-    """The variables of these names, and those that the model's assertions look at."""
-    judged = [check.slots.ravel() for check in flat.checks]
-    return distinct(np.concatenate([*(find(flat, name) for name in keep), *judged, np.zeros(0, int)]))
+@dataclass(frozen=True, eq=False)
+class End(Mapping):
+    """Where a run has ended, in full: what `simulate(initial=run.end)` goes on from. A mapping {state name: value}.
+
+    Attributes
+    ----------
+    time : s
+    states : names of the coordinates
+    x : (n,) their values, then those of the quadratures
+    values : (flat.count,) every variable of the flat model: on which branch its equations are solved, too
+    mode : the laws that are active
+    """
+
+    time: float
+    states: tuple[str, ...]
+    x: np.ndarray
+    values: np.ndarray
+    mode: Mode = ()
+
+    def __getitem__(self, name: str) -> float:
+        try:
+            return float(self.x[self.states.index(name)])
+        except ValueError:
+            raise KeyError(name) from None
+
+    def __iter__(self):
+        return iter(self.states)
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __repr__(self) -> str:
+        return f"<end of a run at t = {self.time:g} s: {', '.join(f'{n} = {v:.6g}' for n, v in self.items())}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,24 +96,72 @@ class Trajectory:
 
     Attributes
     ----------
-    time : (k,) s
-    table : states at all times (k, n), or the kept variables where `keep` was given
-    kept : flat variables in the columns of `table`, None where these are the states
-    samples : some of the times (s,) and the states there (s, n), whatever is kept
+    pieces : at least one, in the order of time
+    kept : flat variables in the columns of their tables, None where these are the states
+    last : s, (n,): where it has ended, and the state there
     stats : what it cost: solver, steps, evaluations, seconds, …
-    events : empty so far
+    events : what has happened between the pieces
     notes : what deserves a word about the run
     """
 
-    observer: Observer
-    time: np.ndarray
-    table: np.ndarray
+    pieces: tuple[Piece, ...]
     kept: np.ndarray | None
-    samples: tuple[np.ndarray, np.ndarray]
+    last: tuple[float, np.ndarray]
     stats: dict[str, object]
     events: tuple = ()
     notes: tuple[Diagnostic, ...] = ()
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @property
+    def observer(self) -> Observer:
+        """That of the first piece: parameter values and signals are the same in all."""
+        return self.pieces[0].observer
+
+    @property
+    def flat(self) -> FlatDAE:
+        return self.observer.flat
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """(k,) s, the output times."""
+        return _joined([piece.time for piece in self.pieces])
+
+    @cached_property
+    def table(self) -> np.ndarray:
+        """(k, n) what is kept at these times, where it is the same in all pieces.
+
+        Raises
+        ------
+        ValueError
+            The states are not those of one choice of coordinates.
+        """
+        if self.kept is None and any(p.reduced is not self.pieces[0].reduced for p in self.pieces):
+            raise ValueError("the coordinates have changed in this run: its states are those of its pieces")
+        return _joined([piece.table for piece in self.pieces])
+
+    @property
+    def states(self) -> np.ndarray:
+        """The solved states over time (k, states); empty where only variables were kept. Raises as `table`."""
+        if self.kept is not None:
+            return np.zeros((len(self.time), 0))
+        return self.table[:, : self.observer.plan.state_count]
+
+    @cached_property
+    def end(self) -> End:
+        """Where it has ended, in full."""
+        (time, x), piece = self.last, self.pieces[-1]
+        values = piece.observer(np.arange(self.flat.count), np.array([time]), x[None])[0]
+        return End(time, tuple(piece.coordinates), x, values, piece.mode)
+
+    @property
+    def coordinates(self) -> list[tuple[float, list[str]]]:
+        """From when on which coordinates have been integrated."""
+        return _changes([(p.begin, p.coordinates) for p in self.pieces])
+
+    @property
+    def modes(self) -> list[tuple[float, Mode]]:
+        """From when on which laws have been active."""
+        return _changes([(p.begin, p.mode) for p in self.pieces])
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A variable over time (k,), or all of an array of variables (k, m).
@@ -153,7 +174,7 @@ class Trajectory:
         if name == "time":
             return self.time
         if name not in self._cache:
-            variables = find(self.observer.flat, name)
+            variables = find(self.flat, name)
             values = self.of(variables)
             scalar = len(variables) == 1 and ":" not in name
             result = np.ascontiguousarray(values[:, 0]) if scalar else values
@@ -166,52 +187,69 @@ class Trajectory:
         """Variables of the flat model by number, (k, m)."""
         variables = np.asarray(variables, int)
         if self.kept is None:
-            return self.observer(variables, self.time, self.table)
+            return _joined([p.observer(variables, p.time, p.table) for p in self.pieces])
         column = np.searchsorted(self.kept, variables)
         missing = (column >= len(self.kept)) | (self.kept[np.minimum(column, len(self.kept) - 1)] != variables)
         if missing.any():
-            name = self.observer.flat.variable_name(int(variables[np.flatnonzero(missing)[0]]))
+            name = self.flat.variable_name(int(variables[np.flatnonzero(missing)[0]]))
             raise KeyError(f"'{name}' was not kept in this run")
         return self.table[:, column]
 
+    def derivative(self, variable: int, order: int) -> np.ndarray | None:
+        """Return a derivative of a variable over time (k,); None where it is not at hand."""
+        registers = [p.observer.derivative(variable, order) for p in self.pieces]
+        if self.kept is not None or min(registers) < 0:
+            return None
+        parts = zip(self.pieces, registers, strict=True)
+        return _joined([p.observer.register(r, p.time, p.table) for p, r in parts])
+
     def at(self, index: int) -> np.ndarray:
         """All variables of the flat model at one output time, (flat.count,)."""
-        everything = np.arange(self.observer.flat.count)
+        everything = np.arange(self.flat.count)
+        index = range(len(self.time))[index]
         if self.kept is not None:
             result = np.full(len(everything), np.nan)
             result[self.kept] = self.table[index]
             return result
-        index = range(len(self.time))[index]
-        return self.observer(everything, self.time[index : index + 1], self.table[index : index + 1])[0]
+        ends = np.cumsum([len(p.time) for p in self.pieces])
+        k = int(np.searchsorted(ends, index, "right"))
+        own, piece = slice(index - int(ends[k]) + len(self.pieces[k].time), None), self.pieces[k]
+        return piece.observer(everything, piece.time[own][:1], piece.table[own][:1])[0]
 
-    @property
-    def states(self) -> np.ndarray:
-        """The solved states over time (k, states); empty where only variables were kept."""
-        return self.table[:, : self.observer.plan.state_count] if self.kept is None else np.zeros((len(self.time), 0))
+    def until(self, count: int) -> Trajectory:
+        """Return the trajectory with its first output times alone."""
+        pieces, left = [], count
+        for piece in self.pieces:
+            if left > 0 or not pieces:
+                pieces.append(piece.until(left))
+            left -= len(piece.time)
+        return Trajectory(tuple(pieces), self.kept, self.last, self.stats, self.events, self.notes)
 
     @cached_property
     def energy(self) -> Energy | None:
         """The energy ledger; None where the model has none or the run was told to leave it out."""
-        flat = self.observer.flat
-        integrated = self.observer.plan.reduced.registers.variable[self.observer.plan.states]
         for name in LEDGER:
-            found = flat.find(name)
-            if found is None or not np.isin(found, integrated).any() and not _is_known(self.observer, found):
+            found = self.flat.find(name)
+            if found is None or not all(_is_integrated(p.observer, found) for p in self.pieces):
                 return None
-        return measure(self)
+        sampled = [(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
+        return measure(*(self[f"ledger.{n}"] for n in ("stored", "work", "heat")), exchanged_energy(self.flat, sampled))
 
 
-def _is_known(observer: Observer, variable: np.ndarray) -> bool:
-    """Work or heat that is no quadrature, because it is zero at all times."""
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _changes(entries: list[tuple[float, object]]) -> list:
+    """The entries that differ from the one before."""
+    return [e for k, e in enumerate(entries) if not k or e[1] != entries[k - 1][1]]
+
+
+def _is_integrated(observer: Observer, variable: np.ndarray) -> bool:
+    """Whether work or heat is integrated along, or known without that, since it is zero at all times."""
     reduced = observer.plan.reduced
-    quadratures = reduced.registers.variable[reduced.quadratures]
-    return bool((reduced.register_of[variable] >= 0).all()) and not np.isin(variable, quadratures).any()
-
-
-def find(flat: FlatDAE, name: str) -> np.ndarray:
-    """Variables of a name; KeyError with a hint where there are none."""
-    variables = flat.find(name)
-    if variables is None:
-        hint = nearest(name, [b.pattern for b in flat.blocks])
-        raise KeyError(f"no variable '{name}' in '{flat.name}'" + (f"; {hint}" if hint else ""))
-    return variables
+    table = reduced.registers.variable
+    if np.isin(variable, table[observer.plan.states]).any():
+        return True
+    known = bool((reduced.register_of[variable] >= 0).all())
+    return known and not np.isin(variable, table[reduced.quadratures]).any()

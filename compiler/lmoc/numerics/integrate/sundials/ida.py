@@ -1,36 +1,32 @@
-"""IDA (Hindmarsh et al. 2005) on a Python residual F(t, y, y') = 0, with output by its own interpolation."""
+"""IDA (Hindmarsh et al. 2005) on a Python residual F(t, y, y') = 0."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import byref, c_double, c_void_p
+from ctypes import byref, c_void_p
 
 import numpy as np
 
-from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials import sundials as sun
-from lmoc.numerics.integrate.sundials.session import Ended, Given, Session
+from lmoc.numerics.integrate.sundials.session import Given, Session
 
 Residual = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]  # (t, y, yp, out)
 
 
-def integrate(given: Given, residual: Residual, yp: np.ndarray, differential: np.ndarray) -> Ended:
-    """Integrate F(t, y, y') = 0.
+class IdaSession(Session):
+    """F(t, y, y') = 0."""
 
-    Parameters
-    ----------
-    yp : (n,) y' at the start, consistent with y
-    differential : (n,) which components have derivatives in F; the others stay out of the error test
-    """
-    with _Session(given, residual, yp, differential) as session:
-        return session.run()
-
-
-class _Session(Session):
     name = "IDA"
     counters = "Steps", "ResEvals", "JacEvals"
+    no_value = -8, -9, -12
 
     def __init__(self, given: Given, residual: Residual, yp: np.ndarray, differential: np.ndarray) -> None:
+        """
+        Parameters
+        ----------
+        yp : (n,) y' at the start, consistent with y
+        differential : (n,) which components have derivatives in F; the others stay out of the error test
+        """
         self.yp, self.differential = np.array(yp, float), differential.astype(float)
         self.residual = sun.RESIDUAL(self.callback(residual))  # kept alive as long as IDA may call it
         super().__init__(given)
@@ -39,7 +35,7 @@ class _Session(Session):
         lib = self.lib
         memory = c_void_p(lib.IDACreate(self.context))
         self.rate = self.vector(self.yp)
-        lib.IDAInit(memory, self.residual, float(self.given.times[0]), self.state, self.rate)
+        lib.IDAInit(memory, self.residual, self.given.t, self.state, self.rate)
         lib.IDASVtolerances(memory, self.given.rtol, self.tolerance)
         if not self.differential.all():
             lib.IDASetId(memory, self.vector(self.differential))
@@ -53,8 +49,10 @@ class _Session(Session):
         self.jacobian = sun.RESIDUAL_JACOBIAN(fill)
         self.call("SetJacFn", self.jacobian)
 
-    def advance(self, t: float, reached: c_double) -> int:
-        return self.lib.IDASolve(self.memory, t, byref(reached), self.state, self.rate, sun.NORMAL)
+    def solve(self, t: float, task: int) -> int:
+        return self.lib.IDASolve(self.memory, t, byref(self.reached), self.state, self.rate, task)
 
-    def status(self, flag: int) -> Status:
-        return sun.status_of(flag, no_value=(-8, -9, -12))
+    def restart(self, t: float, y: np.ndarray, yp: np.ndarray) -> None:
+        """Begin again at another state, without a past."""
+        self.x[:], self.yp[:] = y, yp
+        self.call("ReInit", t, self.state, self.rate)

@@ -1,4 +1,4 @@
-"""What CVODE and IDA have in common: the objects of one integration, the loop over output times, what comes back."""
+"""What CVODE and IDA have in common: the objects of one integration, steps, and values between them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import on_interrupt
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials import sundials as sun
 from lmoc.numerics.integrate.sundials.matrix import Matrix, Solver
@@ -21,43 +20,37 @@ class Given:
 
     Attributes
     ----------
-    x : (n,) at ``times[0]``
-    times : (k,) increasing
+    x : (n,) at t
+    t, end : s
     rtol, atol : tolerances; atol is (n,)
     matrix : Matrix
-    sink : called with (k, state at ``times[k]``) for k ≥ 1; it has to copy what it keeps
-    max_steps : between two output times
+    max_steps : in one call
+    max_step : s
     """
 
     x: np.ndarray
-    times: np.ndarray
+    t: float
+    end: float
     rtol: float
     atol: np.ndarray
     matrix: Matrix
-    sink: Callable[[int, np.ndarray], None]
     max_steps: int
-
-
-@dataclass(frozen=True)
-class Ended:
-    """Where an integration has ended and what it cost; `status` is OK where all times were reached."""
-
-    time: float
-    x: np.ndarray
-    status: Status
-    steps: int
-    evaluations: int
-    jacobians: int
+    max_step: float
 
 
 class Session(ABC):
-    """Owns the SUNDIALS objects of one integration; a context manager that frees them.
+    """Owns the SUNDIALS objects of one integration.
 
-    What a callback raises must not unwind through C: it is kept in `error`, ends the run, and is raised afterwards.
+    What a callback raises must not unwind through C: it is kept in `error`, ends the call, and is raised afterwards.
+
+    Attributes
+    ----------
+    t, x : where it stands
     """
 
     name: str  # with which SUNDIALS' functions begin
     counters: tuple[str, str, str]
+    no_value: tuple[int, ...]  # flags for a function without a finite value
 
     def __init__(self, given: Given) -> None:
         """
@@ -69,19 +62,24 @@ class Session(ABC):
         self.lib = lib = sun.load()
         self.given, self.n = given, len(given.x)
         self.error: BaseException | None = None
+        self.reached = c_double(given.t)
         self.context = c_void_p()
         lib.SUNContext_Create(0, byref(self.context))
         lib.SUNContext_ClearErrHandlers(self.context)  # failures are told by the return value, not on stderr
         self.vectors: list[c_void_p] = []
+        self._between: np.ndarray | None = None
         self.x, self.atol = np.array(given.x, float), np.array(given.atol, float)
         self.state, self.tolerance = self.vector(self.x), self.vector(self.atol)
         self.memory = self.create()
         self.solver = Solver(lib, given.matrix, self.state, self.context)
         self.call("SetLinearSolver", self.solver.solver, self.solver.matrix)
         self.attach()
-        self.call("SetStopTime", float(given.times[-1]))
+        self.call("SetStopTime", given.end)
         self.call("SetMaxNumSteps", given.max_steps)
-        self.call("SetMinStep", sun.least_step(given.times))
+        self.least = sun.least_step(given.t, given.end)
+        self.call("SetMinStep", self.least)
+        if np.isfinite(given.max_step):
+            self.call("SetMaxStep", given.max_step)
 
     @abstractmethod
     def create(self) -> c_void_p:
@@ -92,8 +90,8 @@ class Session(ABC):
         """Give it the function that fills the matrix."""
 
     @abstractmethod
-    def advance(self, t: float, reached: c_double) -> int:
-        """Integrate up to t."""
+    def solve(self, t: float, task: int) -> int:
+        """Call the library: `sun.NORMAL` up to t, `sun.ONE_STEP` towards it."""
 
     def vector(self, array: np.ndarray) -> c_void_p:
         """A SUNDIALS vector on the numbers of an array, which must live as long."""
@@ -131,45 +129,54 @@ class Session(ABC):
 
         return call
 
-    def run(self) -> Ended:
-        """Integrate over the output times; raises what a callback has raised."""
+    @property
+    def t(self) -> float:
+        return self.reached.value
 
-        def keep(*_) -> None:
-            self.error = KeyboardInterrupt()
+    def step(self) -> Status:
+        """Make one step; raises what a callback has raised."""
+        return self._judged(self.solve(self.given.end, sun.ONE_STEP))
 
-        # raised where it falls, an interrupt could fall on the first or last line of a callback: ctypes would drop it
-        # and tell C that all is well
-        with on_interrupt(keep):
-            return self._loop()
+    def advance(self, t: float) -> Status:
+        """Integrate up to a time; raises what a callback has raised."""
+        if t - self.t <= self.least:
+            return Status.OK
+        return self._judged(self.solve(t, sun.NORMAL))
 
-    def _loop(self) -> Ended:
-        given, reached = self.given, c_double(self.given.times[0])
-        least = sun.least_step(given.times)
-        for k, t in enumerate(given.times[1:].tolist(), 1):
-            flag = self.advance(t, reached) if t - reached.value > least else sun.SUCCESS
-            if self.error is not None:
-                raise self.error
-            if flag not in (sun.SUCCESS, sun.TSTOP_RETURN):
-                return self.ended(reached.value, self.status(flag))
-            given.sink(k, self.x)
-        return self.ended(float(given.times[-1]), Status.OK)
+    def _judged(self, flag: int) -> Status:
+        if self.error is not None:
+            raise self.error
+        return Status.OK if flag in (sun.SUCCESS, sun.TSTOP_RETURN) else sun.status_of(flag, self.no_value)
 
-    @abstractmethod
-    def status(self, flag: int) -> Status:
-        """Return the meaning of a returned flag."""
+    def at(self, t: float) -> np.ndarray:
+        """Return the values at a time within the last step."""
+        if t == self.t:
+            return self.x
+        if self._between is None:
+            self._between = np.empty(self.n)
+            self._between_vector = self.vector(self._between)
+        self.call("GetDky", t, 0, self._between_vector)
+        return self._between
 
-    def ended(self, time: float, status: Status) -> Ended:
-        counts = []
-        for counter in self.counters:
+    def interrupt(self, *_) -> None:
+        """Take Ctrl-C.
+
+        Raised where it falls, an interrupt could fall on the first or last line of a callback: ctypes would drop it and
+        tell C that all is well.
+        """
+        self.error = KeyboardInterrupt()
+
+    def counts(self) -> dict[str, int]:
+        """Return steps, evaluations and Jacobians so far."""
+        counts = {}
+        for name, counter in zip(("steps", "evaluations", "jacobians"), self.counters, strict=True):
             value = c_long()
             self.call(f"GetNum{counter}", byref(value))
-            counts.append(value.value)
-        return Ended(time, self.x.copy(), status, *counts)
+            counts[name] = value.value
+        return counts
 
-    def __enter__(self) -> Session:
-        return self
-
-    def __exit__(self, *_) -> None:
+    def free(self) -> None:
+        """Give the library's objects back."""
         getattr(self.lib, f"{self.name}Free")(byref(self.memory))
         self.solver.free()
         for vector in self.vectors:

@@ -62,6 +62,9 @@ _SIGNATURES: dict[str, tuple] = {
     "CVodeSetLinearSolver": (c_int, c_void_p, c_void_p, c_void_p),
     "CVodeSetJacFn": (c_int, c_void_p, JACOBIAN),
     "CVode": (c_int, c_void_p, c_double, c_void_p, POINTER(c_double), c_int),
+    "CVodeSetMaxStep": (c_int, c_void_p, c_double),
+    "CVodeGetDky": (c_int, c_void_p, c_double, c_int, c_void_p),
+    "CVodeReInit": (c_int, c_void_p, c_double, c_void_p),
     "CVodeGetNumSteps": (c_int, c_void_p, POINTER(c_long)),
     "CVodeGetNumRhsEvals": (c_int, c_void_p, POINTER(c_long)),
     "CVodeGetNumJacEvals": (c_int, c_void_p, POINTER(c_long)),
@@ -77,6 +80,9 @@ _SIGNATURES: dict[str, tuple] = {
     "IDASetId": (c_int, c_void_p, c_void_p),
     "IDASetSuppressAlg": (c_int, c_void_p, c_int),
     "IDASolve": (c_int, c_void_p, c_double, POINTER(c_double), c_void_p, c_void_p, c_int),
+    "IDASetMaxStep": (c_int, c_void_p, c_double),
+    "IDAGetDky": (c_int, c_void_p, c_double, c_int, c_void_p),
+    "IDAReInit": (c_int, c_void_p, c_double, c_void_p, c_void_p),
     "IDAGetNumSteps": (c_int, c_void_p, POINTER(c_long)),
     "IDAGetNumResEvals": (c_int, c_void_p, POINTER(c_long)),
     "IDAGetNumJacEvals": (c_int, c_void_p, POINTER(c_long)),
@@ -85,7 +91,7 @@ _SIGNATURES: dict[str, tuple] = {
 
 CSC = 0
 ADAMS, BDF = 1, 2
-NORMAL = 1
+NORMAL, ONE_STEP = 1, 2
 SUCCESS, TSTOP_RETURN = 0, 1
 # flags that CVODE and IDA share
 _FAILURES = {
@@ -155,9 +161,9 @@ def view(address: int, size: int) -> np.ndarray:
     return np.frombuffer((c_double * size).from_address(address), float)
 
 
-def least_step(times: np.ndarray) -> float:
+def least_step(start: float, end: float) -> float:
     """A step below which time hardly moves; without it a run into a pole goes on for millions of steps."""
-    return float(16 * np.finfo(float).eps * np.abs(times).max())
+    return float(16 * np.finfo(float).eps * max(abs(start), abs(end)))
 
 
 def _dependency_rank(path: Path) -> int:

@@ -1,0 +1,126 @@
+"""The loop of every integration: steps, guard, roots, output, progress, deadline, interruption.
+
+A method makes steps and knows values within the last one (`base.Integration`); everything else is here. Where nobody
+looks at the steps, a method that runs natively is left alone from one output time to the next.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+import numpy as np
+
+from lmoc.numerics.integrate.base import Expired, Integration, Outcome, Problem, Watch
+from lmoc.numerics.integrate.roots import RootFinder
+from lmoc.numerics.integrate.status import Status
+
+_BATCH = 200_000  # numbers collected before they are handed on
+_LOOK = 32  # steps between two looks at the clock
+
+
+def integrate(problem: Problem, run: Integration) -> Outcome:
+    """Integrate to the end of a problem, or to where it ends earlier, with a method that stands at its beginning."""
+    return _Loop(problem, run).go()
+
+
+class _Loop:
+    """One integration under way."""
+
+    def __init__(self, problem: Problem, run: Integration) -> None:
+        self.problem, self.run = problem, run
+        self.watch = Watch(problem)
+        self.times = problem.times.tolist()
+        self.next = (*self.times[:1], math.inf)[0]  # the first output time ahead
+        self.handed = self.reached = 0  # output times handed on, and reached
+        self.most = max(1, _BATCH // max(1, len(problem.x)))
+        self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
+        self.place: tuple[float, np.ndarray] | None = None  # where it ends within the last step
+
+    def go(self) -> Outcome:
+        run = self.run
+        try:
+            with run:
+                status = self.go_natively() if run.native and not self.problem.needs_steps else self.go_stepwise()
+        except Expired:
+            status = Status.TOO_LONG
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        self.flush()
+        time, x = self.place or (run.t, run.x.copy())
+        found = None if status is not Status.ROOT else self.finder.which
+        return Outcome(
+            time, x, self.reached, status, run.counts(), run.step_size, run.matrix, run.evaluation, roots=found
+        )
+
+    def go_natively(self) -> Status:
+        """Leave the method alone from one output time to the next."""
+        run = self.run
+        for k, t in enumerate((*self.times, self.problem.end)):
+            status = run.advance(t)
+            if status is not Status.OK:
+                return status
+            if k < len(self.times):
+                run.collect_here()
+                self.reached += 1
+                if self.reached - self.handed >= self.most:
+                    self.flush()
+            if self.watch.expired(t):
+                return Status.TOO_LONG
+        return Status.OK
+
+    def go_stepwise(self) -> Status:
+        problem, run = self.problem, self.run
+        end, looked = problem.end, 0
+        while run.t < end:
+            done = run.steps + run.rejected
+            if done >= problem.max_steps:
+                return Status.TOO_MANY_STEPS
+            if done >= looked:
+                looked = done + _LOOK
+                if self.watch.expired(run.t):
+                    return Status.TOO_LONG
+            status = self.step()
+            if status is not Status.OK:
+                return status
+        return Status.OK
+
+    def step(self) -> Status:
+        """One step, looked at by whoever is concerned, and its output."""
+        run = self.run
+        run.wanted = self.next if self.finder is None else -math.inf
+        start = (run.t, run.x.copy()) if self.problem.guard is not None else None
+        status = run.step()
+        if status not in (Status.OK, Status.STIFF):
+            return status
+        if self.problem.guard is not None:
+            judged = self.problem.guard(run.t, run.x)
+            if judged is not Status.OK:
+                self.place = start
+                return judged
+        if self.finder is not None:
+            found = self.finder.first(run)
+            if found is not None:
+                self.place = found
+                self.show(found[0])
+                return Status.ROOT
+        if self.next <= run.t:
+            self.show(run.t)
+        return status
+
+    def show(self, until: float) -> None:
+        """Collect the output times in the last step."""
+        last = bisect_right(self.times, until, self.reached)
+        if last > self.reached:
+            self.run.collect(self.problem.times[self.reached : last])
+            self.reached = last
+            self.next = self.times[last] if last < len(self.times) else math.inf
+            if self.reached - self.handed >= self.most:
+                self.flush()
+
+    def flush(self) -> None:
+        """Hand on what has been collected."""
+        states = self.run.collected()
+        first, self.handed = self.handed, self.handed + len(states)
+        if len(states):
+            self.problem.sink(first, states)

@@ -1,0 +1,149 @@
+"""Where functions of time and state change their sign within a step: on the step's own dense output, in order.
+
+Between the ends of a step a function may cross zero and come back. It is therefore looked at inside as well, and where
+it comes near zero and turns, at its extremum (Shampine & Thompson, Event location for ordinary differential equations,
+Comput. Math. Appl. 39, 2000). A crossing is located by the ITP method (Oliveira & Takahashi, ACM Trans. Math. Softw.
+47, 2020), never worse than bisection, to the last digits of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lmoc.numerics.integrate.base import Integration, Roots
+
+_INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a step, where the functions are looked at
+_TIGHT = 4e-16  # of the time: two places that close are one
+_GOLDEN = (5**0.5 - 1) / 2
+_NARROWED = 30  # golden sections towards an extremum
+
+Curve = Callable[[float], np.ndarray]  # the functions' values at a time within the step
+
+
+class RootFinder:
+    """Follows the signs of root functions from step to step.
+
+    Attributes
+    ----------
+    signs : (m,) the signs that the functions have had last; 0 where none is known yet
+    which : (m,) mask of those that vanish at the root found last
+    """
+
+    def __init__(self, roots: Roots, t: float, x: np.ndarray) -> None:
+        self.roots = roots
+        self.signs = roots.signs
+        unknown = self.signs == 0
+        self.signs[unknown] = np.sign(roots.values(t, x))[unknown]
+        self.which = np.zeros(len(self.signs), bool)
+
+    def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
+        """Return the place (t, x) in the last step at which the integration shall end, None where it goes on."""
+        begin = run.before
+        while True:
+            found = self._next(run, begin)
+            if found is None:
+                return None
+            t, x = found
+            if self.roots.reached(t, x, self.which, self.signs):
+                return found
+            begin = t
+
+    def _next(self, run: Integration, begin: float) -> tuple[float, np.ndarray] | None:
+        """Return the first root of the last step behind a time, and note the signs behind it."""
+        end = run.t
+
+        def curve(t: float) -> np.ndarray:
+            x = run.x if t == end else run.interpolate(np.array([t]))[0]
+            return self.roots.values(t, x)
+
+        times = begin + _INSIDE * (end - begin)
+        times[-1] = end
+        values = np.array([curve(t) for t in times.tolist()])
+        best: tuple[float, int] | None = None
+        for k in range(values.shape[1]):
+            t = self._first_of(k, times, values[:, k], lambda t, k=k: float(curve(t)[k]))
+            if t is not None and (best is None or t < best[0]):
+                best = t, k
+        known = np.sign(values[-1])
+        if best is None:
+            self.signs[known != 0] = known[known != 0]
+            return None
+        t = best[0]
+        at = curve(t)
+        crossed = (np.sign(at) * self.signs < 0) | (np.arange(len(at)) == best[1])
+        self.which = crossed
+        self.signs[crossed] = np.where(self.signs != 0, -self.signs, np.sign(at))[crossed]
+        unknown = self.signs == 0
+        self.signs[unknown] = np.sign(at)[unknown]
+        return t, (run.x.copy() if t == end else run.interpolate(np.array([t]))[0])
+
+    def _first_of(self, k: int, times: np.ndarray, values: np.ndarray, curve) -> float | None:
+        """Return the first time at which function k has the other sign than before, None where it keeps its sign."""
+        sign = self.signs[k]
+        if sign == 0:
+            some = values[values != 0]
+            sign = np.sign(some[0]) if len(some) else 0.0
+        if sign == 0:
+            return None
+        heights = sign * values
+        for i in range(1, len(times)):
+            if heights[0] < 0:  # against the sign it is said to have: at once
+                return float(times[0])
+            if heights[i] < 0:
+                return locate(lambda t: sign * curve(t), times[i - 1], times[i], heights[i - 1], heights[i])
+            turned = i + 1 < len(times) and heights[i] <= heights[i - 1] and heights[i] <= heights[i + 1]
+            if turned and heights[i] > 0:
+                low = _lowest(lambda t: sign * curve(t), times[i - 1], times[i + 1])
+                if low[1] < 0:
+                    return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
+        return None
+
+
+def locate(curve, a: float, b: float, at_a: float, at_b: float) -> float:
+    """Return the end at which ``curve < 0`` of the smallest bracket of its crossing from above zero (ITP).
+
+    Parameters
+    ----------
+    curve : float -> float, with ``curve(a) = at_a ≥ 0 > at_b = curve(b)``
+    """
+    tight = _TIGHT * max(abs(a), abs(b))
+    half = max(1, int(np.ceil(np.log2(max((b - a) / max(2 * tight, 1e-300), 2.0)))))
+    start = b - a
+    for j in range(half + 60):
+        if b - a <= 2 * tight:
+            break
+        middle = (a + b) / 2
+        radius = max(tight * 2.0 ** (half + 1 - j) - (b - a) / 2, 0.0)
+        falsi = (at_a * b - at_b * a) / (at_a - at_b)
+        shift = min(0.2 / start * (b - a) ** 2, abs(middle - falsi))
+        near = falsi + np.sign(middle - falsi) * shift
+        t = near if abs(near - middle) <= radius else middle - np.sign(middle - falsi) * radius
+        t = t if a < t < b else middle
+        if t in (a, b):
+            break
+        value = curve(t)
+        if value < 0:
+            b, at_b = t, value
+        else:
+            a, at_a = t, value
+    return float(b)
+
+
+def _lowest(curve, a: float, b: float) -> tuple[float, float]:
+    """Return a place and value of a minimum between two times (golden sections); where below zero, at once."""
+    c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
+    at_c, at_d = curve(c), curve(d)
+    for _ in range(_NARROWED):
+        if min(at_c, at_d) < 0:
+            break
+        if at_c < at_d:
+            b, d, at_d = d, c, at_c
+            c = b - _GOLDEN * (b - a)
+            at_c = curve(c)
+        else:
+            a, c, at_c = c, d, at_d
+            d = a + _GOLDEN * (b - a)
+            at_d = curve(d)
+    return (c, at_c) if at_c < at_d else (d, at_d)

@@ -1,0 +1,89 @@
+"""From states to variables: every variable of the flat model, computed when somebody asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.messages.diagnostics import nearest
+from lmoc.numerics.observe.slices import signal_values, slice_of
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observer:
+    """What is needed to compute variables from states: the plan, and the parameter values and signals of the run."""
+
+    plan: Plan
+    values: np.ndarray
+    base: np.ndarray
+    signals: Mapping[int, Signal]
+
+    @property
+    def flat(self) -> FlatDAE:
+        return self.plan.reduced.flat
+
+    def derivative(self, variable: int, order: int) -> int:
+        """Return the register of a derivative of a variable, -1 where there is none.
+
+        A variable may be a jet of another one: v = der(q).
+        """
+        reduced, table = self.plan.reduced, self.plan.reduced.registers
+        own = np.flatnonzero((table.variable == variable) & (table.order == order))
+        if len(own):
+            return int(own[0])
+        register = int(reduced.register_of[variable])
+        integrated = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
+        rates = np.concatenate([reduced.derivatives, reduced.quadrature_derivatives])
+        for _ in range(order):
+            if register not in integrated:
+                return -1
+            register = int(rates[integrated.index(register)])
+        return register
+
+    def register(self, register: int, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return the values (times,) of one register."""
+        return slice_of(self.plan, np.array([register])).bind(self.base, self.signals)(times, states)[:, 0]
+
+    def __call__(self, variables: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Values of variables of the flat model, (times, variables); NaN for what the model leaves open."""
+        return self.prepare(variables)(times, states)
+
+    def prepare(self, variables: np.ndarray):
+        """``(times, states) -> (times, variables)`` for repeated use."""
+        reduced, flat = self.plan.reduced, self.flat
+        variables = np.asarray(variables, int)
+        kinds = flat.kind[variables]
+        constant = (kinds == Kind.PARAMETER) | (kinds == Kind.CONSTANT)
+        inputs = np.flatnonzero(kinds == Kind.INPUT)
+        registers = reduced.register_of[variables]
+        computed = np.flatnonzero(~constant & (kinds != Kind.INPUT) & (registers >= 0))
+        # what is not determined stays NaN, whatever one of its possible values the solution has taken
+        computed = computed[~np.isin(variables[computed], reduced.undetermined)]
+        part = slice_of(self.plan, registers[computed]).bind(self.base, self.signals)
+
+        def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            result = np.full((len(times), len(variables)), np.nan)
+            result[:, constant] = self.values[variables[constant]]
+            for k in inputs:
+                signal = self.signals.get(int(variables[k]))
+                if signal is not None:
+                    result[:, k] = signal_values(signal, times, self.values)
+            if len(computed):
+                result[:, computed] = part(times, states)
+            return result
+
+        return values
+
+
+def find(flat: FlatDAE, name: str) -> np.ndarray:
+    """Variables of a name; KeyError with a hint where there are none."""
+    variables = flat.find(name)
+    if variables is None:
+        hint = nearest(name, [b.pattern for b in flat.blocks])
+        raise KeyError(f"no variable '{name}' in '{flat.name}'" + (f"; {hint}" if hint else ""))
+    return variables

@@ -1,0 +1,71 @@
+"""What is kept of the states that an integrator hands over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.numerics.observe.observer import Observer, find
+from lmoc.support.distinct import distinct
+
+_SAMPLES = 25, 200  # least and most output times whose states are kept in any case …
+_SAMPLED = 2_000_000  # … and numbers in them, where that allows more than the least
+
+
+class Recorder:
+    """Takes the states at output times: keeps them, or only the variables asked for.
+
+    Attributes
+    ----------
+    times : (k,) output times to come
+    reached : number of them taken so far
+    table : (k, n) what is kept
+    """
+
+    def __init__(self, observer: Observer, times: np.ndarray, variables: np.ndarray | None) -> None:
+        """
+        Parameters
+        ----------
+        variables : of the flat model, to be kept; None for the states
+        """
+        self.times = times
+        self.reached = 0
+        self._evaluate = None if variables is None else observer.prepare(variables)
+        n = len(observer.plan.states)
+        # the pages of an array that is never written to cost nothing
+        self.table = np.empty((len(times), n if variables is None else len(variables)))
+        most = int(np.clip(_SAMPLED // max(1, n), *_SAMPLES))
+        every = np.arange(0, len(times) - 1, max(1, -(-len(times) // most)))
+        self._samples = np.append(every, len(times) - 1) if len(times) else every
+        self._sampled = None if variables is None else np.empty((len(self._samples), n))
+
+    def __call__(self, first: int, states: np.ndarray) -> None:
+        last = first + len(states)
+        self.table[first:last] = self.kept(self.times[first:last], states)
+        if self._sampled is not None:
+            a, b = np.searchsorted(self._samples, (first, last))
+            self._sampled[a:b] = states[self._samples[a:b] - first]
+        self.reached = max(self.reached, last)
+
+    def kept(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return what is kept of some states."""
+        return states if self._evaluate is None else self._evaluate(times, states)
+
+    def taken(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the output times so far, and what is kept of them."""
+        whole = self.reached == len(self.times)
+        table = self.table if whole else self.table[: self.reached].copy()  # the rest can be forgotten
+        return self.times[: self.reached], table
+
+    def sampled(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return some output times (s,), evenly spread, and the states there (s, n)."""
+        own = self._samples[self._samples < self.reached]
+        return self.times[own], self.table[own] if self._sampled is None else self._sampled[: len(own)]
+
+
+def kept_variables(flat: FlatDAE, keep: Sequence[str]) -> np.ndarray:
+    """Return the variables of these names, and those that the model's assertions look at."""
+    judged = [check.slots.ravel() for check in flat.checks]
+    return distinct(np.concatenate([*(find(flat, name) for name in keep), *judged, np.zeros(0, int)]))

@@ -1,0 +1,283 @@
+"""One run as a sequence of pieces: start, integrate, change over, integrate, … until its end.
+
+A piece has one reduction and one system. What ends it before the end of the run (other coordinates are better, a root)
+says what the next one is; states pass from one to the next by the variables they stand for.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report, RunInterrupted, SimulationError
+from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.failures.checks import run_checks
+from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects
+from lmoc.numerics.failures.singular import singular_place
+from lmoc.numerics.integrate import choice
+from lmoc.numerics.integrate.base import Outcome, Problem
+from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.observe.observer import Observer, find
+from lmoc.numerics.observe.recorder import Recorder, kept_variables
+from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
+from lmoc.numerics.options import RunOptions, Span
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.signals import Signal, break_times
+from lmoc.numerics.start.initialization import initial_state, seed_blocks
+from lmoc.numerics.start.targets import targets
+
+Progress = Callable[[float, float], None]  # (time reached, stop time)
+
+
+class Coordinates(Protocol):
+    """The same model with other coordinates."""
+
+    def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
+        """Return the plan and the system with some variables as states; None where they cannot be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What all pieces of a run have in common.
+
+    Attributes
+    ----------
+    values : (flat.count,) parameter values
+    signals : by flat variable
+    report : collects what there is to say
+    others : the model with other coordinates, where there may be some
+    clock : values of `time.perf_counter` when the run was asked for, and when its system stood
+    """
+
+    values: np.ndarray
+    signals: Mapping[int, Signal]
+    options: RunOptions
+    span: Span
+    report: Report
+    progress: Progress | None
+    others: Coordinates | None
+    clock: tuple[float, float]
+
+
+def run_pieces(task: Task, plan: Plan, system: System, initial: Mapping[str, float] | End) -> Trajectory:
+    """Run from the start to the end.
+
+    Parameters
+    ----------
+    plan, system : of the first piece
+    initial : {name: value}, fixed at the start, or where another run has ended
+
+    Raises
+    ------
+    ModelError
+        The start is wrong.
+    SimulationError, RunInterrupted
+        The run failed on its way.
+    """
+    return _Run(task, plan, system).go(initial)
+
+
+class _Stretch:
+    """A piece under way."""
+
+    def __init__(self, task: Task, plan: Plan, system: System, begin: float, variables: np.ndarray | None) -> None:
+        self.task, self.plan, self.system, self.begin = task, plan, system, begin
+        self.base = plan.base(task.values, task.signals)
+        self.observer = Observer(plan, task.values, self.base, task.signals)
+        times = task.span.times
+        self.first = int(np.searchsorted(times, begin, "right" if begin > task.span.start else "left"))
+        self.recorder = Recorder(self.observer, times[self.first :], variables)
+
+    def piece(self, outcome: Outcome | None = None) -> Piece:
+        """Return what it has given; where it failed behind its last output time, with the place reached."""
+        times, table = self.recorder.taken()
+        failed = outcome is not None and outcome.status.failed and np.isfinite(outcome.x).all()
+        if failed and outcome.time > (times[-1] if len(times) else -np.inf):
+            times = np.append(times, outcome.time)
+            table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
+        return Piece(self.observer, self.begin, times, table, self.recorder.sampled())
+
+
+class _Run:
+    """One run on its way."""
+
+    def __init__(self, task: Task, plan: Plan, system: System) -> None:
+        self.task, self.report = task, task.report
+        options, span = task.options, task.span
+        observer = Observer(plan, task.values, np.zeros(0), task.signals)
+        ledger = _ledger_names(observer) if options.energy else ()
+        keep = None if options.keep is None else (*options.keep, *ledger)
+        self.variables = None if keep is None else kept_variables(observer.flat, keep)
+        self.rtol = options.tolerance(observer.flat.experiment)
+        self.deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
+        self.progress = None if task.progress is None else lambda t: task.progress(t, span.end)
+        self.stretch = _Stretch(task, plan, system, span.start, self.variables)
+        self.pieces: list[Piece] = []
+        self.stats: dict[str, object] = {}
+        self.lost = ""  # why the coordinates do not serve
+
+    def go(self, initial: Mapping[str, float] | End) -> Trajectory:
+        began, lowered = self.task.clock
+        x = self._start(initial)
+        started = clock.perf_counter()
+        outcome, method = self._integrate(x)
+        if not outcome.status.failed:
+            self._check_way(outcome)
+            outcome = self._up_to_a_singular_place(outcome)
+        self.pieces.append(self.stretch.piece(outcome))
+        self.stats |= method | {
+            "evaluations": self.stretch.system.evaluations,
+            **outcome.counts,
+            "evaluation": outcome.evaluation or self.stretch.system.description,
+            "matrix": outcome.matrix,
+            "seconds": clock.perf_counter() - began,
+            "lower_seconds": lowered - began,
+            "start_seconds": started - lowered,
+            "states": self.stretch.plan.state_count,
+            "rtol": self.rtol,
+        }
+        notes = tuple(dict.fromkeys((*self.stretch.plan.notes, *self.report.diagnostics)))
+        last = outcome.time, outcome.x
+        run = Trajectory(tuple(self.pieces), self.variables, last, self.stats, notes=notes)
+        if outcome.status.failed:
+            failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
+            raise failure(self._explain(outcome), outcome.time, run)
+        return run_checks(run)
+
+    # ------------------------------------------------------------------ the start
+
+    def _start(self, initial: Mapping[str, float] | End) -> np.ndarray:
+        stretch, report, span = self.stretch, self.report, self.task.span
+        plan, observer, system = stretch.plan, stretch.observer, stretch.system
+        wanted = targets(observer.flat, observer.values, initial, report)
+        report.check()
+        seed_blocks(plan, stretch.base, wanted)
+        system.prepare(stretch.base, self.task.signals)
+        x = initial_state(plan, stretch.base, self.task.signals, observer.values, span.start, wanted, report)
+        report.check()
+        self._check_start(x)
+        if len(span.times) and span.times[0] == span.start:
+            stretch.recorder(0, x[None])
+        return x
+
+    def _check_start(self, x: np.ndarray) -> None:
+        """All derivatives must be finite at the start, else the run says what is not.
+
+        Equations that no derivative needs must have a solution too; of their other values those that are not finite
+        are only warned of, since the motion does not depend on them.
+        """
+        stretch, time, hint = self.stretch, self.task.span.start, "look at the start values, and at divisions by zero"
+        derivative = np.empty(len(x))
+        stretch.system.rhs(time, x, derivative)
+        needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
+        program = None if needed else stretch.plan.full_program
+        found, span, nonlinear = first_not_finite(stretch.observer, time, x, program)
+        if needed or nonlinear:
+            self.report.error("E0535", f"{found} at the start", span, hint=hint)
+            self.report.check()
+        elif found:
+            self.report.warning("W0537", f"{found} at the start", span, hint=hint)
+
+    # ------------------------------------------------------------------ the way
+
+    def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
+        """Integrate the piece under way, from its state at the beginning."""
+        stretch, span = self.stretch, self.task.span
+        recorder, begin, options = stretch.recorder, stretch.begin, self.task.options
+        done = recorder.reached
+        times = recorder.times[done:]
+        if not len(x):
+            recorder(done, np.zeros((len(times), 0)))
+            return Outcome(span.end, x, len(times)), {"solver": "none", "reason": "no states"}
+        if begin == span.end:
+            return Outcome(begin, x, 0), {"solver": "none", "reason": "only the start"}
+        breaks = kinks.break_times(stretch.plan, stretch.base, begin, span.end)
+        if len(breaks) == kinks.MOST:
+            self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
+        breaks = np.union1d(breaks, break_times(self.task.signals, begin, span.end, kinks.MOST // 10))
+        problem = Problem(
+            stretch.system,
+            begin,
+            x,
+            span.end,
+            times,
+            self.rtol,
+            self._absolute_tolerances(x),
+            lambda first, states: recorder(first + done, states),
+            max_step=np.inf if options.max_step is None else options.max_step,
+            max_steps=options.max_steps,
+            deadline=self.deadline,
+            progress=self.progress,
+            breaks=breaks,
+        )
+        return choice.run(problem, options.solver)
+
+    def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:
+        """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
+        plan, atol, rtol = self.stretch.plan, self.task.options.atol, self.rtol
+        result = np.full(len(x), atol, float) if atol is not None else rtol * 1e-3 * plan.nominal(self.task.values)
+        if plan.ledger.any():
+            observer, begin = self.stretch.observer, np.array([self.stretch.begin])
+            stored = observer(find(observer.flat, "ledger.stored"), begin, x[None])
+            result[plan.ledger] = np.fmax(result[plan.ledger], rtol * np.abs(stored[0]))
+        return result
+
+    def _check_way(self, outcome: Outcome) -> None:
+        """Values that the motion does not depend on may be lost on the way, as a square root: the run tells it."""
+        stretch, recorder = self.stretch, self.stretch.recorder
+        times, _ = recorder.taken()
+        if any(d.code == "W0537" for d in self.report.diagnostics) or not len(times):
+            return
+        rows = np.zeros(0, int)
+        if self.variables is None:
+            rows = suspects(stretch.observer, times, recorder.table)
+        if stretch.plan.once(moving_risks).others or self.variables is not None:
+            rows = np.append(rows, len(times) - 1)
+        for k in rows.tolist():
+            time, near = float(times[k]), None
+            if k == len(times) - 1:
+                time, x, near = outcome.time, outcome.x, stretch.system.registers
+            else:
+                x = recorder.table[k]
+            found, span, nonlinear = first_not_finite(stretch.observer, time, x, stretch.plan.full_program, near)
+            if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
+                self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
+                return
+
+    def _up_to_a_singular_place(self, outcome: Outcome) -> Outcome:
+        """End the run before a place where the coordinates do not determine the rest: it may have gone on wrongly."""
+        system, recorder = self.stretch.system, self.stretch.recorder
+        if not isinstance(system, SegmentedSystem):
+            return outcome
+        count = system.evaluations
+        times, states = recorder.sampled()
+        found = singular_place(system, times, states)
+        system.evaluations = count
+        if found is None:
+            return outcome
+        reduced, (time, lost) = self.stretch.plan.reduced, found
+        recorder.reached = int(np.searchsorted(recorder.times, time, "right"))
+        self.lost = (
+            f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
+            "after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
+        )
+        return replace(outcome, time=time, x=states[np.searchsorted(times, time)], status=Status.SINGULAR)
+
+    def _explain(self, outcome: Outcome) -> str:
+        stretch, end = self.stretch, self.task.span.end
+        found = ""
+        if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
+            found = lost_ahead(stretch.observer, stretch.system, outcome.time, outcome.x, end)
+        detail = f": {found}" if found else ""
+        return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
+
+
+def _ledger_names(observer: Observer) -> tuple[str, ...]:
+    names = ("ledger.stored", "ledger.work", "ledger.heat")
+    return names if all(observer.flat.find(n) is not None for n in names) else ()
