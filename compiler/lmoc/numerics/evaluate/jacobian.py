@@ -27,7 +27,7 @@ def partial(shape: Expr, column: int) -> Expr:
 
 
 @dataclass(frozen=True, eq=False)
-class _Product:
+class Product:
     """``value[first + k] = Σ factor[which[j]]·value[source[j]]`` over the j of segment k."""
 
     step: Apply | Total
@@ -41,9 +41,10 @@ class _Product:
 
 
 @dataclass(frozen=True, eq=False)
-class _Implicit:
+class Implicit:
     """Derivatives of the unknowns of a Solve, dense for each instance."""
 
+    step: Solve
     shape: tuple[int, int, int]  # instances, size, columns (padded)
     a_source: np.ndarray
     a_place: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -60,6 +61,10 @@ class Jacobian:
     Attributes
     ----------
     rows, columns : (nnz,) pattern, ordered by row and then by column
+    source : (nnz,) where the entries stand among all that are computed on the way
+    size : number of these
+    ones : ranges among them that are 1, the seeds
+    stages : how the others follow, in the order of the program's steps
     """
 
     def __init__(self, program: Program, inputs: np.ndarray, outputs: np.ndarray, count: int) -> None:
@@ -68,13 +73,13 @@ class Jacobian:
         self._start = np.zeros(count, int)
         self._length = np.zeros(count, int)
         self._start[inputs], self._length[inputs] = np.arange(len(inputs)), 1
-        self._ones: list[tuple[int, int]] = [(0, len(inputs))]  # entries that are 1: seeds
-        self._stages: list[_Product | _Implicit] = []
+        self.ones: list[tuple[int, int]] = [(0, len(inputs))]  # entries that are 1: seeds
+        self.stages: list[Product | Implicit] = []
         self._sweep(program)
         source, self.rows = _ranges(self._start[outputs], self._length[outputs])
         self.columns = self._column[source]
-        self._source = source
-        self._size = len(self._column)
+        self.source = source
+        self.size = len(self._column)
 
     # ------------------------------------------------------------------ pattern
 
@@ -122,8 +127,8 @@ class Jacobian:
         out_row, column = np.divmod(key[new], self._columns_total)
         self._enter(step.out, out_row, column)
         single = len(new) == len(key)
-        stage = _Product(step, partials, which[order], source[order], new, single, first, first + len(new))
-        self._stages.append(stage)
+        stage = Product(step, partials, which[order], source[order], new, single, first, first + len(new))
+        self.stages.append(stage)
 
     def _enter(self, registers: np.ndarray, row: np.ndarray, column: np.ndarray) -> None:
         """New entries for registers, sorted by row."""
@@ -140,7 +145,7 @@ class Jacobian:
         self._columns_total += len(unknowns)
         seed = len(self._column)
         self._enter(unknowns, np.arange(len(unknowns)), base + np.arange(len(unknowns)))
-        self._ones.append((seed, seed + len(unknowns)))
+        self.ones.append((seed, seed + len(unknowns)))
         self._sweep(step.inner)
         residuals = step.residuals.ravel()
         source, row = _ranges(self._start[residuals], self._length[residuals])
@@ -163,7 +168,7 @@ class Jacobian:
         self._enter(unknowns, unknown, pair_column[pair])
         result = (unknown // size, unknown % size, within[pair])
         shape, last = (instances, size, width), first + len(pair)
-        self._stages.append(_Implicit(shape, source[own], a_place, source[outer], b_place, result, first, last))
+        self.stages.append(Implicit(step, shape, source[own], a_place, source[outer], b_place, result, first, last))
         self._columns_total = base
         self._sweep(step.inner)
 
@@ -171,19 +176,19 @@ class Jacobian:
 
     def values(self, w: np.ndarray, time) -> np.ndarray:
         """Values of the entries, (nnz,) or (nnz, times), after the program has run on `w`."""
-        v = np.empty((self._size, *w.shape[1:]))
-        for a, b in self._ones:
+        v = np.empty((self.size, *w.shape[1:]))
+        for a, b in self.ones:
             v[a:b] = 1.0
         with np.errstate(all="ignore"):
-            for stage in self._stages:
-                if isinstance(stage, _Product):
+            for stage in self.stages:
+                if isinstance(stage, Product):
                     _multiply(stage, v, w, time)
                 else:
                     _imply(stage, v)
-        return v[self._source]
+        return v[self.source]
 
 
-def _multiply(stage: _Product, v: np.ndarray, w: np.ndarray, time) -> None:
+def _multiply(stage: Product, v: np.ndarray, w: np.ndarray, time) -> None:
     step = stage.step
     tail = w.shape[1:]
     if isinstance(step, Total):
@@ -197,7 +202,7 @@ def _multiply(stage: _Product, v: np.ndarray, w: np.ndarray, time) -> None:
     v[stage.first : stage.stop] = terms if stage.single else np.add.reduceat(terms, stage.start, axis=0)
 
 
-def _imply(stage: _Implicit, v: np.ndarray) -> None:
+def _imply(stage: Implicit, v: np.ndarray) -> None:
     instances, size, width = stage.shape
     tail = v.shape[1:]
     a, b = np.zeros((instances, size, size, *tail)), np.zeros((instances, size, width, *tail))

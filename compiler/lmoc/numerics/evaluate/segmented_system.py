@@ -15,19 +15,15 @@ class SegmentedSystem(VectorSystem):
     description = "casadi, blocks"
 
     def __init__(self, plan: Plan) -> None:
-        super().__init__(plan)
         self.segments = SegmentedProgram(plan.program, plan.count)
-        self._follow(self.segments)
+        super().__init__(plan)
 
-    def restart(self) -> None:
-        """Forget the solutions of blocks: the next evaluation is at the start again."""
-        self.prepare(*self._given)
+    def _runner(self) -> SegmentedProgram:
+        return self.segments
 
     @property
     def unknowns(self) -> np.ndarray:
-        """One register of each instance of a nonlinear block."""
         return self.segments.unknowns
 
     def determinants(self) -> np.ndarray:
-        """Of the Jacobians of the nonlinear blocks' instances, at the evaluation made last."""
         return self.segments.determinants()

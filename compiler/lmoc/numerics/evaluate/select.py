@@ -19,6 +19,8 @@ COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compil
 
 def make_system(plan: Plan) -> System:
     """The way of evaluating that suits the size and the blocks of a plan."""
+    if plan.row_count <= COMPILED_ROWS and not can_lower(plan.program) and can_segment(plan.program):
+        return _small_implicit(plan)
     if plan.row_count > COMPILED_ROWS or (plan.has_large_blocks and not can_lower(plan.program)):
         from lmoc.numerics.evaluate.native.c_code import Unsupported
         from lmoc.numerics.evaluate.native.system import NativeSystem  # imported late: small scenes need no ctypes
@@ -32,3 +34,13 @@ def make_system(plan: Plan) -> System:
     if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
         return SegmentedSystem(plan)
     return VectorSystem(plan)
+
+
+def _small_implicit(plan: Plan) -> System:
+    from lmoc.numerics.evaluate.native.c_code import Unsupported
+    from lmoc.numerics.evaluate.native.compiled_later import compiled_or
+
+    try:
+        return compiled_or(plan, SegmentedSystem)
+    except (Unsupported, OSError):
+        return SegmentedSystem(plan)

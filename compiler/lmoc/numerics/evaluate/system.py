@@ -132,6 +132,19 @@ class System(ABC):
     # ------------------------------------------------------------------ what only some have
 
     @property
+    def unknowns(self) -> np.ndarray:
+        """One register of each instance of the nonlinear blocks whose determinants are at hand."""
+        return np.zeros(0, int)
+
+    def determinants(self) -> np.ndarray:
+        """Return the determinants of the Jacobians of these instances, at the evaluation made last."""
+        return np.zeros(0)
+
+    def restart(self) -> None:
+        """Forget the solutions of blocks: the next evaluation is at the start again."""
+        return None
+
+    @property
     def registers(self) -> np.ndarray | None:
         """(plan.count,) all registers as the last evaluation has left them, where it keeps them."""
         return None

@@ -45,7 +45,7 @@ class VectorSystem(System):
         self.inputs = plan.states if inputs is None else inputs
         self.outputs = plan.derivatives if outputs is None else outputs
         self.n = len(self.inputs)
-        self._follow(Interpreter(self.program, plan.count))
+        self._follow(self._runner())
         self.w = np.full(plan.count, np.nan)
         self._derivative: Jacobian | None = None
         self._order: np.ndarray | None = None
@@ -63,6 +63,12 @@ class VectorSystem(System):
     @property
     def registers(self) -> np.ndarray:
         return self.w
+
+    def _runner(self) -> Runner:
+        return Interpreter(self.program, self.plan.count)
+
+    def restart(self) -> None:
+        self.prepare(*self._given)
 
     def _follow(self, interpreter: Runner) -> None:
         self.interpreter = interpreter
@@ -120,11 +126,11 @@ class OpenedSystem(VectorSystem):
 
     def __init__(self, plan: Plan, smallest: int = LARGE) -> None:
         self.closed = VectorSystem(plan)
-        program, self.unknowns, residuals = open_blocks(plan.program, smallest)
+        program, self.algebraic, residuals = open_blocks(plan.program, smallest)
         super().__init__(
             plan,
             program,
-            np.concatenate([plan.states, self.unknowns]),
+            np.concatenate([plan.states, self.algebraic]),
             np.concatenate([plan.derivatives, residuals]),
         )
         self.differential = np.arange(self.n) < len(plan.states)
@@ -136,4 +142,4 @@ class OpenedSystem(VectorSystem):
     def start(self, t: float, x: np.ndarray) -> np.ndarray:
         """(x, z) with z from solving the blocks."""
         self.closed.rhs(t, x, np.empty(len(x)))
-        return np.concatenate([x, self.closed.w[self.unknowns]])
+        return np.concatenate([x, self.closed.w[self.algebraic]])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
+from lmoc.numerics.evaluate.system import System
 
 _AHEAD = 1e-4  # of the time between them: the step for the determinant's rate
 _SINGULAR = 2e-3  # of its largest value: as near to zero as no determinant comes that only turns back
@@ -21,7 +21,7 @@ _FALLING = 0.5  # of its first rate: as fast a determinant is still when it fall
 _LOOKS = 5  # places that are looked at closely
 
 
-def singular_place(system: SegmentedSystem, t: np.ndarray, x: np.ndarray) -> tuple[float, int] | None:
+def singular_place(system: System, t: np.ndarray, x: np.ndarray) -> tuple[float, int] | None:
     """The time of the first singular place on the way, and a register that cannot be told there; None without one.
 
     Parameters
@@ -29,7 +29,7 @@ def singular_place(system: SegmentedSystem, t: np.ndarray, x: np.ndarray) -> tup
     t, x : times (k,) and states (k, n) of a run that this system has just made
     """
     constrained = system.plan.reduced.nearby is not None  # other blocks, as those of springs, say nothing of places
-    if len(t) < 2 or not (system.follower.newtons and constrained):
+    if len(t) < 2 or not (len(system.unknowns) and constrained):
         return None
     system.restart()
     gaps = np.diff(t)
@@ -44,7 +44,7 @@ def singular_place(system: SegmentedSystem, t: np.ndarray, x: np.ndarray) -> tup
     return None
 
 
-def _leverages(system: SegmentedSystem, t, x, gaps) -> tuple[np.ndarray, np.ndarray]:
+def _leverages(system: System, t, x, gaps) -> tuple[np.ndarray, np.ndarray]:
     """Determinants and their rates at all times, up to the first where one has vanished: (times, blocks)."""
     found: list[tuple[np.ndarray, np.ndarray]] = []
     largest = 0.0
@@ -56,7 +56,7 @@ def _leverages(system: SegmentedSystem, t, x, gaps) -> tuple[np.ndarray, np.ndar
     return np.array([value for value, _ in found]), np.array([rate for _, rate in found])
 
 
-def _leverage(system: SegmentedSystem, t: float, x: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def _leverage(system: System, t: float, x: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Determinants of all nonlinear blocks, and their rates along the motion."""
     slope, _ = _slope(system, t, x)
     here, step = system.determinants(), _AHEAD * gap
@@ -64,7 +64,7 @@ def _leverage(system: SegmentedSystem, t: float, x: np.ndarray, gap: float) -> t
     return here, (system.determinants() - here) / step
 
 
-def _slope(system: SegmentedSystem, t: float, x: np.ndarray) -> tuple[np.ndarray, bool]:
+def _slope(system: System, t: float, x: np.ndarray) -> tuple[np.ndarray, bool]:
     out = np.empty(system.n)
     system.rhs(t, x, out)
     return out, bool(np.isfinite(out).all())

@@ -1,21 +1,24 @@
 """Programs as C: one loop a step, whatever the number of rows.
 
-The text depends on shapes and addressing patterns only. Row counts, first registers and index tables are data that the
-function gets when called, so a chain of a hundred masses and one of a hundred thousand share one compiled file.
+The text of a large program depends on shapes and addressing patterns only. Row counts, first registers and index tables
+are data that the function gets when called, so a chain of a hundred masses and one of a hundred thousand share one
+compiled file. In a small program the numbers stand in the text, and its few rows are written one by one: nobody shares
+it, and the compiler sees through it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.expression.dag import Expr, postorder
 from lmoc.expression.functions import FUNCTIONS
-from lmoc.ir.program import Apply, Program, Solve, Total
+from lmoc.ir.program import Apply, Solve, Step, Total, written
 
-DENSE_LIMIT = 12  # a varying linear block with more unknowns is left to a sparse solver
+FEW = 4  # rows of a step that are written one by one
 
 
 class Unsupported(Exception):
@@ -23,10 +26,40 @@ class Unsupported(Exception):
 
 
 @dataclass(frozen=True, eq=False)
+class Matrix:
+    """The sparse matrix of a block, whose pivots are chosen at run time.
+
+    Attributes
+    ----------
+    handle : number of the table that holds its `native.pivots.Factors`
+    indptr, rows : pattern by columns, common to all instances
+    """
+
+    handle: int
+    indptr: np.ndarray
+    rows: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A nonlinear block, as the generated code keeps it.
+
+    Attributes
+    ----------
+    step : Solve
+    determinants : number of the first of the doubles in scratch that hold its instances' determinants
+    """
+
+    step: Solve
+    determinants: int
+
+
+@dataclass(frozen=True, eq=False)
 class CFunction:
     """The text of one C function and its data.
 
-    The function is ``void name(double time, double *w, const int64_t *m, const void *const *tab)``.
+    The function is ``int name(double time, double *w, const int64_t *m, const void *const *tab)``. It returns 0, or the
+    bits FAILED (a block has no solution that was found) and FAR (one is not near the one before).
 
     Attributes
     ----------
@@ -40,6 +73,8 @@ class CFunction:
     factors : list of (Solve, int)
         Constant linear blocks, and the number of the first of the eight tables that take their factors
         (L: start, index, value; U: start, index, value; then the two permutations): filled for each parameter set.
+    matrices : list of Matrix
+    blocks : list of Block
     """
 
     text: str
@@ -47,26 +82,55 @@ class CFunction:
     tables: list[np.ndarray]
     scratch: int
     factors: list[tuple[Solve, int]]
+    matrices: list[Matrix]
+    blocks: list[Block]
 
 
-class _Writer:
+class Writer:
     """Collects the lines of one function and the data they read."""
 
-    def __init__(self, registers: int) -> None:
+    def __init__(self, registers: int, literal: bool) -> None:
         self.lines: list[str] = []
         self.numbers: list[int] = []
         self.tables: list[np.ndarray] = []
         self.factors: list[tuple[Solve, int]] = []
+        self.matrices: list[Matrix] = []
+        self.blocks: list[Block] = []
         self.registers = registers
+        self.literal = literal
         self.scratch = 0
+        self._names = 0
+
+    def add(self, *lines: str) -> None:
+        self.lines += lines
+
+    def name(self, lead: str) -> str:
+        """A C name that is used nowhere else."""
+        self._names += 1
+        return f"{lead}{self._names}"
 
     def number(self, value: int) -> str:
+        if self.literal:
+            return str(int(value))
         self.numbers.append(int(value))
         return f"m[{len(self.numbers) - 1}]"
 
     def table(self, values: np.ndarray) -> str:
         self.tables.append(values)
         return f"tab[{len(self.tables) - 1}]"
+
+    def indices(self, values: np.ndarray) -> str:
+        """A table of registers or places, as a C expression of type ``const int32_t *``."""
+        return f"((const int32_t *){self.table(np.ascontiguousarray(values, np.int32).ravel())})"
+
+    def reserve(self, count: int) -> int:
+        """The first of `count` doubles behind the registers."""
+        self.scratch += count
+        return self.registers + self.scratch - count
+
+    def space(self, count: int) -> str:
+        """C expression of a pointer to `count` doubles behind the registers."""
+        return f"(w + {self.number(self.reserve(count))})"
 
     def address(self, registers: np.ndarray, name: str) -> tuple[list[str], str]:
         """Declarations and the index expression for the registers of one column over the rows ``i``."""
@@ -81,106 +145,106 @@ class _Writer:
                 return declare, f"{name} + i"
             declare.append(f"const int64_t {name}s = {self.number(stride)};")
             return declare, f"{name} + i*{name}s"
-        table = self.table(np.ascontiguousarray(registers, np.int32))
-        return [f"const int32_t *{name} = (const int32_t *){table};"], f"{name}[i]"
+        return [f"const int32_t *{name} = {self.indices(registers)};"], f"{name}[i]"
 
 
-def generate(program: Program, registers: int, name: str = "lmoc_program") -> CFunction:
-    """Write a program as one C function.
+def write_step(writer: Writer, step: Apply | Total) -> None:
+    """Write an explicit step: its rows one by one where they are few and the program is small, else a loop."""
+    if isinstance(step, Total):
+        _write_total(writer, step)
+    elif is_short(writer, step):
+        for row, out in zip(step.slots.tolist(), step.out.tolist(), strict=True):
+            body, results = expression_lines([step.shape], {k: f"w[{r}]" for k, r in enumerate(row)}, writer)
+            writer.add(*body, f"w[{out}] = {results[0]};")
+    else:
+        with_loop(writer, step, [step.shape], lambda results, out: [f"w[{out}] = {results[0]};"])
+
+
+def is_short(writer: Writer, step: Step) -> bool:
+    """Whether the rows of a step are written one by one."""
+    return writer.literal and len(written(step)) <= FEW
+
+
+def with_loop(writer: Writer, step: Apply, shapes: list[Expr], use) -> None:
+    """Write a loop over the rows of a step that computes some shapes of its columns; `use` says what becomes of them.
 
     Parameters
     ----------
-    program : Program
-        Apply, Total, and linear Solve steps (constant ones of any size, others up to `DENSE_LIMIT` unknowns).
-    registers : int
-        Length of the register vector; the function's scratch lies behind it.
-
-    Raises
-    ------
-    Unsupported
-        For a nonlinear or a large varying block: those are evaluated in another way.
+    use : callable (C expressions of the shapes, C index of the row's own register) -> lines
     """
-    writer = _Writer(registers)
-    _write_program(writer, program)
-    head = f"void {name}(double time, double *w, const int64_t *m, const void *const *tab) {{"
-    body = "\n".join("  " + line for line in writer.lines)
-    text = f"{head}\n{body}\n  (void)time; (void)w; (void)m; (void)tab;\n}}\n"
-    return CFunction(text, np.array(writer.numbers, np.int64), writer.tables, writer.scratch, writer.factors)
-
-
-def _write_program(writer: _Writer, program: Program) -> None:
-    for step in program:
-        if isinstance(step, Apply):
-            if len(step.out):
-                _write_apply(writer, step)
-        elif isinstance(step, Total):
-            _write_total(writer, step)
-        elif step.constant and len(step.unknowns) == 1:
-            _write_constant_solve(writer, step)
-        elif step.linear and step.unknowns.shape[1] <= DENSE_LIMIT:
-            _write_dense_solve(writer, step)
-        else:
-            raise Unsupported("a nonlinear or large varying block")
-
-
-def _write_apply(writer: _Writer, step: Apply) -> None:
-    columns = sorted({node.value[0] for node in postorder(step.shape) if node.op == "slot"})
+    columns = sorted({node.value[0] for shape in shapes for node in postorder(shape) if node.op == "slot"})
     declarations, access = [], {}
     for k in columns:
         declare, index = writer.address(step.slots[:, k], f"a{k}")
         declarations += declare
         access[k] = f"w[{index}]"
     declare, out = writer.address(step.out, "o")
-    body, result = expression_lines(step.shape, access)
-    writer.lines.append("{")
-    writer.lines += ["  " + line for line in declarations + declare]
-    writer.lines.append(f"  const int64_t n = {writer.number(len(step.out))};")
+    body, results = expression_lines(shapes, access)
+    writer.add("{", *("  " + line for line in declarations + declare))
+    writer.add(f"  const int64_t n = {writer.number(len(step.out))};")
     # the rows of a step do not read each other's results, which the compiler cannot see
-    writer.lines += ["#pragma GCC ivdep", "  for (int64_t i = 0; i < n; i++) {"]
-    writer.lines += ["    " + line for line in body]
-    writer.lines += [f"    w[{out}] = {result};", "  }", "}"]
+    writer.add("#pragma GCC ivdep", "  for (int64_t i = 0; i < n; i++) {", *("    " + line for line in body))
+    writer.add(*("    " + line for line in use(results, out)), "  }", "  (void)o;", "}")
 
 
-def expression_lines(shape: Expr, access: dict[int, str]) -> tuple[list[str], str]:
-    """C statements that compute the inner nodes of a shape, and the expression of its value."""
+def expression_lines(
+    shapes: Iterable[Expr], access: dict[int, str], writer: Writer | None = None
+) -> tuple[list[str], list[str]]:
+    """C statements that compute the inner nodes of some shapes, and the expressions of their values.
+
+    Parameters
+    ----------
+    access : C expression of what stands in each column
+    writer : gives names that are used nowhere else; without it names are good for one scope
+    """
     text: dict[int, str] = {}
     lines: list[str] = []
-    for node in postorder(shape):
-        if node.op == "const":
-            text[id(node)] = _number(node.value)
-        elif node.op == "slot":
-            text[id(node)] = access[node.value[0]]
-        elif node.op == "time":
-            text[id(node)] = "time"
-        else:
-            name = f"t{len(lines)}"
-            lines.append(f"const double {name} = {_operation(node, [text[id(a)] for a in node.args])};")
-            text[id(node)] = name
-    return lines, text[id(shape)]
+    results = []
+    for shape in shapes:
+        for node in postorder(shape):
+            if id(node) in text:
+                continue
+            if node.op == "const":
+                text[id(node)] = number_text(node.value)
+            elif node.op == "slot":
+                text[id(node)] = access[node.value[0]]
+            elif node.op == "time":
+                text[id(node)] = "time"
+            else:
+                name = writer.name("t") if writer else f"t{len(lines)}"
+                lines.append(f"const double {name} = {_operation(node, [text[id(a)] for a in node.args])};")
+                text[id(node)] = name
+        results.append(text[id(shape)])
+    return lines, results
 
 
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """A number as C writes it."""
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
     return f"({value!r})" if value < 0 else repr(value)
 
 
 def _operation(node: Expr, args: list[str]) -> str:
-    op = node.op
-    if op == "pow" and node.args[1].op == "const" and node.args[1].value in (2.0, 3.0):
+    if node.op == "pow" and node.args[1].op == "const" and node.args[1].value in (2.0, 3.0):
         return "*".join([args[0]] * int(node.args[1].value))
-    return FUNCTIONS[op].c.format(*args)
+    return FUNCTIONS[node.op].c.format(*args)
 
 
-def _write_total(writer: _Writer, step: Total) -> None:
+def _write_total(writer: Writer, step: Total) -> None:
+    if is_short(writer, step) and len(step.index) <= 10 * FEW:
+        for k, out in enumerate(step.out.tolist()):
+            terms = range(int(step.start[k]), int(step.start[k + 1]))
+            parts = (f"{number_text(float(step.coefficient[j]))}*w[{step.index[j]}]" for j in terms)
+            writer.add(f"w[{out}] = {' + '.join(parts) or '0'};")
+        return
     declare, out = writer.address(step.out, "o")
-    start = writer.table(np.ascontiguousarray(step.start, np.int32))
-    index = writer.table(np.ascontiguousarray(step.index, np.int32))
+    start, index = writer.indices(step.start), writer.indices(step.index)
     coefficient = writer.table(np.ascontiguousarray(step.coefficient, np.float64))
-    writer.lines += [
+    writer.add(
         "{",
         *("  " + line for line in declare),
-        f"  const int32_t *start = (const int32_t *){start}, *index = (const int32_t *){index};",
+        f"  const int32_t *start = {start}, *index = {index};",
         f"  const double *c = (const double *){coefficient};",
         f"  const int64_t n = {writer.number(len(step.out))};",
         "  for (int64_t i = 0; i < n; i++) {",
@@ -189,63 +253,4 @@ def _write_total(writer: _Writer, step: Total) -> None:
         f"    w[{out}] = s;",
         "  }",
         "}",
-    ]
-
-
-def _write_constant_solve(writer: _Writer, step: Solve) -> None:
-    """u := u - A⁻¹ r(u) from u = 0, with the sparse factors of A made beforehand; then the inner steps once more."""
-    size = step.unknowns.shape[1]
-    declare_u, u = writer.address(step.unknowns[0], "u")
-    declare_r, r = writer.address(step.residuals[0], "r")
-    first = len(writer.tables)
-    names = [writer.table(np.zeros(1)) for _ in range(8)]
-    writer.factors.append((step, first))
-    base = writer.number(writer.registers + writer.scratch)
-    writer.scratch += 2 * size
-    n = writer.number(size)
-    writer.lines += ["{", *("  " + line for line in declare_u + declare_r), f"  const int64_t n = {n};"]
-    writer.lines += [f"  double *b = w + {base};", f"  for (int64_t i = 0; i < n; i++) w[{u}] = 0;"]
-    writer.lines += ["  for (int pass = 0; pass < 2; pass++) {"]
-    _write_program(writer, step.inner)
-    writer.lines += [
-        "  if (pass == 0) {",
-        f"    for (int64_t i = 0; i < n; i++) b[i] = -w[{r}];",
-        f"    lmoc_sparse_solve(n, b, b + n, {', '.join(names)});",
-        f"    for (int64_t i = 0; i < n; i++) w[{u}] = b[i];",
-        "  } }",
-        "}",
-    ]
-
-
-def _write_dense_solve(writer: _Writer, step: Solve) -> None:
-    """Columns of the matrix from unit vectors (the residuals are linear), then Gauss elimination for each instance."""
-    instances, size = step.unknowns.shape
-    base = writer.number(writer.registers + writer.scratch)
-    writer.scratch += instances * size * (size + 1)
-    unknowns = writer.table(np.ascontiguousarray(step.unknowns, np.int32))
-    residuals = writer.table(np.ascontiguousarray(step.residuals, np.int32))
-    n = writer.number(instances)
-    writer.lines += [
-        "{",
-        f"  const int32_t *u = (const int32_t *){unknowns}, *r = (const int32_t *){residuals};",
-        f"  const int64_t n = {n};",
-        f"  double *a = w + {base};",
-        f"  for (int pass = 0; pass <= {size + 1}; pass++) {{",
-        f"  if (pass <= {size})",
-        f"    for (int64_t i = 0; i < n; i++) for (int k = 0; k < {size}; k++) w[u[i*{size} + k]] = k + 1 == pass;",
-    ]
-    _write_program(writer, step.inner)
-    writer.lines += [
-        "  for (int64_t i = 0; i < n; i++) {",
-        f"    double *row = a + i*{size * (size + 1)};",
-        f"    if (pass <= {size})",
-        f"      for (int k = 0; k < {size}; k++)",
-        f"        row[k*{size + 1} + (pass ? pass - 1 : {size})] ="
-        f" w[r[i*{size} + k]] - (pass ? row[k*{size + 1} + {size}] : 0);",
-        f"    if (pass == {size}) {{",
-        f"      lmoc_dense_solve({size}, row);",
-        f"      for (int k = 0; k < {size}; k++) w[u[i*{size} + k]] = -row[k*{size + 1} + {size}];",
-        "    }",
-        "  } }",
-        "}",
-    ]
+    )

@@ -4,19 +4,32 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from lmoc.ir.program import Program, Solve, program_rows
-from lmoc.numerics.evaluate.native.c_code import generate
+from lmoc.ir.program import Program, Solve, program_rows, walk
+from lmoc.numerics.evaluate.native.c_code import CFunction
+from lmoc.numerics.evaluate.native.c_program import generate
 from lmoc.numerics.evaluate.native.compiler import load_library
-from lmoc.numerics.evaluate.native.prelude import CALLBACK, PRELUDE
+from lmoc.numerics.evaluate.native.pivots import Factors
+from lmoc.numerics.evaluate.native.prelude import BLOCKS, CALLBACK, PRELUDE
 from lmoc.numerics.integrate.sundials import sundials
 
 _LONG = 20_000  # rows from which the compiler's time for -O3, twice that for -O2, is soon won back
+# How Newton's corrections have to shrink, how many there are, and how far off the first one may point. A mechanism has
+# branches that must not be left. The equations of springs have one solution, which cubic ones approach by a factor of
+# 2/3 an iteration where they relax.
+_STRICT = {"LMOC_RATE": "0.5", "LMOC_ITERATIONS": "10", "LMOC_NEAR": "0.25"}
+_PATIENT = {"LMOC_RATE": "0.95", "LMOC_ITERATIONS": "60", "LMOC_NEAR": "0.75"}
+
+CHOOSE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int64, ctypes.POINTER(ctypes.c_double))
+RESCUE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 
 
-class _Call(ctypes.Structure):
+class Call(ctypes.Structure):
+    """What C functions need to evaluate derivatives (``lmoc_call`` in `native.prelude`)."""
+
     _fields_ = [
         ("w", ctypes.c_void_p),
         ("m", ctypes.c_void_p),
@@ -26,7 +39,43 @@ class _Call(ctypes.Structure):
         ("states", ctypes.c_void_p),
         ("derivatives", ctypes.c_void_p),
         ("data", ctypes.c_void_p),
+        ("remembered", ctypes.c_int64),
+        ("solved", ctypes.c_int64),
+        ("unknowns", ctypes.c_void_p),
+        ("solution", ctypes.c_void_p),
+        ("x", ctypes.c_void_p),
+        ("time", ctypes.c_double),
+        ("rescue", RESCUE),
     ]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What is compiled for a program: the whole text, the compiler's option, and the data of the function."""
+
+    text: str
+    optimization: str
+    function: CFunction
+
+
+def source_of(program: Program, registers: int, strict: bool = False) -> Source:
+    """Write a program as C.
+
+    Parameters
+    ----------
+    strict : the nonlinear blocks have several solutions, of which only the one that continues the last counts
+
+    Raises
+    ------
+    c_code.Unsupported
+        Where the program has a block that is not written as C.
+    """
+    function = generate(program, registers)
+    options = _STRICT if strict else _PATIENT
+    blocks = "".join(f"#define {name} {value}\n" for name, value in options.items()) + BLOCKS
+    varying = bool(function.matrices) or "lmoc_matrix" in function.text
+    text = PRELUDE + (blocks if varying else "") + function.text + CALLBACK
+    return Source(text, "-O3" if program_rows(program) > _LONG else "-O2", function)
 
 
 class Kernel:
@@ -36,10 +85,25 @@ class Kernel:
     ----------
     w : (registers + scratch,) float
         Fill the known, input and state registers, then call.
+    nonlinear : list of Solve
+        The blocks that Newton's method solves.
+    unknowns : (k,) registers of their unknowns
     """
 
-    def __init__(self, program: Program, registers: int) -> None:
+    def __init__(
+        self,
+        program: Program,
+        registers: int,
+        strict: bool = False,
+        source: Source | None = None,
+        library: ctypes.CDLL | None = None,
+    ) -> None:
         """
+        Parameters
+        ----------
+        strict : as in `source_of`
+        source, library : of this program, where they have been made already
+
         Raises
         ------
         c_code.Unsupported
@@ -47,18 +111,57 @@ class Kernel:
         OSError
             Where no compiler is at hand.
         """
-        function = generate(program, registers)
-        long = program_rows(program) > _LONG
-        library = load_library(PRELUDE + function.text + CALLBACK, "-O3" if long else "-O2")
+        source = source_of(program, registers, strict) if source is None else source
+        function = source.function
+        library = load_library(source.text, source.optimization) if library is None else library
         if library is None:
             raise OSError("no C compiler")
         self.library = library
         self._run = library.lmoc_program
-        self._run.restype = None
+        self._run.restype = ctypes.c_int
         self._run.argtypes = [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+        self._evaluate = library.lmoc_evaluate
+        self._evaluate.restype = ctypes.c_int
+        self._evaluate.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
         self.w = np.zeros(registers + function.scratch)
+        self.nonlinear = [s for s in walk(program) if isinstance(s, Solve) and not s.linear]
+        self.unknowns = np.concatenate([np.zeros(0, int), *(s.unknowns.ravel() for s in self.nonlinear)])
+        self._guesses = np.concatenate([np.zeros(0, int), *(_guess(s) for s in self.nonlinear)])
+        self._determinants = [(b.determinants, len(b.step.unknowns)) for b in function.blocks]
         self._numbers, self._tables, self._factors = function.numbers, list(function.tables), function.factors
         self._pointers = np.array([t.ctypes.data for t in self._tables] or [0], np.uintp)
+        self._choose = CHOOSE(self._choose_pivots)
+        self._matrices = [Factors(k, m.indptr, m.rows) for k, m in enumerate(function.matrices)]
+        for matrix, factors in zip(function.matrices, self._matrices, strict=True):
+            self._pointers[matrix.handle] = factors.handle.ctypes.data
+            self._pointers[matrix.handle + 1] = ctypes.cast(self._choose, ctypes.c_void_p).value
+        self._calls: dict[bytes, Call] = {}
+
+    def _choose_pivots(self, number: int, values) -> int:
+        factors = self._matrices[number]
+        return factors.choose(np.ctypeslib.as_array(values, (len(factors.rows),)))
+
+    def forget(self) -> None:
+        """Forget the solutions of blocks and the order of pivots: parameters or start are others now.
+
+        Where no value stands in the register of an unknown, Newton's method starts from the guess in the model.
+        """
+        for factors in self._matrices:
+            factors.forget()
+        for call in self._calls.values():
+            call.solved = 0
+        self.seed()
+
+    def seed(self) -> None:
+        """Put guesses in the place of unknowns that have no value."""
+        lost = ~np.isfinite(self.w[self.unknowns])
+        guess = self._guesses[lost]
+        given = np.where(guess >= 0, self.w[guess], 0.0)
+        self.w[self.unknowns[lost]] = np.where(np.isfinite(given), given, 0.0)
+
+    def determinants(self) -> np.ndarray:
+        """Of the Jacobians of the nonlinear blocks' instances, where they were solved last."""
+        return np.concatenate([np.zeros(0), *(self.w[first : first + n] for first, n in self._determinants)])
 
     def factorize(self, matrix: Callable[[Solve], object]) -> None:
         """Factorize the constant linear blocks for the parameter values that stand in `w`.
@@ -73,32 +176,64 @@ class Kernel:
                 self._tables[k] = np.ascontiguousarray(values)
                 self._pointers[k] = self._tables[k].ctypes.data
 
-    def __call__(self, time: float) -> None:
-        """Run the program on `w`."""
-        self._run(time, self.w.ctypes.data, self._numbers.ctypes.data, self._pointers.ctypes.data)
+    @property
+    def has_constant_blocks(self) -> bool:
+        """Whether `factorize` has anything to do."""
+        return bool(self._factors)
 
-    def call(self, states: np.ndarray, derivatives: np.ndarray) -> _Call:
-        """What C functions need to evaluate derivatives; valid as long as the kernel lives."""
-        tables = [np.ascontiguousarray(r, np.int32) for r in (states, derivatives)]
+    def __call__(self, time: float) -> int:
+        """Run the program on `w`; returns what C does (`c_code.CFunction`)."""
+        return self._run(time, self.w.ctypes.data, self._numbers.ctypes.data, self._pointers.ctypes.data)
+
+    def evaluate(self, call: Call, time: float, x: np.ndarray) -> bool:
+        """Run the program for states x, with the nonlinear blocks near their last solution; whether there is one."""
+        return not self._evaluate(ctypes.byref(call), time, x.ctypes.data)
+
+    def call(self, states: np.ndarray, derivatives: np.ndarray, rescue: Callable[[float], bool] | None = None) -> Call:
+        """Return what C functions need to evaluate derivatives; valid as long as the kernel lives.
+
+        Parameters
+        ----------
+        rescue : called where Newton's method finds no solution in C; whether it has put one into the registers
+        """
+        key = np.concatenate([states, derivatives]).tobytes()
+        if key not in self._calls:
+            self._calls[key] = self._new_call(states, derivatives, rescue)
+        return self._calls[key]
+
+    def _new_call(self, states: np.ndarray, derivatives: np.ndarray, rescue) -> Call:
+        tables = [np.ascontiguousarray(r, np.int32) for r in (states, derivatives, self.unknowns)]
+        memory = np.zeros(2 * (len(self.unknowns) + len(states)))
         contiguous = len(states) > 0 and (np.diff(states) == 1).all()
-        call = _Call(
+        call = Call(
             self.w.ctypes.data,
             self._numbers.ctypes.data,
             self._pointers.ctypes.data,
             len(states),
             int(states[0]) if contiguous else -1,
-            *(t.ctypes.data for t in tables),
+            *(t.ctypes.data for t in tables[:2]),
             None,
+            len(self.unknowns),
+            0,
+            tables[2].ctypes.data,
+            memory.ctypes.data,
+            memory[2 * len(self.unknowns) :].ctypes.data,
+            0.0,
+            RESCUE() if rescue is None else RESCUE(rescue),
         )
-        call.tables = tables  # kept alive with it
+        call.tables = tables, memory  # kept alive with it
         return call
 
-    def callback(self, states: np.ndarray, derivatives: np.ndarray):
+    def callback(self, call: Call):
         """The right-hand side as SUNDIALS calls it, and what to hand it as user data."""
-        self._call = self.call(states, derivatives)
-        self._call.data = ctypes.cast(sundials.load().N_VGetArrayPointer, ctypes.c_void_p).value
+        call.data = ctypes.cast(sundials.load().N_VGetArrayPointer, ctypes.c_void_p).value
         rhs = sundials.RHS(ctypes.cast(self.library.lmoc_rhs, ctypes.c_void_p).value)
-        return rhs, ctypes.byref(self._call)
+        return rhs, ctypes.byref(call)
+
+
+def _guess(step: Solve) -> np.ndarray:
+    """Registers of the guesses of a block's unknowns, -1 for none."""
+    return np.full(step.unknowns.size, -1) if step.guess is None else step.guess.ravel()
 
 
 def _factors(matrix) -> list[np.ndarray]:

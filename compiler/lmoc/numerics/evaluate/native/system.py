@@ -8,21 +8,59 @@ from functools import lru_cache
 
 import numpy as np
 
-from lmoc.numerics.evaluate.native.kernel import Kernel
+from lmoc.ir.program import Program
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.native.kernel import Call, Kernel, Source
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
-from lmoc.numerics.evaluate.vector_system import VectorSystem
+from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
 from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 
+def has_branches(plan: Plan) -> bool:
+    """Whether nonlinear blocks are constraints of a mechanism, which can be closed in several ways."""
+    return plan.reduced.nearby is not None
+
+
+class _Late:
+    """The same program run by numpy: made when it is needed."""
+
+    newtons = ()  # none that Python has to follow
+
+    def __init__(self, program: Program, count: int) -> None:
+        self._made: Interpreter | None = None
+        self._program, self._count = program, count
+
+    @property
+    def interpreter(self) -> Interpreter:
+        if self._made is None:
+            self._made = Interpreter(self._program, self._count)
+        return self._made
+
+    def run(self, w: np.ndarray, time: float) -> None:
+        self.interpreter.run(w, time)
+
+    def reset(self) -> None:
+        if self._made is not None:
+            self._made.reset()
+
+
 class NativeSystem(VectorSystem):
-    """The program is one compiled loop a step; Jacobians come from numpy, which is asked for them rarely."""
+    """The program is compiled, blocks included; Jacobians come from numpy, which is asked for them rarely.
+
+    Python takes part where C does not find the solution of a nonlinear block: at a start, whose guesses may be far off,
+    and where the matrix is singular at the solution.
+    """
 
     description = "C"
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, source: Source | None = None, library: ctypes.CDLL | None = None) -> None:
         """
+        Parameters
+        ----------
+        source, library : of the plan's program, where they have been made already
+
         Raises
         ------
         native.c_code.Unsupported
@@ -30,33 +68,63 @@ class NativeSystem(VectorSystem):
         OSError
             There is no compiler.
         """
-        kernel = Kernel(plan.program, plan.count)
+        self.kernel = Kernel(plan.program, plan.count, has_branches(plan), source, library)
         super().__init__(plan)
-        self.kernel = kernel
-        self.w = kernel.w[: plan.count]
+        self.w = self.kernel.w[: plan.count]
+        self._x = np.zeros(len(plan.states) + len(plan.sampled))
+        self._own = self._call(np.arange(len(plan.states)))
+        self._seeds = np.zeros(0)
+
+    def _runner(self) -> Runner:
+        return _Late(self.plan.program, self.plan.count)
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
-        self.kernel.factorize(lambda step: self.interpreter.sparse_matrix(step, self.w, np.nan))
+        self.kernel.forget()
+        self._seeds = self.w[self.kernel.unknowns]
+        if self.kernel.has_constant_blocks:
+            self.kernel.factorize(lambda step: self.interpreter.interpreter.sparse_matrix(step, self.w, np.nan))
+
+    @property
+    def unknowns(self) -> np.ndarray:
+        return np.concatenate([np.zeros(0, int), *(s.unknowns[:, 0] for s in self.kernel.nonlinear)])
+
+    def determinants(self) -> np.ndarray:
+        return self.kernel.determinants()
+
+    def _call(self, order: np.ndarray) -> Call:
+        given = np.concatenate([self.plan.states[order], self.plan.sampled])
+        return self.kernel.call(given, self.plan.derivatives[order], self._rescue)
 
     def _run(self, t: float, x: np.ndarray) -> None:
-        self.w[self.plan.states] = x
+        self._x[: self.n] = x
         if self.samplers:
-            self.sample(t, self._u)
-            self.w[self.plan.sampled] = self._u
-        self.kernel(t)
+            self.sample(t, self._x[self.n :])
+        if not self.kernel.evaluate(self._own, t, self._x):
+            self.w[self.plan.derivatives] = np.nan
+
+    def _rescue(self, time: float) -> bool:
+        """Take damped steps from where C has come to; not where that might lead to another branch."""
+        if self._own.solved and has_branches(self.plan):
+            return False
+        w, unknowns = self.w, self.kernel.unknowns
+        w[unknowns] = np.where(np.isfinite(w[unknowns]), w[unknowns], self._seeds)
+        self.interpreter.reset()
+        self.interpreter.run(w, time)
+        return bool(np.isfinite(w[unknowns]).all())
 
     def callback(self, order: np.ndarray | None):
         """The right-hand side as SUNDIALS calls it, for states in a new order; None if inputs are asked from Python."""
         if self.samplers:
             return None
-        states, derivatives = self.plan.states, self.plan.derivatives
-        if order is not None:
-            states, derivatives = states[order], derivatives[order]
-        return self.kernel.callback(states, derivatives)
+        return self.kernel.callback(self._call(np.arange(self.n) if order is None else order))
 
     def stepper(self) -> Stepper:
         return NumpyStepper(self) if self.samplers else NativeStepper(self)
+
+    def shared_call(self) -> Call:
+        """What the C code of a stepper needs."""
+        return self._own
 
 
 class NativeStepper(Stepper):
@@ -69,7 +137,7 @@ class NativeStepper(Stepper):
         self.k, self.atol = np.zeros((16, n)), np.zeros(n)
         self.result = np.zeros(2)
         self.table, self.times = _weights(), np.ascontiguousarray(table.C)
-        self._call = system.kernel.call(system.plan.states, system.plan.derivatives)
+        self._call = system.shared_call()
         library = system.kernel.library
         self._attempt, self._more = library.lmoc_dop853_attempt, library.lmoc_dop853_more
         real, pointer = ctypes.c_double, ctypes.c_void_p
