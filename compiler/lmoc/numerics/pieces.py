@@ -14,11 +14,10 @@ from typing import Protocol
 import numpy as np
 
 from lmoc.messages.diagnostics import Report, RunInterrupted, SimulationError
-from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects
-from lmoc.numerics.failures.singular import singular_place
+from lmoc.numerics.failures.singular import singular_end, singular_place
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
@@ -130,6 +129,8 @@ class _Run:
         if not outcome.status.failed:
             self._check_way(outcome)
             outcome = self._up_to_a_singular_place(outcome)
+        elif outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
+            outcome = self._look_for_a_singular_end(outcome)
         self.pieces.append(self.stretch.piece(outcome))
         self.stats |= method | {
             "evaluations": self.stretch.system.evaluations,
@@ -253,7 +254,7 @@ class _Run:
     def _up_to_a_singular_place(self, outcome: Outcome) -> Outcome:
         """End the run before a place where the coordinates do not determine the rest: it may have gone on wrongly."""
         system, recorder = self.stretch.system, self.stretch.recorder
-        if not isinstance(system, SegmentedSystem):
+        if not len(system.unknowns):
             return outcome
         count = system.evaluations
         times, states = recorder.sampled()
@@ -261,13 +262,32 @@ class _Run:
         system.evaluations = count
         if found is None:
             return outcome
-        reduced, (time, lost) = self.stretch.plan.reduced, found
+        time, lost = found
         recorder.reached = int(np.searchsorted(recorder.times, time, "right"))
-        self.lost = (
-            f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(lost)} shortly "
-            "after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
-        )
+        self.lost = self._not_determined(lost)
         return replace(outcome, time=time, x=states[np.searchsorted(times, time)], status=Status.SINGULAR)
+
+    def _look_for_a_singular_end(self, outcome: Outcome) -> Outcome:
+        """Where the equations have no solution further on, it may be the coordinates that end there.
+
+        The last steps before it are as wrong as they are short: what counts is up to the output time before.
+        """
+        times, states = self.stretch.recorder.sampled()
+        if not len(times):
+            return outcome
+        ends = np.append(times, outcome.time), np.vstack([states, outcome.x[None]])
+        lost = singular_end(self.stretch.system, *ends)
+        if lost is None:
+            return outcome
+        self.lost = self._not_determined(lost)
+        return replace(outcome, time=float(times[-1]), x=states[-1], status=Status.SINGULAR)
+
+    def _not_determined(self, register: int) -> str:
+        reduced = self.stretch.plan.reduced
+        return (
+            f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(register)} "
+            "shortly after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
+        )
 
     def _explain(self, outcome: Outcome) -> str:
         stretch, end = self.stretch, self.task.span.end

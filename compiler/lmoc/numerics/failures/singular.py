@@ -18,6 +18,7 @@ _SINGULAR = 2e-3  # of its largest value: as near to zero as no determinant come
 _FINE = 5e-4  # of it: the most that it changes in a step of the close look
 _STEPS = 100, 3000  # least and most of these
 _FALLING = 0.5  # of its first rate: as fast a determinant is still when it falls through zero
+_ENDED = 0.02  # of its largest value, where the run found no solution beyond
 _LOOKS = 5  # places that are looked at closely
 
 
@@ -42,6 +43,25 @@ def singular_place(system: System, t: np.ndarray, x: np.ndarray) -> tuple[float,
         if _reaches_zero(system, t[k : k + 2], x[k], block, scale[block], abs(rate[k, block])):
             return float(t[k]), int(system.unknowns[block])
     return None
+
+
+def singular_end(system: System, t: np.ndarray, x: np.ndarray) -> int | None:
+    """A register that the coordinates no longer tell at the end of a run that found no solution beyond it, or None.
+
+    Parameters
+    ----------
+    t, x : times (k,) and states (k, n) on the way and at the end
+    """
+    if system.plan.reduced.nearby is None or not len(system.unknowns):
+        return None
+    system.restart()
+    values = []
+    for time, state in zip(t, x, strict=True):
+        _slope(system, time, state)
+        values.append(np.abs(system.determinants()))
+    ratio = values[-1] / np.maximum(np.nanmax(values, axis=0), 1e-300)
+    lost = int(np.argmin(np.where(np.isfinite(ratio), ratio, 0.0)))
+    return int(system.unknowns[lost]) if not ratio[lost] > _ENDED else None
 
 
 def _leverages(system: System, t, x, gaps) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Programs in C with their implicit blocks: constant linear ones from factors made beforehand, others from their matrix.
+"""Programs in C with their implicit blocks: constant linear ones from factors, others from their matrix.
 
 The matrix comes from the derivatives of the inner steps, computed in the same sweep as the residuals. Small blocks are
 solved by Gauss elimination with row pivoting, larger ones by refactorizing a sparse matrix on a fixed pattern and order
