@@ -156,7 +156,7 @@ def test_a_table_as_input(lmoc, scene, tmp_path):
         (["--set", "body.mass=2"], "E0622", "body.m"),
         (["--set", "m=3"], "E0622", "did you mean body.m?"),
         (["--set", "body.q=1"], "E0622", "--init body.q=1, or initial={'body.q': 1}"),
-        (["--set", "body.q=1"], "E0622", "6 |   Mass body("),
+        (["--set", "body.q=1"], "E0622", "Mass body(m = 2, q(start"),
         (["--set", "f=1"], "E0622", "--input f=1"),
         (["--init", "body.m=1"], "E0534", "--set body.m=1"),
         (["--init", "q=1"], "E0622", "did you mean body.q?"),

@@ -81,8 +81,10 @@ def hint_among(known: Mapping[str, str], name: str) -> str:
     inside.sort(key=lambda shown: shown.count("."))
     if inside:
         return f"'{name}' is a part; it has {_listed(inside)}"
-    ends = [shown for base, shown in known.items() if base.endswith("." + plain)]
+    ends = {base: shown for base, shown in known.items() if base.endswith("." + plain)}
     if ends:
+        least = min(base.count(".") for base in ends)  # body.q rather than body.flange.q
+        ends = [shown for base, shown in ends.items() if base.count(".") == least]
         return f"did you mean {_listed(ends, ' or ')}?"
     close = nearest(plain, known)
     return close.replace(f"'{_quoted(close)}'", f"'{known[_quoted(close)]}'") if close else ""

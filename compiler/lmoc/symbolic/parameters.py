@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.expression.dag import slots
+from lmoc.expression.dag import Expr, postorder, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.to_sympy import exact, lower
 from lmoc.ir.flat import FlatDAE, Kind
 
 if TYPE_CHECKING:
     import sympy
+
+
+_CASES = frozenset(("if", "min", "max", "abs", "sign"))
 
 
 class ParameterSymbols:
@@ -65,7 +68,7 @@ class ParameterSymbols:
             columns = binding.slots[place[1]]
             bound = float(np.ravel(evaluate(binding.shape, lambda k, _: self.values[columns[k]]))[0])
             untouched = bound == value or (np.isnan(bound) and np.isnan(value))
-            if untouched and slots(binding.shape):
+            if untouched and slots(binding.shape) and not (_from_library(binding.span) and _has_cases(binding.shape)):
                 return lower(binding.shape, lambda k, _: self[int(columns[k])])
             if untouched and (block.kind == Kind.CONSTANT or _from_library(binding.span)):
                 return exact(value)
@@ -73,6 +76,11 @@ class ParameterSymbols:
         self.used[symbol] = value
         self.variable[symbol] = variable
         return symbol
+
+
+def _has_cases(shape: Expr) -> bool:
+    """Whether an expression is no single formula (slopes of a table, say): a person wants no more than the name."""
+    return any(node.op in _CASES for node in postorder(shape))
 
 
 def _from_library(span) -> bool:
