@@ -24,6 +24,7 @@ from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
 from lmoc.symbolic import interface as derivations
 from lmoc.symbolic.places import Moment, Point, no_place
+from lmoc.symbolic.starts import in_symbols, start_values
 
 if TYPE_CHECKING:
     import sympy
@@ -177,7 +178,7 @@ class DAE:
         solver: str = "auto",
         formulation: str = "reduced",
         parameters: Mapping[str, Value] | None = None,
-        initial: Mapping[str, float] | None = None,
+        initial: Point | str | None = None,
         inputs: Mapping[str, object] | None = None,
         *,
         energy: bool = True,
@@ -196,7 +197,8 @@ class DAE:
         solver : one of `lmoc.numerics.options.SOLVERS`
         formulation : "reduced"
         parameters : {name: value} for this run only
-        initial : {name: value}, fixing any variable at the start
+        initial : {name: value}, fixing any variable at the start; an `Equilibrium`; or "equilibrium", for the only one
+            there is with the inputs as they are at the start
         inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
         energy : integrate work and heat along, for `run.energy`
         keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
@@ -217,7 +219,10 @@ class DAE:
         """
         from lmoc.numerics.options import RunOptions
 
-        check_mappings(parameters=parameters, initial=initial, inputs=inputs)
+        check_mappings(parameters=parameters, initial=None if isinstance(initial, str) else initial, inputs=inputs)
+        if in_symbols(initial):
+            begin = (self.flat.experiment.start or 0.0) if start is None else start
+            initial = start_values(self.prepare(parameters), initial, inputs, begin)
         check_initial(initial or {})
         keep = names_of(keep)
         clock = Clock(listener)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from lmoc.cli import process, terminal
 from lmoc.cli.arguments import (
     Parser,
+    UsageError,
     add_model_arguments,
     add_states_argument,
     assignment,
@@ -40,8 +41,8 @@ def configure(parser: Parser) -> None:
     add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
     add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
-    add("--init", type=assignment(number), metavar="NAME=VALUE", action="append", default=[],
-        help="fix a variable at the start; may be repeated")  # fmt: skip
+    add("--init", type=_start, metavar="NAME=VALUE", action="append", default=[],
+        help="fix a variable at the start; may be repeated. Or 'equilibrium': start at rest")  # fmt: skip
     add("--input", type=assignment(str), metavar="U=SIGNAL", action="append", default=[],
         help="a formula in time, as u='0.1*sin(5*time)', or a table, as u=road.csv; may be repeated")  # fmt: skip
     add("--keep", metavar="NAME", action="append",
@@ -50,6 +51,19 @@ def configure(parser: Parser) -> None:
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the summary as JSON")
+
+
+def _start(text: str) -> str | tuple[str, object]:
+    return text if text.strip() == "equilibrium" else assignment(number)(text)
+
+
+def _initial(given: list) -> str | dict[str, float]:
+    """Where to start: the equilibrium, or what is fixed by name."""
+    if "equilibrium" in given:
+        if len(given) > 1:
+            raise UsageError([Diagnostic("E0620", "--init equilibrium and --init name=value exclude each other")])
+        return "equilibrium"
+    return dict(given)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -85,7 +99,7 @@ def _simulate(arguments: argparse.Namespace) -> Run:
         dae = compile(arguments.file, arguments.model, dict(arguments.set), arguments.states, listener=progress.stage)
         return dae.simulate(
             arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
-            arguments.solver, arguments.formulation, None, dict(arguments.init), dict(arguments.input),
+            arguments.solver, arguments.formulation, None, _initial(arguments.init), dict(arguments.input),
             keep=arguments.keep, listener=progress.stage, progress=progress.reached,
         )  # fmt: skip
 

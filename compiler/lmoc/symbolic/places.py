@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 
 Point = Mapping[str, Any]
 HOW_TO_CHOOSE = "say where, as `--at name=value` or `at={name: value}`"
+LINEAR, START = "to be linear about", "to start from"
+HINTS = {
+    LINEAR: f"choose one, `--equilibrium 1` or in Python `at=dae.equilibria()[0]`; or {HOW_TO_CHOOSE}",
+    START: "choose one, in Python `initial=dae.equilibria()[0]`; or fix states, as `--init name=value`",
+}
 
 
 @dataclass(frozen=True)
@@ -92,8 +97,12 @@ def number(prepared: Prepared, value: object, free: set[str]) -> float:
     return float(expression.subs(known))
 
 
-def only(found: Sequence[Equilibrium]) -> Equilibrium:
+def only(found: Sequence[Equilibrium], purpose: str = LINEAR) -> Equilibrium:
     """Return the one equilibrium there is, a family being one.
+
+    Parameters
+    ----------
+    purpose : `LINEAR` or `START`, for the message
 
     Raises
     ------
@@ -103,10 +112,9 @@ def only(found: Sequence[Equilibrium]) -> Equilibrium:
     if len(found) == 1:
         return found[0]
     if not found:
-        raise no_place("there is no equilibrium to be linear about", hint=HOW_TO_CHOOSE)
+        raise no_place(f"there is no equilibrium {purpose}", hint=HOW_TO_CHOOSE if purpose == LINEAR else "")
     shown = "; ".join(f"({i}) {told(e)}" for i, e in enumerate(found, 1))
-    hint = f"choose one, `--equilibrium 1` or in Python `at=dae.equilibria()[0]`; or {HOW_TO_CHOOSE}"
-    raise no_place(f"there is not one equilibrium to be linear about, but {len(found)}", found=shown, hint=hint)
+    raise no_place(f"there is not one equilibrium {purpose}, but {len(found)}", found=shown, hint=HINTS[purpose])
 
 
 def told(e: Equilibrium) -> str:
