@@ -41,10 +41,11 @@ if TYPE_CHECKING:
 
 
 def compile(
-    path: str | Path,
+    file: str | Path | Sequence[str | Path],
     model: str | None = None,
     parameters: Mapping[str, Value] | None = None,
     states: str | Sequence[str] | None = None,
+    path: str | Path | Sequence[str | Path] | None = None,
     *,
     listener: Callable[[str], None] | None = None,
 ) -> DAE:
@@ -52,10 +53,11 @@ def compile(
 
     Parameters
     ----------
-    path : the `.lmo` file
+    file : the `.lmo` file, or several; or the dotted name of a class that is found in a folder
     model : which model, where the file holds several that could be meant
     parameters : {dotted name: value}, overriding what the file says
     states : variables to prefer as states, or the name of one
+    path : folders in which classes are looked for, after that of the file and before those of ``LMOPATH``
     listener : called with the name of each stage as it begins
 
     Raises
@@ -63,7 +65,7 @@ def compile(
     ModelError
         The model is wrong, or the file cannot be read; `.diagnostics` say what and where.
     """
-    return compile_source(pipeline.read_source(path), model, parameters, states, listener)
+    return compile_source(file, model, parameters, states, path, listener)
 
 
 def compile_text(
@@ -72,25 +74,27 @@ def compile_text(
     model: str | None = None,
     parameters: Mapping[str, Value] | None = None,
     states: str | Sequence[str] | None = None,
+    path: str | Path | Sequence[str | Path] | None = None,
 ) -> DAE:
     """Compile a scene given as text; `name` stands for the file's name in messages. Otherwise as `compile`."""
-    return compile_source(Source(name, text), model, parameters, states)
+    if not isinstance(text, str):
+        raise TypeError(f"a model is a text (str), not {type(text).__name__}")
+    return compile_source(Source(name, text), model, parameters, states, path)
 
 
 def compile_source(
-    source: Source,
+    source: Source | str | Path | Sequence[str | Path],
     model: str | None = None,
     parameters: Mapping[str, Value] | None = None,
     states: str | Sequence[str] | None = None,
+    path: str | Path | Sequence[str | Path] | None = None,
     listener: Callable[[str], None] | None = None,
 ) -> DAE:
-    """Compile one source; otherwise as `compile`."""
-    if not isinstance(source.text, str):
-        raise TypeError(f"a model is a text (str), not {type(source.text).__name__}")
+    """Compile a text or what files hold; otherwise as `compile`."""
     check_mappings(parameters=parameters)
     clock = Clock(listener)
-    files = pipeline.parse([source], clock)
-    scene = Scene(files, model, dict(parameters or {}), names_of(states))
+    scene = Scene((), model, dict(parameters or {}), names_of(states), path)
+    scene = pipeline.open_scene(source, scene, clock)
     return DAE(scene, pipeline.flatten(scene, clock), clock)
 
 

@@ -6,15 +6,13 @@ environment, every structure is checked when a stage hands it on (`lmoc.ir.check
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
+from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 
 if TYPE_CHECKING:
@@ -23,6 +21,8 @@ if TYPE_CHECKING:
     from lmoc.ir.flat import FlatDAE
     from lmoc.ir.reduced import Reduced
     from lmoc.numerics.text import Lowered
+    from lmoc.sources.opened import Named
+    from lmoc.sources.packages import Folder
     from lmoc.syntax import tree
 
 
@@ -53,69 +53,46 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the user gave: enough to flatten and reduce again for other parameter values."""
+    """What the user gave: enough to flatten and reduce again for other parameter values.
 
-    files: tuple[tree.File, ...]
+    Attributes
+    ----------
+    files : syntax trees of the files, once they are parsed
+    path : folders in which classes are looked for, as the user named them
+    folders : where the classes are found that the files do not define
+    """
+
+    files: tuple[tree.File, ...] = ()
     model: str | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     states: tuple[str, ...] | None = None
+    path: Named | None = None
+    folders: tuple[Folder, ...] = ()
 
     def with_parameters(self, parameters: Mapping[str, float]) -> Scene:
         return replace(self, parameters={**self.parameters, **parameters})
 
 
-def read_source(path: str | Path) -> Source:
-    """The text of a file.
+# ----------------------------------------------------------------------------- the stages
+
+
+def open_scene(named: Named | Source, scene: Scene, clock: Clock) -> Scene:
+    """Return the scene with its files parsed and the folders in which their classes are looked for.
+
+    Parameters
+    ----------
+    named : files, the name of a class, or a text
 
     Raises
     ------
     ModelError
-        E0610 no such file, E0611 a folder or not readable, E0612 not text in UTF-8.
+        For files and folders that cannot be read, and for mistakes outside of any class.
     """
-    name = str(path)
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise _refusal("E0610", f"there is no file '{name}'", hint=_similar_file(Path(path))) from None
-    except IsADirectoryError:
-        inside = sorted(p.name for p in Path(path).glob("*.lmo"))
-        hint = f"it contains {', '.join(inside[:5])}{' …' if len(inside) > 5 else ''}" if inside else ""
-        raise _refusal("E0611", f"'{name}' is a folder, not a file", hint=hint) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise _refusal("E0611", f"'{name}' cannot be read: {reason}") from None
-    return Source(name, _decode(name, data))
+    with clock.stage("parse"):
+        from lmoc.sources.opened import open_files, open_source
 
-
-def _decode(name: str, data: bytes) -> str:
-    if b"\0" in data:
-        raise _refusal("E0612", f"'{name}' is not a text file", expected="text in UTF-8", found="binary data")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        found = f"byte 0x{data[error.start]:02x} in line {line}"
-        raise _refusal(
-            "E0612", f"'{name}' is not text in UTF-8", expected="text in UTF-8", found=found,
-            hint="save it with encoding UTF-8",
-        ) from None  # fmt: skip
-    return re.sub(r"\r(?!\n)", "\n", text) if "\r" in text else text  # lines that end as on the first Macintosh
-
-
-def _similar_file(path: Path) -> str:
-    from lmoc.messages.diagnostics import nearest
-
-    folder = path.parent
-    if not folder.is_dir():
-        return f"there is no folder '{folder}' either"
-    return nearest(path.name, (p.name for p in folder.iterdir()))
-
-
-def _refusal(code: str, message: str, **more: str) -> ModelError:
-    return ModelError([Diagnostic(code, message, **more)])
-
-
-# ----------------------------------------------------------------------------- the stages
+        opened = open_source(named, scene.path) if isinstance(named, Source) else open_files(named, scene.path)
+    return replace(scene, files=opened.files, folders=opened.folders, model=scene.model or opened.model)
 
 
 def parse(sources: Sequence[Source], clock: Clock) -> tuple[tree.File, ...]:
@@ -140,7 +117,7 @@ def load_library(clock: Clock) -> tuple[tree.File, ...]:
     with clock.stage("library"):
         from lmoc.sources import library
 
-        return library.load()
+        return library.load(())
 
 
 def flatten(scene: Scene, clock: Clock) -> FlatDAE:
@@ -151,7 +128,7 @@ def flatten(scene: Scene, clock: Clock) -> FlatDAE:
         from lmoc.semantics.flatten import flatten as flatten_files
 
         report = Report()
-        flat = checked(flatten_files(scene.files, parts, scene.model, scene.parameters, report))
+        flat = checked(flatten_files(scene.files, parts, scene.model, scene.parameters, report, scene.folders))
         report.check()
     return flat
 
@@ -198,10 +175,6 @@ class Stage:
     label: str
     function: Callable[[Any, Scene, Clock], Any] | None = None
     views: tuple[View, ...] = ()
-
-
-def _parsed(sources: Sequence[Source], scene: Scene, clock: Clock) -> Scene:
-    return replace(scene, files=parse(sources, clock))
 
 
 def _flattened(scene: Scene, _: Scene, clock: Clock) -> FlatDAE:
@@ -255,7 +228,7 @@ def _lowered_text(lowered: Lowered) -> str:
 
 
 STAGES = (
-    Stage("parse", "parse", _parsed, (View("parse", _tree_text),)),
+    Stage("parse", "parse", open_scene, (View("parse", _tree_text),)),
     Stage("library", "library"),  # read by `flatten`, timed apart
     Stage("flatten", "flatten", _flattened, (View("instantiate", _instance_text), View("flatten", _text))),
     Stage("reduce", "reduce", _reduced, (View("normalize", _normalized_text), View("reduce", _text))),
@@ -267,15 +240,15 @@ BY_NAME = {stage.name: stage for stage in STAGES}
 VIEWS = tuple(view.name for stage in STAGES for view in stage.views)
 
 
-def shown(name: str, sources: Sequence[Source], scene: Scene, clock: Clock) -> str:
-    """Return a view of what a stage makes of some sources.
+def shown(name: str, named: Named | Source, scene: Scene, clock: Clock) -> str:
+    """Return a view of what a stage makes of some files, or of a text.
 
     Parameters
     ----------
     name : one of `VIEWS`
-    scene : the model, parameters and states asked for; its files are those of the sources
+    scene : the model, parameters and states asked for
     """
-    structure: Any = sources
+    structure: Any = named
     for stage in STAGES:
         if stage.function is not None:
             structure = stage.function(structure, scene, clock)

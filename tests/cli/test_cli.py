@@ -93,7 +93,7 @@ def test_an_internal_error_is_owned_up_to(lmoc, scene, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("in a stage")
 
-    monkeypatch.setattr(pipeline, "parse", broken)
+    monkeypatch.setattr(pipeline, "open_scene", broken)
     answer = lmoc("check", scene)
     assert answer.code == 70
     assert "mistake in lmoc, not in your model" in answer.err

@@ -8,7 +8,7 @@ import lmoc
 from lmoc.cli.show import _tree
 from lmoc.messages.diagnostics import ModelError, Report, render
 from lmoc.messages.source import Source
-from lmoc.pipeline import read_source
+from lmoc.sources.files import read_source
 from lmoc.syntax.automaton import MOST_PENDING
 from lmoc.syntax.format import format
 from lmoc.syntax.parse import MOST_ERRORS, parse

@@ -66,8 +66,12 @@ class Parser(argparse.ArgumentParser):
 
 def add_model_arguments(parser: Parser) -> None:
     """FILE, --model and --set, which most verbs share."""
-    parser.add_argument("file", metavar="FILE", help="the scene, a .lmo file")
+    parser.add_argument("file", metavar="FILE", help="the scene, a .lmo file; or the name of a class in a folder")
     parser.add_argument("--model", metavar="NAME", help="which model, where the file holds several")
+    parser.add_argument(
+        "--path", metavar="DIR", action="append", default=[],
+        help="folder in which classes are looked for, after that of FILE; may be repeated",
+    )  # fmt: skip
     parser.add_argument(
         "--set", metavar="NAME=VALUE", type=assignment(value), action="append", default=[],
         help="value of a parameter; may be repeated",

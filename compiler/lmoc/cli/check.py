@@ -42,7 +42,10 @@ def _check(arguments: argparse.Namespace) -> tuple[tuple[Diagnostic, ...], str]:
     from lmoc.report.summary import counted, stages
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(arguments.file, arguments.model, dict(arguments.set), arguments.states, listener=progress.stage)
+        dae = compile(
+            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
+            listener=progress.stage,
+        )  # fmt: skip
         notes = dae.check(listener=progress.stage)
     counts = ", ".join(counted(n, stage) for stage, n in stages(dae.reduced.counts))
     warnings = sum(d.severity == "warning" for d in notes)

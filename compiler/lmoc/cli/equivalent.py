@@ -27,12 +27,13 @@ def configure(parser: Parser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """The network alone need not be a scene that can move: it is flattened, and not reduced."""
     from lmoc.parameters import indexed
-    from lmoc.pipeline import Clock, Scene, flatten, parse, read_source
+    from lmoc.pipeline import Clock, Scene, flatten, open_scene
     from lmoc.symbolic.equivalent import equivalent
 
     with Progress() as progress:
         clock = Clock(progress.stage)
-        scene = Scene(parse([read_source(arguments.file)], clock), arguments.model, dict(arguments.set))
+        scene = Scene((), arguments.model, dict(arguments.set), None, arguments.path)
+        scene = open_scene(arguments.file, scene, clock)
         flat = flatten(scene, clock)
     terminal.show((d for d in flat.notes if d.code != OPEN_END), ("warning",))
     values = flat.parameter_values(indexed(flat, flat.overrides))

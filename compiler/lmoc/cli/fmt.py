@@ -26,7 +26,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _one(name: str, check: bool) -> int:
     """Format one file; 1 where it is wrong, or would change and is only checked."""
-    from lmoc.pipeline import read_source
+    from lmoc.sources.files import read_source
 
     source = Source("standard input", sys.stdin.read()) if name == "-" else read_source(name)
     try:

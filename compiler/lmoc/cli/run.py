@@ -96,7 +96,10 @@ def _simulate(arguments: argparse.Namespace) -> Run:
     from lmoc.dae import compile
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(arguments.file, arguments.model, dict(arguments.set), arguments.states, listener=progress.stage)
+        dae = compile(
+            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
+            listener=progress.stage,
+        )  # fmt: skip
         return dae.simulate(
             arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
             arguments.solver, arguments.formulation, None, _initial(arguments.init), dict(arguments.input),

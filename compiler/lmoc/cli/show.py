@@ -6,7 +6,7 @@ import argparse
 
 from lmoc.cli.arguments import Parser, add_model_arguments, add_states_argument, choice
 from lmoc.cli.progress import Progress
-from lmoc.pipeline import VIEWS, Clock, Scene, read_source, shown
+from lmoc.pipeline import VIEWS, Clock, Scene, shown
 
 
 def configure(parser: Parser) -> None:
@@ -19,7 +19,7 @@ def configure(parser: Parser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     states = None if arguments.states is None else tuple(arguments.states)
     with Progress() as progress:
-        scene = Scene((), arguments.model, dict(arguments.set), states)
-        text = shown(arguments.stage, [read_source(arguments.file)], scene, Clock(progress.stage))
+        scene = Scene((), arguments.model, dict(arguments.set), states, arguments.path)
+        text = shown(arguments.stage, arguments.file, scene, Clock(progress.stage))
     print(text)
     return 0

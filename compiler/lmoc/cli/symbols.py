@@ -65,7 +65,10 @@ def compiled(arguments: argparse.Namespace) -> DAE:
     from lmoc.dae import compile
 
     with Progress() as progress:
-        dae = compile(arguments.file, arguments.model, dict(arguments.set), arguments.states, listener=progress.stage)
+        dae = compile(
+            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
+            listener=progress.stage,
+        )  # fmt: skip
     terminal.show(dae.notes, ("warning",))
     return dae
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from lmoc.expression import dag
 from lmoc.ir.flat import Block, FlatDAE, Group, Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
-from lmoc.semantics.classes.choose import choose_model, open_scopes
+from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
 from lmoc.semantics.classes.class_check import check_classes
 from lmoc.semantics.classes.experiment import experiment_of
 from lmoc.semantics.classes.overrides import Overrides
@@ -29,6 +30,7 @@ from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.long_sums import LongSums
 from lmoc.semantics.values.unit_check import check_units, report_unknown_units
 from lmoc.semantics.wrong import Wrong
+from lmoc.sources.packages import Folder
 from lmoc.syntax import tree
 
 
@@ -38,6 +40,7 @@ def flatten(
     model: str | None,
     parameters: Mapping[str, object],
     report: Report,
+    folders: Sequence[Folder] = (),
 ) -> FlatDAE:
     """The flat model.
 
@@ -48,6 +51,7 @@ def flatten(
     model : name of the model; None: the only one that no other class uses
     parameters : {dotted name: value}, applied over everything else
     report : collects what is wrong
+    folders : where classes are looked for that the files do not define
 
     Raises
     ------
@@ -55,8 +59,9 @@ def flatten(
         With everything that is wrong, as far as one mistake does not follow from another.
     """
     try:
-        cls = choose_model(open_scopes(files, library, report), files, model)
+        cls = choose_model(open_scopes(files, library, report, folders), files, model)
     except Wrong as wrong:
+        report.diagnostics += mistakes_in(files)  # which may be the reason
         wrong.put_into(report)
     report.check()
     overrides = Overrides(parameters)
@@ -72,7 +77,7 @@ def flatten(
         message = f"what '{cls.full_name}' is made of is nested too deeply"
         report.error("E0227", message, cls.definition.name_span, hint=hint)
     report.check()
-    return flat
+    return replace(flat, notes=(*flat.notes, *left_out(files, report)))
 
 
 class _Flattening:

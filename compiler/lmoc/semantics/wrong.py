@@ -36,6 +36,18 @@ class Wrong(Exception):
         report.diagnostics.append(new)
 
 
+class Refused(Wrong):
+    """A class or a file that is wrong by itself: whatever uses it says so."""
+
+    def __init__(self, mistakes: tuple[Diagnostic, ...]):
+        super().__init__()
+        self.mistakes = mistakes
+
+    def put_into(self, report: Report) -> None:
+        """Report all that is wrong, once."""
+        report.diagnostics += [d for d in self.mistakes if d not in report.diagnostics]
+
+
 class NotOneGroup(Wrong):
     """The rows of a group go different ways."""
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 import gc
 import os
 import pickle
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache as once
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
+from lmoc.sources.packages import Found
 from lmoc.support import cache
 from lmoc.syntax import tree
 
@@ -44,6 +45,21 @@ def packages_with(name: str) -> list[str]:
         for package, (file,) in files.items()
         if any(isinstance(e, tree.Class) and e.name == name for e in file.classes[0].elements)
     ]
+
+
+class Packages:
+    """The packages of the library, each read when a scene first names it."""
+
+    def names(self) -> Iterator[str]:
+        """Yield their names."""
+        yield from PACKAGES.values()
+
+    def find(self, name: str) -> Found | None:
+        """Return the package of that name, None where there is none."""
+        for file, package in PACKAGES.items():
+            if package == name:
+                return Found(_load(file)[0].classes[0])
+        return None
 
 
 @once

@@ -6,6 +6,7 @@ Nothing is looked up or evaluated here.
 
 from __future__ import annotations
 
+from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 from lmoc.syntax.node import Node, node
 
@@ -403,6 +404,7 @@ class Class(Node):
     literal_descriptions: tuple[str, ...] = ()
     constrained_by: Ref | None = None
     constraint: Modification | None = None
+    mistakes: tuple[Diagnostic, ...] = ()  # of the grammar, in its text and in no class inside of it
 
 
 @node

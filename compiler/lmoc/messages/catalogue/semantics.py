@@ -170,6 +170,21 @@ SEMANTICS: dict[str, Entry] = {
         "model E1\n  parameter Real k = 1;\nend E1;\nmodel E2\n  parameter Real c = 1;\nend E2;\n"
         "model S\n  replaceable E1 e;\nend S;\nmodel M\n  S s(redeclare E2 e);\nend M;\n",
     ),
+    "E0244": Entry(
+        "a class that is not where it belongs",
+        "A class `Name` is in a file `Name.lmo` or `Name.mo`, or in a folder `Name` with a file `package.lmo` or\n"
+        "`package.mo`. A file in the folder of a package begins with `within` and the full name of that package; any\n"
+        "other file that is found has no `within`. No class is there twice.",
+    ),
+    "W0245": Entry(
+        "a package that does not say all",
+        "A file in the folder of a package begins with `within` and the name of the package. `package.order` lists\n"
+        "the classes and constants of a package in their order, one on a line.",
+    ),
+    "W0246": Entry(
+        "a class is left out",
+        "The grammar refuses something in a class that the model does not use. Where it is used, it is an error.",
+    ),
     "E0301": Entry(
         "wrong type",
         "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"

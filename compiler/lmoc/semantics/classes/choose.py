@@ -2,26 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from lmoc.messages.diagnostics import Label, Report, nearest
+from lmoc.messages.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.messages.source import Span
-from lmoc.semantics.classes.place import Member
-from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.wrong import Wrong
+from lmoc.sources.library import Packages
+from lmoc.sources.packages import Folder, own_folders
 from lmoc.syntax import tree
 
 _SHOWN = 5  # so many models are marked where one must be chosen
 
 
-def open_scopes(files: Sequence[tree.File], library: Sequence[tree.File], report: Report) -> Scope:
+def open_scopes(
+    files: Sequence[tree.File], library: Sequence[tree.File], report: Report, folders: Sequence[Folder] = ()
+) -> Scope:
     """The scope of the user's classes; that of the library's is around it, so that the user's names shadow them."""
     around = Scope(None, None, report, True)
     _fill(around, library)
+    around.folders = (Packages(),) if library else ()
     root = Scope(None, around, report, False)
+    root.folders = tuple(folders)
     _fill(root, files)
     return root
+
+
+def mistakes_in(files: Sequence[tree.File]) -> list[Diagnostic]:
+    """What the grammar has refused in the classes of the files."""
+    return [d for definition in _with_inner(c for file in files for c in file.classes) for d in definition.mistakes]
+
+
+def left_out(files: Sequence[tree.File], report: Report) -> Iterator[Diagnostic]:
+    """Warn of classes that the grammar has refused, and that the model does not use."""
+    for definition in _with_inner(c for file in files for c in file.classes):
+        wrong = [d for d in definition.mistakes if d.severity == "error"]
+        if wrong and wrong[0] not in report.diagnostics:
+            message = f"'{definition.name}' has a mistake and is left out: {wrong[0].message}"
+            yield Diagnostic("W0246", message, wrong[0].span, wrong[0].expected, wrong[0].found, wrong[0].hint)
+
+
+def _with_inner(classes: Iterable[tree.Class]) -> Iterator[tree.Class]:
+    for definition in classes:
+        yield definition
+        yield from _with_inner(e for e in definition.elements if isinstance(e, tree.Class))
 
 
 def _fill(root: Scope, files: Sequence[tree.File]) -> None:
@@ -31,19 +55,24 @@ def _fill(root: Scope, files: Sequence[tree.File]) -> None:
             pending.append(file)
         else:
             for definition in file.classes:
-                root.add_class(definition)
+                _add(root, definition, file)
     for file in sorted(pending, key=lambda f: len(f.within)):
         scope: Scope | None = root
         for name in file.within:
-            scope = scope.local.get(name) if scope else None
+            scope = scope.class_in(name) if scope else None
         if scope is None:
             message = f"there is no package '{'.'.join(file.within)}' for it to be within"
             place = file.classes[0].name_span if file.classes else _first_line([file])
-            hint = "give the package's file as well, or leave 'within' out"
+            hint = "give the package's file as well, name its folder with --path, or leave 'within' out"
             root.report.error("E0202", message, place, hint=hint)
             continue
         for definition in file.classes:
-            scope.add_class(definition)
+            _add(scope, definition, file)
+
+
+def _add(scope: Scope, definition: tree.Class, file: tree.File) -> None:
+    added = scope.add_class(definition)
+    added.folders = own_folders(file, definition)
 
 
 def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> Scope:
@@ -52,18 +81,19 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     The one `model` at the top is meant too: it may bring a library along, in packages or as blocks, of which it need
     not use everything.
     """
-    models = [scope for scope in _all_classes(root) if _can_run(scope)]
+    models = [scope for scope in _own_classes(root, files) if _can_run(scope)]
     if name is not None:
-        return _named(root, models, name)
+        return _named(root, models, str(name))
     if not models:
         if root.report.errors:
             raise Wrong()  # a class has been left out: it stands in no package, say
         raise Wrong("E0602", "there is no model to run in the file", _first_line(files),
                     hint="a scene is 'model Name … end Name;'")  # fmt: skip
-    uses = _uses(root)
+    uses = _uses(_own_classes(root, files))
     used = {id(target) for user, _, target in uses if target is not user}
     free = [scope for scope in models if id(scope) not in used]
-    at_top = [scope for scope in models if scope.parent is root and scope.kind == "model"]
+    top = {id(definition) for file in files for definition in file.classes}
+    at_top = [scope for scope in models if id(scope.definition) in top and scope.kind == "model"]
     for meant in (free, at_top):
         if len(meant) == 1:
             return meant[0]
@@ -81,10 +111,16 @@ def _first_line(files: Sequence[tree.File]) -> Span | None:
     return Span(files[0].span.source, 0, 0) if files else None
 
 
-def _all_classes(scope: Scope) -> Iterator[Scope]:
-    for inner in scope.local.values():
-        yield inner
-        yield from _all_classes(inner)
+def _own_classes(root: Scope, files: Sequence[tree.File]) -> list[Scope]:
+    """All classes that the files define, those inside of others included."""
+    sources = {id(file.span.source) for file in files}
+    found, pending = [], [root]
+    while pending:
+        for scope in pending.pop().local.values():
+            pending.append(scope)
+            if id(scope.definition.span.source) in sources:
+                found.append(scope)
+    return sorted(found, key=lambda s: [f.span.source for f in files].index(s.definition.span.source))
 
 
 def _can_run(scope: Scope) -> bool:
@@ -92,17 +128,18 @@ def _can_run(scope: Scope) -> bool:
 
 
 def _named(root: Scope, models: list[Scope], name: str) -> Scope:
-    found: Scope | Builtin | Member | None = None
+    first, *rest = name.split(".")
     scope: Scope | None = root
+    found: Scope | None = None
     while scope is not None and found is None:  # the user's classes, then the library's
-        found = scope
-        for part in str(name).split("."):
-            found = found.element(part) if isinstance(found, Scope) else None
+        found = scope.class_in(first)
         scope = scope.parent
-    if not isinstance(found, Scope):
-        names = [s.full_name for s in models]
-        hint = nearest(name, names) or (f"the file has {', '.join(names)}" if names else "")
-        raise Wrong("E0601", f"there is no model '{name}'", None, hint=hint)
+    inside: Scope = root
+    for part in (first, *rest):
+        if part is not first:
+            inside, found = found, found.element(part)
+        if not isinstance(found, Scope):
+            raise _no_model(inside, part, name, models)
     if found.definition.partial:
         raise Wrong("E0209", f"'{name}' is partial: a model must extend it", found.definition.name_span)
     if not _can_run(found):
@@ -110,10 +147,22 @@ def _named(root: Scope, models: list[Scope], name: str) -> Scope:
     return found
 
 
-def _uses(root: Scope) -> list[tuple[Scope, tree.Ref, Scope]]:
+def _no_model(inside: Scope, part: str, name: str, models: list[Scope]) -> Wrong:
+    """What to say where a class has no class of that name in it."""
+    inside.refuse_files(part)
+    names = [s.full_name for s in models]
+    hint = nearest(name, names) or nearest(part, list(inside.names()))
+    if inside.definition is not None:
+        return Wrong("E0601", f"'{inside.full_name}' has no model '{part}'", inside.definition.name_span, hint=hint)
+    places = ", ".join(f"'{folder.path}'" for folder in inside.folders)
+    hint = hint or (f"the file has {', '.join(names)}" if names else f"it was looked for in {places}" if places else "")
+    return Wrong("E0601", f"there is no model '{name}'", None, hint=hint)
+
+
+def _uses(classes: Sequence[Scope]) -> list[tuple[Scope, tree.Ref, Scope]]:
     """Which class uses which other one, as the type of a part, a base or under a new name, and where it says so."""
     uses: list[tuple[Scope, tree.Ref, Scope]] = []
-    for scope in _all_classes(root):
+    for scope in classes:
         definition = scope.definition
         refs: list[tuple[tree.Ref, Scope]] = []
         for element in definition.elements:

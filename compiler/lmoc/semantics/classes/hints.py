@@ -66,7 +66,7 @@ def import_hint(scope: Place, path: Sequence[str]) -> str:
     if first is not None and not isinstance(first, Member | Builtin) and len(path) == 2:
         return nearest(path[1], first.table) or classes_hint(first)
     around = scope.root.parent or scope.root
-    names = (*scope.root.names(), *around.names(), *library.PACKAGES.values())
+    names = (*scope.root.names(), *around.names())
     return nearest(path[0], names) if first is None else ""
 
 

@@ -18,6 +18,7 @@ def resolve(found: Place | Builtin) -> Resolved:
     seen: set[int] = set()
     while not isinstance(found, Builtin):
         definition = found.definition
+        found.require_grammar()
         if id(found) in seen:
             raise Wrong("E0208", f"'{found.full_name}' is defined by itself", definition.name_span)
         seen.add(id(found))

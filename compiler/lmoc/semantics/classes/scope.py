@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from lmoc.messages.diagnostics import Label, Report, nearest
+from lmoc.messages.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.elements import collect
 from lmoc.semantics.classes.hints import classes_hint, either, import_hint, modelica_hint, suggest
@@ -22,7 +22,8 @@ from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import BUILTINS, Builtin
 from lmoc.semantics.classes.redeclare import constraint_of
 from lmoc.semantics.classes.resolve import resolve
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import Refused, Wrong
+from lmoc.sources.packages import Folder, Found
 from lmoc.syntax import tree
 
 # the kinds of classes that a kind can extend, where it is not only its own (7.1.3)
@@ -65,6 +66,8 @@ class Scope:
         self._open = False  # its table is being made
         self._searching = False  # its bases are being looked for
         self._types: dict[int, Resolved] = {}
+        self.folders: tuple[Folder, ...] = ()
+        self._missing: dict[str, tuple[Diagnostic, ...]] = {}  # not in the folders, and what is wrong with their files
         self.imports: list[tree.Import] = []
         for element in definition.elements if definition else ():
             if isinstance(element, tree.Class):
@@ -113,9 +116,37 @@ class Scope:
         self.local[definition.name] = scope = Scope(definition, self, self.report, self.library)
         return scope
 
+    def class_in(self, name: str) -> Scope | None:
+        """A class in this one, which is read now if it is in a folder and has not been used before."""
+        found = self.local.get(name)
+        if found is not None or not self.folders or name in self._missing or name in BUILTINS:
+            return found
+        said: tuple[Diagnostic, ...] = ()
+        for folder in self.folders:
+            read = folder.find(name)
+            if read is not None and read.definition is not None:
+                return self._take(read)
+            said += read.diagnostics if read is not None else ()
+        self._missing[name] = said
+        return None
+
+    def _take(self, read: Found) -> Scope:
+        """Put a class that has been read into this scope; the further ones of its file are seen from it alone."""
+        self.report.diagnostics += [d for d in read.diagnostics if d not in self.report.diagnostics]
+        around = self
+        if read.others:
+            around = Scope(None, self, self.report, self.library)
+            for definition in read.others:
+                around.add_class(definition)
+        made = self.local[read.definition.name] = Scope(read.definition, around, self.report, self.library)
+        made.folders = (read.folder,) if read.folder is not None else ()
+        return made
+
     def names(self) -> Iterator[str]:
-        """The names of the classes in this one."""
-        return iter(self.local)
+        """The names of the classes in this one, those in folders included."""
+        yield from self.local
+        for folder in self.folders:
+            yield from folder.names()
 
     @property
     def complete(self) -> bool:
@@ -161,7 +192,7 @@ class Scope:
                 raise Wrong("E0208", f"'{base.full_name}' extends itself", base.definition.name_span)
             heir = heir.heir
         made = Scope(base.definition, base.parent, base.report, base.library)
-        made.heir, made.derived = self, self.derived or self
+        made.heir, made.derived, made.folders = self, self.derived or self, base.folders
         return made
 
     def specialized(self, redeclarations: Redeclarations) -> Scope:
@@ -171,6 +202,7 @@ class Scope:
         if found is None:
             found = self._specialized[key] = Scope(self.definition, self.parent, self.report, self.library)
             found.redeclarations = {**self.redeclarations, **redeclarations}
+            found.folders = self.folders
         return found
 
     def replaced(self, argument: tree.Argument, scope: Scope) -> Scope:
@@ -196,6 +228,7 @@ class Scope:
     def table(self) -> dict[str, Member | Scope]:
         """Own and inherited elements by name, in the order of declaration."""
         if self._table is None:
+            self.require_grammar()
             if self._open:
                 raise Wrong("E0208", f"'{self.full_name}' extends itself", self.definition.name_span)
             self._open = True
@@ -224,13 +257,18 @@ class Scope:
         """Whether a class is this one or one that it extends."""
         return any(own.definition is scope.definition for own in self.lineage())
 
+    def require_grammar(self) -> None:
+        """A class that the grammar refuses cannot be used."""
+        if self.definition is not None and any(d.severity == "error" for d in self.definition.mistakes):
+            raise Refused(self.definition.mistakes)
+
     # ------------------------------------------------------------- lookup
 
     def find(self, name: str, inherited: bool = True) -> Member | Scope | Builtin | None:
         """A simple name seen from inside: own and inherited elements, imports, enclosing classes (5.3.1)."""
         scope: Scope | None = self
         while scope is not None:
-            found = scope._seen(name) if inherited else scope.local.get(name)
+            found = scope._seen(name) if inherited else scope.class_in(name)
             found = found or (scope._imported(name) if scope.imports else None)
             if found is not None:
                 return found
@@ -241,7 +279,8 @@ class Scope:
 
     def element(self, name: str) -> Member | Scope | None:
         """What the class has of that name: itself, or inherited."""
-        return (self.local if self.definition is None or self._searching else self.table).get(name)
+        found = None if self.definition is None or self._searching else self.table.get(name)
+        return found or self.class_in(name)
 
     def _seen(self, name: str) -> Member | Scope | None:
         """An element as it is in the class that is instantiated in the end."""
@@ -279,6 +318,14 @@ class Scope:
         for path in paths:
             self._path(path, element.span)
 
+    def refuse_files(self, name: str) -> None:
+        """Say what is wrong with the files that have the name of a class that is not found."""
+        scope: Scope | None = self
+        while scope is not None:
+            if scope._missing.get(name):
+                raise Refused(scope._missing[name])
+            scope = scope.parent
+
     def type_of(self, component: tree.Component) -> Resolved:
         """What the type of a component that is written in this class means."""
         found = self._types.get(id(component.type))
@@ -296,9 +343,11 @@ class Scope:
                 break
             outer, found = found, found.element(name)
             if found is None:
+                outer.refuse_files(name)
                 hint = nearest(name, (*outer.table, *outer.names())) or classes_hint(outer)
                 raise Wrong("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
+            self.refuse_files(names[0])
             text = ".".join(names)
             hint = modelica_hint(names) or suggest(self, names[-1])
             raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=hint)

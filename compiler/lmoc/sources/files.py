@@ -1,0 +1,61 @@
+"""Files of text: read, with what is wrong with them as diagnostics."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.messages.source import Source
+
+SUFFIXES = (".lmo", ".mo")  # of files with classes, the first going before the second
+
+
+def read_source(path: str | Path) -> Source:
+    """Return the text of a file.
+
+    Raises
+    ------
+    ModelError
+        E0610 no such file, E0611 a folder or not readable, E0612 not text in UTF-8.
+    """
+    name = str(path)
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise refusal("E0610", f"there is no file '{name}'", hint=_similar_file(Path(path))) from None
+    except IsADirectoryError:
+        inside = sorted(p.name for p in Path(path).glob("*.lmo"))
+        hint = f"it contains {', '.join(inside[:5])}{' …' if len(inside) > 5 else ''}" if inside else ""
+        raise refusal("E0611", f"'{name}' is a folder, not a file", hint=hint) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise refusal("E0611", f"'{name}' cannot be read: {reason}") from None
+    return Source(name, _decode(name, data))
+
+
+def _decode(name: str, data: bytes) -> str:
+    if b"\0" in data:
+        raise refusal("E0612", f"'{name}' is not a text file", expected="text in UTF-8", found="binary data")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        found = f"byte 0x{data[error.start]:02x} in line {line}"
+        raise refusal(
+            "E0612", f"'{name}' is not text in UTF-8", expected="text in UTF-8", found=found,
+            hint="save it with encoding UTF-8",
+        ) from None  # fmt: skip
+    return re.sub(r"\r(?!\n)", "\n", text) if "\r" in text else text  # lines that end as on the first Macintosh
+
+
+def _similar_file(path: Path) -> str:
+    folder = path.parent
+    if not folder.is_dir():
+        return f"there is no folder '{folder}' either"
+    return nearest(path.name, (p.name for p in folder.iterdir()))
+
+
+def refusal(code: str, message: str, **more: str) -> ModelError:
+    """Return the error for a file that cannot be used."""
+    return ModelError([Diagnostic(code, message, **more)])

@@ -1,0 +1,161 @@
+"""Classes in folders: found by the names of files and read when first needed (Modelica specification, 13.4).
+
+A class ``Name`` is in ``Name.lmo``, ``Name.mo`` or, with the classes inside of it, in a folder ``Name`` with
+``package.lmo`` or ``package.mo``. The files in the folder of a package begin with ``within`` and its full name.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lmoc.messages.diagnostics import Diagnostic, Label, ModelError, Report, nearest
+from lmoc.messages.source import Span
+from lmoc.sources.files import SUFFIXES, read_source, refusal
+from lmoc.syntax import tree
+from lmoc.syntax.classwise import parse_classwise
+
+PACKAGE = "package"  # the file of a folder that makes a package of it
+
+
+@dataclass(frozen=True)
+class Found:
+    """A class in a folder.
+
+    Attributes
+    ----------
+    definition : the class; None where the file cannot be read or defines no such class
+    others : further classes of its file, which are seen from it alone
+    folder : that of its classes, where it is a package in a folder
+    diagnostics : what is wrong with the file
+    """
+
+    definition: tree.Class | None = None
+    others: tuple[tree.Class, ...] = ()
+    folder: Folder | None = None
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@dataclass
+class Folder:
+    """The classes that the files of a folder define.
+
+    Attributes
+    ----------
+    path : the folder
+    within : full name of the package whose folder it is; empty for one in which top-level classes are looked for
+    """
+
+    path: Path
+    within: tuple[str, ...] = ()
+    _entries: dict[str, list[str]] | None = None
+    _found: dict[str, Found | None] = field(default_factory=dict)
+
+    def names(self) -> Iterator[str]:
+        """Yield the names of the classes, in the order of ``package.order`` and then of the alphabet."""
+        entries = self._listing()
+        order = [name for name in self.order() if name in entries]
+        yield from order
+        yield from sorted(name for name in entries if name not in order)
+
+    def order(self) -> list[str]:
+        """Return the lines of ``package.order``, empty where there is none."""
+        try:
+            return (self.path / "package.order").read_text("utf-8-sig").split()
+        except (OSError, UnicodeDecodeError):
+            return []
+
+    def find(self, name: str) -> Found | None:
+        """Return the class of that name; None where no file has its name. A file is read once."""
+        if name not in self._found:
+            entries = self._listing().get(name)
+            self._found[name] = self._read(name, entries) if entries else None
+        return self._found[name]
+
+    def _listing(self) -> dict[str, list[str]]:
+        """File names by the class that they are named after."""
+        if self._entries is None:
+            self._entries = {}
+            try:
+                names = sorted(os.listdir(self.path))
+            except OSError as error:
+                raise refusal("E0611", f"the folder '{self.path}' cannot be read: {error.strerror}") from None
+            for name in names:
+                stem, suffix = os.path.splitext(name)
+                if suffix in SUFFIXES and stem != PACKAGE:
+                    self._entries.setdefault(stem, []).append(name)
+                elif not suffix and package_file(self.path / name) is not None:
+                    self._entries.setdefault(name, []).append(name)
+        return self._entries
+
+    def _read(self, name: str, entries: list[str]) -> Found:
+        own = next((e for suffix in SUFFIXES for e in entries if e.endswith(suffix)), None)
+        if own is not None and name in entries:
+            message = f"'{name}' is both a file and a folder in '{self.path}'"
+            return Found(diagnostics=(Diagnostic("E0244", message, found=f"{own} and {name}/"),))
+        file = self.path / own if own is not None else package_file(self.path / name)
+        folder = None if own is not None else Folder(self.path / name, (*self.within, name))
+        try:
+            report = Report()
+            parsed = parse_classwise(read_source(file), report)
+        except ModelError as error:
+            return Found(diagnostics=error.diagnostics)
+        definition = next((c for c in parsed.classes if c.name == name), None)
+        others = tuple(c for c in parsed.classes if c is not definition)
+        if definition is None:
+            return Found(diagnostics=tuple(report.diagnostics) or (_misnamed(name, file, parsed),))
+        said = [*report.diagnostics, *self._misplaced(parsed, definition, file)]
+        if folder is not None:
+            said += _not_in_folder(folder, definition, file)
+        return Found(definition, others, folder, tuple(said))
+
+    def _misplaced(self, file: tree.File, definition: tree.Class, path: Path) -> Iterator[Diagnostic]:
+        """Complain where ``within`` is not the package whose folder this is."""
+        if file.within == self.within:
+            return
+        expected = f"within {'.'.join(self.within)};" if self.within else "no 'within'"
+        if not file.within:
+            message = f"'{path.name}' belongs to the package '{'.'.join(self.within)}' and does not say so"
+            yield Diagnostic("W0245", message, definition.name_span, hint=f"begin the file with '{expected}'")
+        else:
+            message = f"'{definition.name}' is not where its file says"
+            found = f"within {'.'.join(file.within)};"
+            yield Diagnostic("E0244", message, Span(file.span.source, 0, 0), expected=expected, found=found)
+
+
+def package_file(folder: Path) -> Path | None:
+    """Return the file that makes a package of a folder; None where there is none."""
+    return next((file for suffix in SUFFIXES if (file := folder / (PACKAGE + suffix)).is_file()), None)
+
+
+def own_folders(file: tree.File, definition: tree.Class) -> tuple[Folder, ...]:
+    """Return the folder of the classes in a class, where a file that was named is that of a package in a folder."""
+    path = Path(file.span.source.name)
+    if path.stem != PACKAGE or path.suffix not in SUFFIXES or not path.is_file():
+        return ()
+    return (Folder(path.parent, (*file.within, definition.name)),)
+
+
+def _misnamed(name: str, path: Path, file: tree.File) -> Diagnostic:
+    names = [c.name for c in file.classes]
+    hint = nearest(name, names) or "a file has the name of the class that it defines"
+    place = file.classes[0].name_span if file.classes else None
+    return Diagnostic("E0244", f"'{path}' defines no class '{name}'", place, expected=f"a class '{name}'",
+                      found=", ".join(f"'{n}'" for n in names) or "no class", hint=hint)  # fmt: skip
+
+
+def _not_in_folder(folder: Folder, definition: tree.Class, path: Path) -> Iterator[Diagnostic]:
+    """Complain about a class that is there twice, and about entries of ``package.order`` that are not there."""
+    own = {e.name: e for e in definition.elements if isinstance(e, tree.Class | tree.Component)}
+    files = set(folder.names())
+    for name in files & own.keys():
+        labels = (Label(definition.name_span, f"the folder is '{folder.path}'"),)
+        message = f"'{name}' is both in '{path.name}' and in a file of its own"
+        yield Diagnostic("E0244", message, own[name].name_span, labels=labels)
+    for name in folder.order():
+        if name not in own and name not in files:
+            hint = nearest(name, (*own, *files))
+            message = f"'package.order' names '{name}', which is not in the package '{definition.name}'"
+            yield Diagnostic("W0245", message, definition.name_span, hint=hint)
