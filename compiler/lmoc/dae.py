@@ -22,9 +22,6 @@ from lmoc.messages.source import Source
 from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed, starting_at
 from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
-from lmoc.symbolic import interface as derivations
-from lmoc.symbolic.places import Moment, Point, no_place
-from lmoc.symbolic.starts import in_symbols, start_values
 
 if TYPE_CHECKING:
     import sympy
@@ -36,6 +33,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.equivalent import Equivalent
     from lmoc.symbolic.linearize import LinearModel
+    from lmoc.symbolic.places import Moment, Point
     from lmoc.symbolic.system import SymbolicSystem
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
 
@@ -224,9 +222,12 @@ class DAE:
         from lmoc.numerics.options import RunOptions
 
         check_mappings(parameters=parameters, initial=None if isinstance(initial, str) else initial, inputs=inputs)
-        if in_symbols(initial):
-            begin = (self.flat.experiment.start or 0.0) if start is None else start
-            initial = start_values(self.prepare(parameters), initial, inputs, begin)
+        if initial is not None and initial != {}:
+            from lmoc.symbolic.starts import in_symbols, start_values
+
+            if in_symbols(initial):
+                begin = (self.flat.experiment.start or 0.0) if start is None else start
+                initial = start_values(self.prepare(parameters), initial, inputs, begin)
         check_initial(initial or {})
         keep = names_of(keep)
         clock = Clock(listener)
@@ -343,7 +344,9 @@ class DAE:
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
         """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`."""
-        return derivations.equilibria(self.prepare(parameters), inputs)
+        from lmoc.symbolic.interface import equilibria
+
+        return equilibria(self.prepare(parameters), inputs)
 
     def linearize(
         self,
@@ -361,8 +364,10 @@ class DAE:
             a `Run`, for its last point with its parameter values; by default the equilibrium
         symbolic, inputs, outputs : as in `lmoc.symbolic.interface.linearize`, with its errors
         """
+        from lmoc.symbolic.interface import linearize
+
         prepared, place = self._place(at, parameters)
-        return derivations.linearize(prepared, place, symbolic, inputs, outputs)
+        return linearize(prepared, place, symbolic, inputs, outputs)
 
     def transfer_function(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -376,8 +381,10 @@ class DAE:
         u, y : names of a top-level input and of a variable
         at : where a nonlinear scene is taken, as in `linearize`; by default its equilibrium without inputs
         """
+        from lmoc.symbolic.interface import transfer_function
+
         prepared, place = self._place(at, parameters)
-        return derivations.transfer_function(prepared, u, y, place)
+        return transfer_function(prepared, u, y, place)
 
     def input_output_equation(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -406,6 +413,8 @@ class DAE:
                 else Prepared(reduced.flat, reduced, at.trajectory.observer.values)
             )
             names = (*reduced.state_names, *prepared.inputs)
+            from lmoc.symbolic.places import Moment
+
             return prepared, Moment(float(at.time[-1]), {name: float(at[name][-1]) for name in names})
         if at is not None and not isinstance(at, Mapping):
             expected = "a time, {name: value}, an equilibrium or a run"
@@ -416,6 +425,8 @@ class DAE:
         """The default run until a time."""
         start = self.flat.experiment.start or 0.0
         if time < start:
+            from lmoc.symbolic.places import no_place
+
             raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about")
         return self.simulate(times=sorted({start, time}), parameters=parameters)
 

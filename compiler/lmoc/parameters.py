@@ -11,7 +11,6 @@ from lmoc.expression.dag import const
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
 from lmoc.ir.names import Names, hint_for
 from lmoc.messages.diagnostics import Report
-from lmoc.semantics.classes.overrides import other_type
 
 Value = float | bool | Sequence[float] | np.ndarray
 
@@ -91,6 +90,8 @@ def indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
             expected = "one number" if len(variables) == 1 else f"one number or {len(variables)}"
             report.error("E0621", f"the value of '{name}' does not fit", expected=expected, found=f"{value!r:.80}")
             continue
+        from lmoc.semantics.classes.overrides import other_type
+
         expected = other_type(block.quantity, numbers)
         if expected:
             report.error("E0301", f"'{name}' must be {expected}", block.span, found=f"{value!r:.80}")

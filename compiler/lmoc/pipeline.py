@@ -124,7 +124,7 @@ def flatten(scene: Scene, clock: Clock) -> FlatDAE:
     """The flat model of a scene, with the warnings so far in its `notes`."""
     parts = load_library(clock)
     with clock.stage("flatten"):
-        from lmoc.ir.check import checked
+        from lmoc.ir.checked import checked
         from lmoc.semantics.flatten import flatten as flatten_files
 
         report = Report()

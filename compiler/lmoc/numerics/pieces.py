@@ -30,6 +30,7 @@ from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.signals import Signal, break_times
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
+from lmoc.support.distinct import distinct
 
 Progress = Callable[[float, float], None]  # (time reached, stop time)
 
@@ -201,7 +202,8 @@ class _Run:
         breaks = kinks.break_times(stretch.plan, stretch.base, begin, span.end)
         if len(breaks) == kinks.MOST:
             self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
-        breaks = np.union1d(breaks, break_times(self.task.signals, begin, span.end, kinks.MOST // 10))
+        more = break_times(self.task.signals, begin, span.end, kinks.MOST // 10)
+        breaks = distinct(np.concatenate([breaks, more]))
         problem = Problem(
             stretch.system,
             begin,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +31,8 @@ def _csv(path: Path, columns: Columns) -> None:
 
 def _npz(path: Path, columns: Columns) -> None:
     """As `numpy.savez_compressed`, which takes names as keywords and so refuses or drops some ('file')."""
+    import zipfile  # heavy, and most runs write no such file
+
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, values in columns.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lmoc.ir.check import checked
+from lmoc.ir.checked import checked
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import split_program

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -31,6 +30,8 @@ def replace_file(path: Path, write: Callable[[Path], object]) -> None:
         write(path)
         return
     path = path.resolve()
+    import tempfile  # it imports random and hashlib, and most runs write no file
+
     number, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
     os.close(number)
     beside = Path(name)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from functools import singledispatch
-from typing import TypeVar
 
 from lmoc.ir.check.flat import check_flat
 from lmoc.ir.check.normalized import check_normalized
@@ -12,8 +10,6 @@ from lmoc.ir.check.reduced import check_reduced
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
 from lmoc.ir.reduced import Reduced
-
-Structure = TypeVar("Structure")
 
 
 @singledispatch
@@ -33,10 +29,3 @@ def check(structure: object) -> None:
 check.register(FlatDAE, check_flat)
 check.register(Normalized, check_normalized)
 check.register(Reduced, check_reduced)
-
-
-def checked(structure: Structure) -> Structure:
-    """Return a structure, checked first where the environment says ``LMOC_CHECK=1``."""
-    if os.environ.get("LMOC_CHECK", "") not in ("", "0"):
-        check(structure)
-    return structure

@@ -17,8 +17,8 @@ from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import Expr, postorder
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, nearest
-from lmoc.numerics.signals.signal_text import formula_from_text
 from lmoc.numerics.signals.tables import Points, Table, checked_table, read_csv
+from lmoc.support.distinct import distinct
 
 # where a formula with one of these is differentiated, the derivative lacks what happens at the kink itself
 _KINKED = frozenset("abs sign floor ceil integer min max mod rem div_integer if lt le gt ge eq ne".split())
@@ -191,7 +191,7 @@ def break_times(signals: Mapping[int, Signal], start: float, stop: float, most: 
         kinks = table.curve.kinks
         kinks = kinks[(kinks >= start) & (kinks <= stop)]
         found += [table.jumps, kinks if len(kinks) <= most else np.zeros(0)]
-    every = np.unique(np.concatenate(found))
+    every = distinct(np.concatenate(found))
     return every[(every >= start) & (every <= stop)]
 
 
@@ -204,6 +204,8 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
     if isinstance(given, bool | int | float | np.number) or (isinstance(given, np.ndarray) and given.shape == ()):
         return Constant(float(given))
     if isinstance(given, str) and not given.lower().endswith(".csv"):
+        from lmoc.numerics.signals.signal_text import formula_from_text
+
         made = formula_from_text(given, flat, name, report)
         return None if made is None else Formula(*made)
     if isinstance(given, str | Path):
