@@ -7,12 +7,13 @@ BIN := $(VENV)/bin
 DEMO := models/notes/ex05_suspension.lmo
 PICTURE := out/suspension.png
 
-.PHONY: help demo test test-random lint docs bench-quick clean
+.PHONY: help demo test test-random fuzz lint docs bench-quick clean
 
 help:
 	@echo "make demo         run the suspension of the notes and draw a picture of it"
 	@echo "make test         run the tests"
 	@echo "make test-random  run them with fresh random examples"
+	@echo "make fuzz         20 000 mutated models: no traceback, nothing slow, nothing large (an hour; resumable)"
 	@echo "make lint         check the style of the code"
 	@echo "make docs         write the pages that are made from the program and the library"
 	@echo "make bench-quick  start-up, scaling and other tools, in under 3 minutes"
@@ -27,6 +28,9 @@ test: $(VENV)/.installed-test
 
 test-random: $(VENV)/.installed-test
 	@HYPOTHESIS_PROFILE=random $(BIN)/python -m pytest -n 2 -q
+
+fuzz: $(VENV)/.installed-test
+	@nice $(BIN)/python tests/fuzz.py --count 20000 --jobs 2
 
 lint: $(VENV)/.installed-test
 	@$(BIN)/ruff check .

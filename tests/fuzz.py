@@ -1,0 +1,353 @@
+"""Mutated models through the command: no traceback, nothing above 10 s of work, nothing above 1 GB.
+
+``make fuzz``, or ``python tests/fuzz.py --count 20000 --jobs 2``. The seeds are the models, the library and the
+programs in the tests. Case k is the same in every run with the same ``--seed``; a run that was interrupted goes on
+where it stopped (``--fresh`` begins anew). Findings are kept in ``out/fuzz/`` with the program that shows them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import re
+import resource
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PLACE = ROOT / "out" / "fuzz"
+SECONDS, MEGABYTES = 10, 1000  # processor time, resident memory
+_WALL = 6  # times as long on the clock before a case is taken for hanging
+_LONGEST = 20_000  # characters of a seed
+_VERBS = {  # what is done with a model, and how often
+    ("run", "--stop", "1", "--points", "11"): 5,
+    ("check",): 2,
+    ("fmt", "--check"): 1,
+    ("show", "--stage", "reduce"): 1,
+}
+_TOKEN = re.compile(
+    r'"(?:[^"\\]|\\.)*"|//[^\n]*|[A-Za-z_]\w*|\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\s+|:=|<=|>=|==|<>|.', re.S
+)
+_PROGRAM = re.compile(r"\b(?:model|block|package|connector|record|function|type)\s+(\w+)\b.*?\bend\s+\1\s*;", re.S)
+_NUMBERS = "0 1 -1 2 3 0.5 1e-3 1e3 1e-320 1e308 1e400 100 65536 1000000 -0.0 3.14159".split()
+_WORDS = """der pre edge change reinit when if then else elseif end for loop while equation algorithm initial model
+    extends parameter constant input output flow each final redeclare replaceable inner outer connect time sin sqrt log
+    min max abs sum size fill zeros ones noEvent smooth true false and or not protected import function record type
+    enumeration = := + - * / ^ ( ) [ ] { } , ; : . <> < > <= >= == .* ./ .^ " // /* */ ' \\ \0 é 𝄞""".split()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A case that went wrong."""
+
+    case: int
+    kind: str
+    verb: str
+    seconds: float
+    megabytes: float
+    said: str
+
+
+# --------------------------------------------------------------------------- programs and their mutations
+
+
+def seeds() -> list[str]:
+    """All programs at hand, in a fixed order."""
+    files = sorted([*ROOT.glob("models/*/*.lmo"), *ROOT.glob("stdlib/*.lmo"), *ROOT.glob("tests/wrong/*.lmo")])
+    texts = [path.read_text(encoding="utf-8") for path in files]
+    for path in sorted(ROOT.glob("tests/**/test_*.py")):
+        texts += [match[0] for match in _PROGRAM.finditer(path.read_text(encoding="utf-8"))]
+    return list(dict.fromkeys(t for t in texts if 20 < len(t) <= _LONGEST))
+
+
+class Mutator:
+    """Changes programs by tokens and by whole constructs; the constructs come from the syntax trees of the seeds."""
+
+    def __init__(self, programs: list[str]) -> None:
+        self.programs = programs
+        self.tokens = [_TOKEN.findall(text) for text in programs]
+        self.spans = [_constructs(text) for text in programs]
+        self.pieces: dict[str, list[str]] = {}
+        for text, spans in zip(programs, self.spans, strict=True):
+            for kind, begin, end in spans:
+                self.pieces.setdefault(kind, []).append(text[begin:end])
+
+    def program(self, choose: random.Random) -> str:
+        """One mutated program."""
+        k = choose.randrange(len(self.programs))
+        if self.spans[k] and choose.random() < 0.5:
+            text = self._by_tree(k, choose)
+            return self._by_tokens(_TOKEN.findall(text), choose) if choose.random() < 0.15 else text
+        return self._by_tokens(list(self.tokens[k]), choose)
+
+    def _by_tree(self, k: int, choose: random.Random) -> str:
+        """Expressions, equations and declarations are removed, doubled, exchanged, or replaced by those of others."""
+        text, changes = self.programs[k], []
+        for _ in range(choose.choice((1, 1, 1, 2, 3))):
+            kind, begin, end = choose.choice(self.spans[k])
+            if any(begin < e and b < end for b, e, _ in changes):
+                continue
+            own = text[begin:end]
+            new = choose.choice(("", f"{own}{own}", *[choose.choice(self.pieces[kind])] * 6, f"({own})^({own})"))
+            changes.append((begin, end, new))
+        for begin, end, new in sorted(changes, reverse=True):
+            text = text[:begin] + new + text[end:]
+        return text
+
+    def _by_tokens(self, tokens: list[str], choose: random.Random) -> str:
+        for _ in range(choose.choice((1, 1, 1, 2, 2, 3, 5, 10))):
+            if not tokens:
+                break
+            at = choose.randrange(len(tokens))
+            other = choose.choice(self.tokens[choose.randrange(len(self.tokens))] or [";"])
+            action = choose.randrange(10)
+            if action < 2:
+                del tokens[at]
+            elif action == 2:
+                tokens.insert(at, tokens[at])
+            elif action == 3:
+                tokens[at] = other
+            elif action == 4:
+                tokens.insert(at, f" {choose.choice(_WORDS)} ")
+            elif action == 5:
+                second = choose.randrange(len(tokens))
+                tokens[at], tokens[second] = tokens[second], tokens[at]
+            elif action == 6:
+                self._change_number(tokens, choose)
+            elif action == 7:
+                names = [i for i, t in enumerate(tokens) if t[0].isalpha()]
+                if names:
+                    tokens[choose.choice(names)] = tokens[choose.choice(names)]
+            elif action == 8:
+                last = min(len(tokens), at + choose.randrange(1, 30))
+                del tokens[at:last]
+            else:
+                last = min(len(tokens), at + choose.randrange(1, 60))
+                tokens[at:at] = tokens[at:last] * choose.choice((1, 1, 2, 40))
+        return "".join(tokens)
+
+    @staticmethod
+    def _change_number(tokens: list[str], choose: random.Random) -> None:
+        numbers = [i for i, t in enumerate(tokens) if t[0].isdigit()]
+        if numbers:
+            tokens[choose.choice(numbers)] = choose.choice(_NUMBERS)
+
+
+def _constructs(text: str) -> list[tuple[str, int, int]]:
+    """Kind and place of all expressions, equations and declarations of a program; none where it is no program."""
+    from lmoc.messages.diagnostics import ModelError, Report
+    from lmoc.messages.source import Source
+    from lmoc.syntax.node import walk
+    from lmoc.syntax.parse import parse
+
+    try:
+        report = Report()
+        file = parse(Source("seed.lmo", text), report)
+        report.check()
+    except ModelError:
+        return []
+    kinds = {"Number": "expression", "Ref": "expression", "Unary": "expression", "Binary": "expression",
+             "Call": "expression", "If": "expression", "Array": "expression"}  # fmt: skip
+    found = []
+    for node in walk(file.classes):
+        span, name = getattr(node, "span", None), type(node).__name__
+        if span is not None and span.end > span.start:
+            found.append((kinds.get(name, name), span.start, span.end))
+    return found
+
+
+# --------------------------------------------------------------------------- one case, in a process of its own
+
+
+def attempt(case: int, text: str, verb: tuple[str, ...], folder: Path) -> Finding | None:
+    """Run the command on a program, watched; what went wrong, if anything did."""
+    program, said = folder / "case.lmo", folder / "said.txt"
+    program.write_text(text, encoding="utf-8", errors="replace")
+    began, child = time.monotonic(), os.fork()
+    if child == 0:
+        _become_the_command([verb[0], str(program), *verb[1:]], said)
+    status, usage = _wait(child, began + _WALL * SECONDS)
+    seconds, megabytes = usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    text = said.read_text(encoding="utf-8", errors="replace")
+    kind = ""
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        kind = {signal.SIGXCPU: "slow", signal.SIGKILL: "hangs"}.get(number, f"signal {number}")
+    elif os.WEXITSTATUS(status) not in (0, 1, 2, 3):
+        kind = f"exit code {os.WEXITSTATUS(status)}"
+    elif "Traceback" in text or "internal error" in text:
+        kind = "traceback"
+    elif megabytes > MEGABYTES:
+        kind = "memory"
+    elif seconds > SECONDS:
+        kind = "slow"
+    return Finding(case, kind, " ".join(verb), seconds, megabytes, text[-3000:]) if kind else None
+
+
+def _wait(child: int, until: float) -> tuple[int, resource.struct_rusage]:
+    while True:
+        done, status, usage = os.wait4(child, os.WNOHANG)
+        if done:
+            return status, usage
+        if time.monotonic() > until:
+            os.kill(child, signal.SIGKILL)
+            return os.wait4(child, 0)[1:]
+        time.sleep(0.002)
+
+
+def _become_the_command(words: list[str], said: Path) -> None:
+    """Never returns."""
+    code = 99
+    try:
+        os.environ["LMOC_TRACEBACK"] = "1"
+        os.environ["TMPDIR"] = str(said.parent)
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS + 1, SECONDS + 2))
+        resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, 4 << 30))  # well above, so that the peak is measured
+        signal.signal(signal.SIGXCPU, signal.SIG_DFL)
+        descriptor = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(descriptor, 1)
+        os.dup2(descriptor, 2)
+        sys.stdout, sys.stderr = open(1, "w", encoding="utf-8"), open(2, "w", encoding="utf-8")
+        from lmoc.cli.main import main
+
+        code = main(words)
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except BaseException:
+        import traceback
+
+        os.write(2, traceback.format_exc().encode())
+    os._exit(code)
+
+
+# --------------------------------------------------------------------------- many cases, in several workers
+
+
+def work(job: int, cases: Iterator[int], seed: int, place: Path) -> None:
+    """Take cases one after the other; a line of JSON for each finding, and the number of cases done."""
+    import casadi  # noqa: F401 - imported once, and not in every case
+    import numpy  # noqa: F401
+
+    import lmoc.cli.run
+    import lmoc.dae
+    import lmoc.numerics.simulate
+    import lmoc.report.summary  # noqa: F401
+    from lmoc.sources import library
+
+    library.load()
+    mutator = Mutator(seeds())
+    folder = place / f"job{job}"
+    folder.mkdir(parents=True, exist_ok=True)
+    verbs, weights = list(_VERBS), list(_VERBS.values())
+    with (place / f"findings{job}.jsonl").open("a", encoding="utf-8") as findings:
+        for case in cases:
+            choose = random.Random(f"{seed}:{case}")
+            text, verb = mutator.program(choose), choose.choices(verbs, weights)[0]
+            found = attempt(case, text, verb, folder)
+            if found is not None:
+                (place / f"{case}.lmo").write_text(text, encoding="utf-8", errors="replace")
+                findings.write(json.dumps(asdict(found)) + "\n")
+                findings.flush()
+            (place / f"done{job}").write_text(str(case))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=20_000, help="number of cases (20000)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes side by side (2)")
+    parser.add_argument("--seed", type=int, default=1, help="another number gives other cases (1)")
+    parser.add_argument("--fresh", action="store_true", help="begin anew")
+    parser.add_argument("--only", type=int, help="print one case, run it and say what it does")
+    arguments = parser.parse_args()
+    if arguments.only is not None:
+        return _show(arguments.only, arguments.seed)
+    place = PLACE / f"seed{arguments.seed}"
+    if arguments.fresh and place.exists():
+        for path in place.glob("*.*"):
+            path.unlink()
+        for path in place.glob("done*"):
+            path.unlink()
+    place.mkdir(parents=True, exist_ok=True)
+    children = {}
+    for job in range(arguments.jobs):
+        done = _number(place / f"done{job}")
+        first = job if done is None else done + arguments.jobs
+        child = os.fork()
+        if child == 0:
+            try:
+                work(job, iter(range(first, arguments.count, arguments.jobs)), arguments.seed, place)
+            except KeyboardInterrupt:
+                os._exit(130)
+            except BaseException:
+                import traceback
+
+                traceback.print_exc()
+                os._exit(1)
+            os._exit(0)
+        children[job] = child
+    return _follow(children, place, arguments)
+
+
+def _follow(children: dict[int, int], place: Path, arguments: argparse.Namespace) -> int:
+    """Show the progress until all workers have ended, then what was found."""
+    began, first = time.monotonic(), None
+    failed = 0
+    try:
+        while children:
+            time.sleep(2)
+            for job, child in list(children.items()):
+                ended, status = os.waitpid(child, os.WNOHANG)
+                if ended:
+                    failed |= status
+                    del children[job]
+            done = sum(
+                0 if (n := _number(place / f"done{job}")) is None else n // arguments.jobs + 1
+                for job in range(arguments.jobs)
+            )
+            first = done if first is None else first
+            rate = (done - first) / (time.monotonic() - began)
+            left = f"{(arguments.count - done) / rate / 60:.0f} min left" if rate > 0 else ""
+            line = f"{done} of {arguments.count} cases, {len(_findings(place))} findings, {rate:.1f}/s {left}"
+            print(f"\r{line:<78}", end="" if sys.stdout.isatty() else "\n", flush=True)
+    except KeyboardInterrupt:
+        print("\nstopped; the same command goes on from here")
+        return 130
+    found = _findings(place)
+    print()
+    for f in found:
+        last = next((line for line in reversed(f.said.splitlines()) if line.strip()), "")
+        print(f"case {f.case}: {f.kind} ({f.verb}; {f.seconds:.1f} s, {f.megabytes:.0f} MB) {last[:100]}")
+    print(f"{len(found)} findings in {place}" if found else "no traceback, nothing slow, nothing large")
+    return 1 if found or failed else 0
+
+
+def _findings(place: Path) -> list[Finding]:
+    lines = [line for path in sorted(place.glob("findings*.jsonl")) for line in path.read_text().splitlines()]
+    return sorted((Finding(**json.loads(line)) for line in lines), key=lambda f: f.case)
+
+
+def _number(path: Path) -> int | None:
+    text = path.read_text() if path.exists() else ""
+    return int(text) if text else None  # it may just be written
+
+
+def _show(case: int, seed: int) -> int:
+    choose = random.Random(f"{seed}:{case}")
+    text, verb = Mutator(seeds()).program(choose), choose.choices(list(_VERBS), list(_VERBS.values()))[0]
+    folder = PLACE / "only"
+    folder.mkdir(parents=True, exist_ok=True)
+    print(text)
+    found = attempt(case, text, verb, folder)
+    print(found.said if found else (folder / "said.txt").read_text())
+    print(f"--- {' '.join(verb)}: {found.kind if found else 'fine'}")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
