@@ -282,6 +282,8 @@ class _Run:
         if lost is None:
             return outcome
         self.lost = self._not_determined(lost)
+        recorder = self.stretch.recorder
+        recorder.reached = int(np.searchsorted(recorder.times, times[-1], "right"))
         return replace(outcome, time=float(times[-1]), x=states[-1], status=Status.SINGULAR)
 
     def _not_determined(self, register: int) -> str:

@@ -6,6 +6,7 @@ takes is run by numpy over groups of rows.
 
 from __future__ import annotations
 
+from lmoc.ir.program import Program, Solve
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, can_lower
 from lmoc.numerics.evaluate.explicit_system import CasadiSystem
 from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
@@ -18,17 +19,27 @@ COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compil
 
 
 def make_system(plan: Plan) -> System:
-    """The way of evaluating that suits the size and the blocks of a plan."""
-    if plan.row_count <= COMPILED_ROWS and not can_lower(plan.program) and can_segment(plan.program):
-        return _small_implicit(plan)
-    if plan.row_count > COMPILED_ROWS or (plan.has_large_blocks and not can_lower(plan.program)):
-        from lmoc.numerics.evaluate.native.c_code import Unsupported
-        from lmoc.numerics.evaluate.native.system import NativeSystem  # imported late: small scenes need no ctypes
+    """Return the way of evaluating that suits the size and the blocks of a plan."""
+    from lmoc.numerics.evaluate.native.c_code import Unsupported
 
+    if plan.row_count > COMPILED_ROWS or has_varying_blocks(plan.program):
         try:
-            return NativeSystem(plan)
+            return _compiled(plan)
         except (Unsupported, OSError):  # a block that C does not take, or no compiler: the others give the same values
             pass
+    return interpreted(plan)
+
+
+def _compiled(plan: Plan) -> System:
+    """Compiled C: at once where it is worth waiting for, else as soon as it is there."""
+    from lmoc.numerics.evaluate.native.compiled_later import compiled_or
+    from lmoc.numerics.evaluate.native.system import NativeSystem  # imported late: most scenes need no ctypes
+
+    return NativeSystem(plan) if plan.row_count > COMPILED_ROWS else compiled_or(plan, interpreted)
+
+
+def interpreted(plan: Plan) -> System:
+    """Return the way of evaluating that suits a plan where nothing is compiled."""
     if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
         return CasadiSystem(plan)
     if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
@@ -36,11 +47,6 @@ def make_system(plan: Plan) -> System:
     return VectorSystem(plan)
 
 
-def _small_implicit(plan: Plan) -> System:
-    from lmoc.numerics.evaluate.native.c_code import Unsupported
-    from lmoc.numerics.evaluate.native.compiled_later import compiled_or
-
-    try:
-        return compiled_or(plan, SegmentedSystem)
-    except (Unsupported, OSError):
-        return SegmentedSystem(plan)
+def has_varying_blocks(program: Program) -> bool:
+    """Whether something is solved at every evaluation, for which C is faster by much."""
+    return any(isinstance(step, Solve) and not step.constant for step in program)

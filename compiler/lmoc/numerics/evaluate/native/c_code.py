@@ -160,6 +160,23 @@ def write_step(writer: Writer, step: Apply | Total) -> None:
         with_loop(writer, step, [step.shape], lambda results, out: [f"w[{out}] = {results[0]};"])
 
 
+def write_rounds(writer: Writer, steps: tuple[Apply, ...], rounds: int) -> None:
+    """Write a loop over rounds, each of which runs row k of all steps in order."""
+    writer.add("{")
+    body = []
+    for j, step in enumerate(steps):
+        access = {}
+        for column in range(step.slots.shape[1]):
+            declare, index = writer.address(step.slots[:, column], f"a{j}_{column}")
+            writer.add(*declare)
+            access[column] = f"w[{index}]"
+        declare, out = writer.address(step.out, f"o{j}")
+        writer.add(*declare)
+        lines, results = expression_lines([step.shape], access, writer)
+        body += [*lines, f"w[{out}] = {results[0]};"]
+    writer.add(f"for (int64_t i = 0; i < {writer.number(rounds)}; i++) {{", *body, "}", "}")
+
+
 def is_short(writer: Writer, step: Step) -> bool:
     """Whether the rows of a step are written one by one."""
     return writer.literal and len(written(step)) <= FEW

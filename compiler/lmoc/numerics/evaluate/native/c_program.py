@@ -11,9 +11,10 @@ import numpy as np
 
 from lmoc.ir.program import Program, Solve, needed_steps, program_rows, written
 from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.evaluate.native.c_code import Block, CFunction, Writer, write_step
+from lmoc.numerics.evaluate.native.c_code import Block, CFunction, Writer, write_rounds, write_step
 from lmoc.numerics.evaluate.native.c_derivatives import sweep
 from lmoc.numerics.evaluate.native.c_matrices import Matrices
+from lmoc.numerics.evaluate.native.rolled import Rolled, roll
 
 LITERAL_ROWS = 1500  # rows up to which a program is small
 
@@ -45,8 +46,10 @@ def generate(program: Program, registers: int, name: str = "lmoc_program") -> CF
 
 def write_program(writer: Writer, program: Program) -> None:
     """Write the steps one after the other."""
-    for step in program:
-        if isinstance(step, Solve):
+    for step in roll(program):
+        if isinstance(step, Rolled):
+            write_rounds(writer, step.steps, step.rounds)
+        elif isinstance(step, Solve):
             write_solve(writer, step)
         elif len(step.out):
             write_step(writer, step)

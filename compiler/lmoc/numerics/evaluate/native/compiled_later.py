@@ -6,7 +6,7 @@ of a long run, and is found in the cache by the next.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -14,12 +14,12 @@ from lmoc.numerics.evaluate.native.compiler import Compilation, find_compiler, k
 from lmoc.numerics.evaluate.native.kernel import Source, source_of
 from lmoc.numerics.evaluate.native.system import NativeSystem, has_branches
 from lmoc.numerics.evaluate.stepper import Stepper
-from lmoc.numerics.evaluate.vector_system import VectorSystem
+from lmoc.numerics.evaluate.system import CasadiDAE, System
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 
-def compiled_or(plan: Plan, other: type[VectorSystem]) -> VectorSystem:
+def compiled_or(plan: Plan, other: Callable[[Plan], System]) -> System:
     """Return the compiled system where it is in the cache, else `other`, which gives way to it when it is compiled.
 
     Raises
@@ -36,16 +36,16 @@ def compiled_or(plan: Plan, other: type[VectorSystem]) -> VectorSystem:
     return CompiledLater(plan, other(plan), source) if library is None else NativeSystem(plan, source, library)
 
 
-class CompiledLater(VectorSystem):
+class CompiledLater(System):
     """Evaluated in another way until the C code is there.
 
     Attributes
     ----------
-    current : VectorSystem
+    current : System
         What evaluates it now.
     """
 
-    def __init__(self, plan: Plan, other: VectorSystem, source: Source) -> None:
+    def __init__(self, plan: Plan, other: System, source: Source) -> None:
         self.current = other
         self._source, self._compilation = source, Compilation(source.text, source.optimization)
         self.plan, self.n = plan, other.n
@@ -67,8 +67,10 @@ class CompiledLater(VectorSystem):
         self.current = NativeSystem(self.plan, self._source, library)
         self.current.prepare(*self._given)
         self.current.evaluations, self.current.jacobians = before.evaluations, before.jacobians
-        solved = self.current.kernel.unknowns
-        self.current.w[solved] = np.where(np.isfinite(before.w[solved]), before.w[solved], self.current.w[solved])
+        if before.registers is not None:
+            solved = self.current.kernel.unknowns
+            found, own = before.registers[solved], self.current.w[solved]
+            self.current.w[solved] = np.where(np.isfinite(found), found, own)
         return True
 
     def stepper(self) -> Stepper:
@@ -103,7 +105,7 @@ class CompiledLater(VectorSystem):
         return self.current.unknowns
 
     @property
-    def registers(self) -> np.ndarray:
+    def registers(self) -> np.ndarray | None:
         return self.current.registers
 
     @property
@@ -123,8 +125,11 @@ class CompiledLater(VectorSystem):
         return self.current.jacobians
 
     @property
-    def w(self) -> np.ndarray:
-        return self.current.w
+    def most_steps(self) -> int:
+        return self.current.most_steps
+
+    def casadi_dae(self) -> CasadiDAE | None:
+        return self.current.casadi_dae()
 
 
 class _Stepper(Stepper):
