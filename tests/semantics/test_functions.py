@@ -238,3 +238,32 @@ def test_sizes_inside_functions(call: str, code: str) -> None:
         assert codes(text) == [code]
     else:
         assert value(flat(text, library=False), "r") in (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "result"),
+    [
+        ("mysin", 'external "builtin" y = sin(u);', "sin(x)"),
+        ("mysin", 'external "builtin" y = sin(u) annotation(Library = "m"); annotation(Inline = true);', "sin(x)"),
+        ("tanh", 'external "builtin";', "tanh(x)"),
+        ("angle", 'external "builtin" atan2(u, 2);', "atan2(x, 2)"),
+    ],
+)
+def test_a_function_that_is_built_in(name: str, body: str, result: str) -> None:
+    dae = flat(f"""function {name} input Real u; output Real y; {body} end {name};
+                   model A Real x = time; Real y = {name}(x); end A;""")
+    assert f"y = {result}" in equations(dae)
+
+
+def test_a_function_that_only_seems_to_be_built_in() -> None:
+    function = 'function f input Real u; output Real y; external "builtin" y = besselj(u); end f;'
+    assert codes(f"{function} model A Real x = f(1); end A;") == ["E0203"]
+
+
+def test_local_variables_are_declared_in_any_order() -> None:
+    text = """function f input Real x; output Real y;
+                protected Real a = b + c[1]; Real b = 2*x; Real c[n] = fill(x, n); Integer n = 2;
+                algorithm y := a; end f;
+              model A parameter Real z = f(3); end A;"""
+    assert value(flat(text), "z") == 9
+    assert codes(text.replace("Real b = 2*x", "Real b = a")) == ["E0207"]

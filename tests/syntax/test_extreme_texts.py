@@ -5,12 +5,12 @@ from bisect import bisect_left
 import pytest
 
 import lmoc
-from lmoc.cli.show import _tree
 from lmoc.messages.diagnostics import ModelError, Report, render
 from lmoc.messages.source import Source
 from lmoc.sources.files import read_source
 from lmoc.syntax.automaton import MOST_PENDING
 from lmoc.syntax.format import format
+from lmoc.syntax.outline import outline
 from lmoc.syntax.parse import MOST_ERRORS, parse
 
 # Each makes a text that is nested n levels deep, in one way of the language.
@@ -52,7 +52,7 @@ def test_what_is_nested_as_deep_as_a_person_might(kind: str, levels: int) -> Non
     assert errors(text) == []
     report = Report()
     file = parse(Source("deep.lmo", text), report)
-    assert format(file) and list(_tree(file))
+    assert format(file) and list(outline(file))
 
 
 @pytest.mark.parametrize("kind", NESTED)
@@ -92,7 +92,7 @@ def test_long_sums_have_no_limit() -> None:
     dae = lmoc.compile_text(text)
     assert dae.simulate(stop=1, points=2)["x"][-1] == pytest.approx(6001)
     report = Report()
-    assert sum(1 for _ in _tree(parse(Source("long.lmo", text), report))) > 10_000
+    assert sum(1 for _ in outline(parse(Source("long.lmo", text), report))) > 10_000
 
 
 def test_a_power_that_overflows_is_no_traceback() -> None:
@@ -140,3 +140,19 @@ def test_long_lines_with_wide_characters_are_cut_too() -> None:
     assert len(line) < 130 and "Real y =" in line
     columns = sum(2 if char == "長" else 1 for char in line[: line.index("Real y =") + len("Real y =")])
     assert mark.index("^") == columns
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "model A Real x = y[end" + "/**//**/" * 1000 + "z]; end A;",
+        "model A Real x; initial" + "/**//**/" * 1000 + " x = 1; end A;",
+        "model A end A;" + "/*\n" * 3000,
+        "model A end A;" + "[end/*" * 3000,
+        "model A end A;" + "initial/*" * 3000,
+        "model A Real x = " + "1 " * 3000 + "; end A;",
+    ],
+)
+def test_patterns_of_the_lexer_take_linear_time(text: str) -> None:
+    """Each of these took minutes, or longer than anybody would wait, with a pattern that backtracks."""
+    assert errors(text)

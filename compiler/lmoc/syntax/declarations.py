@@ -107,7 +107,7 @@ class Actions(PrefixActions):
         parts: dict[str, list] = {
             kind: [] for kind in ("elements", "equations", "initial_equations", "statements", "initial_statements")
         }
-        annotation = None
+        annotation = external = None
         for item in rest:
             kind, items = item if isinstance(item, Section) else ("public", [item])
             for one in _flat(items):
@@ -115,6 +115,8 @@ class Actions(PrefixActions):
                     if annotation is not None:
                         self.report.error("E0101", "a class can have only one annotation", one.span)
                     annotation = one
+                elif kind == "external":
+                    external = one
                 elif kind == "protected":
                     parts["elements"].append(one if isinstance(one, tree.Import) else replace(one, protected=True))
                 else:
@@ -123,6 +125,7 @@ class Actions(PrefixActions):
             "name": name,
             "description": description,
             "annotation": annotation,
+            "external": external,
             **{kind: tuple(items) for kind, items in parts.items()},
         }
 
@@ -203,13 +206,20 @@ class Actions(PrefixActions):
         return v[0]
 
     def external(self, v: list, start: int, end: int) -> Section:
-        self.report.error(
-            "E0116",
-            "functions in another language are not part of lmo",
-            self.span(start, end),
-            hint="write the body in an 'algorithm' section",
-        )
-        return Section("public", [])
+        own = [value for value in v if isinstance(value, tree.Modification)][-1:] if len(v) > 1 else []
+        if not v or v[0] != '"builtin"':
+            self.report.error(
+                "E0116",
+                "functions in another language are not part of lmo",
+                self.span(start, end),
+                hint="write the body in an 'algorithm' section",
+            )
+            return Section("public", own)
+        body = _first(v, tree.External) or tree.External(None, None, self.span(start, end))
+        return Section("external", [body, *own])
+
+    def external_call(self, v: list, start: int, end: int) -> tree.External:
+        return tree.External(v[0] if len(v) > 1 else None, v[-1], self.span(start, end))
 
     def class_annotation(self, v: list, start: int, end: int) -> tree.Modification:
         return v[0]

@@ -117,6 +117,10 @@ def _class(page: _Page, c: tree.Class) -> None:
             page.line(word)
             page.depth += 1
             _items(page, items)
+    if c.external is not None:
+        page.depth -= 1
+        page.line(f"external{show.external(c.external)};")
+        page.depth += 1
     if c.annotation is not None:
         page.begin(c.annotation.span)
         page.line(f"annotation{show.modification(c.annotation)};")

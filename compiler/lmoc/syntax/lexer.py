@@ -85,7 +85,7 @@ def scan(source: Source, tables: Tables, doubtful: bool = False) -> tuple[Tokens
         if open_end is None:
             break
         said.append(_not_closed(source, open_end))
-        text = _close(text, open_end)
+        text = _close(text, open_end) if text[open_end] == '"' else _without_comments(text, open_end)
     for symbol, offset in irregular:
         # A wrong name is used many times, a foreign sign out of habit: once is enough.
         said += [d for d in _mend(source, tokens, symbol, offset) if all(d.message != e.message for e in said)]
@@ -160,6 +160,8 @@ def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
                 symbol = value
         elif symbol in ("foreign", "open_comment", "wrong"):
             irregular.append((symbol, match.start()))
+            if symbol == "open_comment":
+                break  # whatever follows is the comment
             if symbol != "foreign":
                 continue
             symbol = _FOREIGN[value]
@@ -195,16 +197,18 @@ def _not_closed(source: Source, start: int) -> Diagnostic:
     return Diagnostic("E0105", "this comment is not closed", place, expected="'*/' at its end")
 
 
+def _without_comments(text: str, start: int) -> str:
+    """The text, as long as before, with the comment at `start` and those after it ended on their lines."""
+    return text[:start] + re.sub(r"/\*[^\n]*", lambda comment: " " * len(comment[0]), text[start:])
+
+
 def _close(text: str, start: int) -> str:
-    """The text, as long as before, with the string or comment that begins at `start` ended on its line."""
+    """The text, as long as before, with the string that begins at `start` ended on its line."""
     line_end = text.find("\n", start)
     line = text[start : len(text) if line_end < 0 else line_end]
-    if line[0] == '"':
-        kept = line.rstrip(" \t\r;),")
-        closed = f'{kept[:-1]}"' if len(kept) > 1 else " "
-        line = closed.replace("\\", " ") + line[len(kept) :]
-    else:
-        line = " " * len(line)
+    kept = line.rstrip(" \t\r;),")
+    closed = f'{kept[:-1]}"' if len(kept) > 1 else " "
+    line = closed.replace("\\", " ") + line[len(kept) :]
     return text[:start] + line + text[start + len(line) :]
 
 

@@ -178,6 +178,12 @@ def description(text: str, annotation: tree.Modification | None = None) -> str:
     return shown + (f" annotation{modification(annotation)}" if annotation is not None else "")
 
 
+def external(e: tree.External) -> str:
+    """What follows the word ``external``."""
+    target = f" {expression(e.target)} =" if e.target is not None else ""
+    return ' "builtin"' + target + (f" {expression(e.call)}" if e.call is not None else "")
+
+
 # ------------------------------------------------------------- declarations
 
 

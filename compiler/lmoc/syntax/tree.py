@@ -404,7 +404,16 @@ class Class(Node):
     literal_descriptions: tuple[str, ...] = ()
     constrained_by: Ref | None = None
     constraint: Modification | None = None
+    external: External | None = None
     mistakes: tuple[Diagnostic, ...] = ()  # of the grammar, in its text and in no class inside of it
+
+
+@node
+class External(Node):
+    """``external "builtin" y = f(x)``: a function that lmo has itself; without a call, that of the same name."""
+    target: Ref | None
+    call: Call | None
+    span: Span
 
 
 @node

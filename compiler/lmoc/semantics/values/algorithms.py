@@ -14,6 +14,7 @@ from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
@@ -79,10 +80,26 @@ class Algorithm:
             for scope in self.function.lineage():
                 self.context.scope = scope
                 self._statements(scope.definition.statements)
+                if scope.definition.external is not None:
+                    self._builtin(scope.definition.external)
         except _Return:
             return
         finally:
             self.context.scope = self.function
+
+    def _builtin(self, body: tree.External) -> None:
+        """``external "builtin"``: the result is that of a function which lmo has itself (12.9)."""
+        outputs = [name for name, variable in self.declared.items() if variable.role == "output"]
+        inputs = [name for name, variable in self.declared.items() if variable.role == "input"]
+        function = body.call.function if body.call is not None else name_ref(self.function.name, body.span)
+        arguments = tuple(name_ref(name, body.span) for name in inputs)
+        call = body.call or tree.Call(function, arguments, (), body.span)
+        handler = BUILTIN_FUNCTIONS.get(str(function) if body.call is not None else self.function.name)
+        if handler is None or len(outputs) != 1:
+            what = "needs one output" if handler else f"there is no '{function.parts[-1].name}' in lmo"
+            raise Wrong("E0203", f"'{self.function.name}' is not built in: {what}", body.span,
+                        hint=nearest(function.parts[-1].name, BUILTIN_FUNCTIONS))  # fmt: skip
+        self._store(body.target or name_ref(outputs[0], body.span), handler(self.context, call), body.span)
 
     def _initialize(self, name: str, variable: LocalVariable) -> None:
         component = variable.member.component
@@ -285,6 +302,11 @@ def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list
     for name in declared:
         visit(name)
     return order
+
+
+def name_ref(name: str, span: Span) -> tree.Ref:
+    """A reference to a name, in the place of something else."""
+    return tree.Ref((tree.RefPart(name, (), span),), False, span)
 
 
 def _open_size(variable: LocalVariable) -> bool:
