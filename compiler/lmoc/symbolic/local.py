@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import TYPE_CHECKING
 
-from lmoc.expression.dag import slots
+from lmoc.expression.calculus import differentiate
+from lmoc.expression.dag import Expr, postorder, slots
 from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Group, Kind
 from lmoc.symbolic.elimination import Elimination, eliminate
@@ -46,6 +47,7 @@ class PartLaws:
         self.rows = [(g, r) for g in flat.groups if g.origin not in BALANCES for r in range(g.rows)]
         self._cause: dict[int, int] = {}  # variable -> the row that gives it
         self._value: dict[int, sympy.Expr] = {}
+        self._plain: dict[tuple, bool] = {}
         self._order()
 
     def _order(self) -> None:
@@ -64,7 +66,7 @@ class PartLaws:
             if len(open_of[i]) != 1:
                 continue
             (v,) = open_of[i]
-            if v in self._cause or self._highest(i, v) > 0:
+            if v in self._cause or not self._gives(i, v):
                 continue
             self._cause[v] = i
             for j in waiting[v]:
@@ -79,9 +81,21 @@ class PartLaws:
     def _is_unknown(self, variable: int) -> bool:
         return self.flat.kind[variable] == Kind.UNKNOWN and variable not in self.kinematics.known
 
-    def _highest(self, i: int, variable: int) -> int:
+    def _gives(self, i: int, variable: int) -> bool:
+        """Whether a row is solved for a variable without dividing by what moves."""
         group, row = self.rows[i]
-        return max(s.value[1] for s in _leaves(group) if group.slots[row][s.value[0]] == variable)
+        leaves = [s for s in _leaves(group) if group.slots[row][s.value[0]] == variable]
+        return all(s.value[1] == 0 and self._is_plain(group, s) for s in leaves)
+
+    def _is_plain(self, group: Group, leaf: Expr) -> bool:
+        """Whether only numbers and parameters multiply a variable in the equations of a group."""
+        key = id(group), leaf
+        if key not in self._plain:
+            factor = differentiate(group.residual, leaf)
+            kinds = [self.flat.kind[group.slots[0][s.value[0]]] for s in slots(factor)]
+            known = all(kind in (Kind.CONSTANT, Kind.PARAMETER) for kind in kinds)
+            self._plain[key] = known and not any(node.op == "time" for node in postorder(factor))
+        return self._plain[key]
 
     def value(self, variable: int) -> sympy.Expr:
         """Expression of a variable in jets of the coordinates; unknown flows stand as themselves."""

@@ -225,7 +225,8 @@ def _is_rate(factor: sympy.Expr) -> bool:
     import sympy as sp
 
     base = factor.base if isinstance(factor, sp.Pow) else factor
-    return base.is_Symbol and base.name.startswith("der(")
+    symbols = base.free_symbols if base.is_Add else {base} if base.is_Symbol else set()
+    return bool(symbols) and all(s.name.startswith("der(") for s in symbols)  # also (φ̇1 + φ̇2)²
 
 
 def _split(value: sympy.Expr, rate: sympy.Expr, members: list[Term]) -> list[Term]:
