@@ -6,7 +6,8 @@ Linear elimination (`normalize`), the Σ-method (`sigma`), choice of states (`se
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -102,17 +103,17 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
 
 
 def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
-    """The assumption that linear equations with parameter coefficients keep a unique solution."""
-    tests = solution.tests
-    if not tests:
-        return []
+    """The assumptions that blocks rest on: regular linear equations, coefficients that can be divided by."""
+    by_assumption: dict[str, list[Callable[[np.ndarray], np.ndarray]]] = {}
+    for assumption, fails in solution.tests:
+        by_assumption.setdefault(assumption, []).append(fails)
 
-    def holds(values: np.ndarray) -> bool:
+    def holds(tests: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray) -> bool:
         known = np.concatenate([values, derived_values(normalized.derived, values)])
         registers = layout.known_values(known)
-        return not any(singular(registers).any() for singular in tests)
+        return not any(fails(registers).any() for fails in tests)
 
-    return [Guard(holds, "the linear equations between massless parts have one solution")]
+    return [Guard(partial(holds, tests), assumption) for assumption, tests in by_assumption.items()]
 
 
 def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:

@@ -17,7 +17,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply, Solve, Step, Total
 from lmoc.structure.blocks.block_equations import BatchRows, SquareSystem, SumRows
 from lmoc.structure.blocks.explicit import as_formula, jointly_linear, pivot, solved
-from lmoc.structure.blocks.small_blocks import Surroundings
+from lmoc.structure.blocks.small_blocks import NOTHING, Surroundings
 from lmoc.structure.linear.coefficients import is_constant
 from lmoc.support.distinct import distinct
 
@@ -84,7 +84,9 @@ def steps_of(system: SquareSystem, equations: np.ndarray, around: Surroundings) 
     constant = linear and all(is_constant(c, p.rows.batch.kinds) for p, r in pairs for _, c in r)
     if constant:
         around.test(partial(_singular, pieces, rows, sums, equations, unknowns), equations[None, :])
-    definitions = _definitions(pieces, around.favourite, system.registers)
+    definitions = _definitions(pieces, around.favourite, system.registers, around.values)
+    for p, leaf in definitions:
+        around.divide(partial(_vanishing, p, leaf))
     steps: list[Step] = []
     computed = []
     for p, leaf in definitions:
@@ -114,7 +116,20 @@ def total(s: SumRows, which: np.ndarray, out: np.ndarray) -> Total:
     return Total(start, s.registers[entries], s.sums.coefficient[entries].astype(float), out)
 
 
-def _definitions(pieces: list[Piece], favourite: np.ndarray, registers: int) -> list[tuple[Piece, Expr]]:
+def _vanishing(piece: Piece, leaf: Expr, values: np.ndarray) -> np.ndarray:
+    """(n,) whether the coefficient of a leaf is no number, or nothing beside those of the other unknowns."""
+    kinds = piece.rows.batch.kinds
+    own = pivot(piece.residual, kinds, leaf)
+    if own is None:
+        return np.ones(len(piece.equations), bool)
+    found = [pivot(piece.residual, kinds, other) for other in piece.unknown]
+    sizes = [np.abs(piece.constant(c, values)) for c in found if c is not None]
+    return ~(np.abs(piece.constant(own, values)) > NOTHING * np.max(sizes, axis=0))
+
+
+def _definitions(
+    pieces: list[Piece], favourite: np.ndarray, registers: int, values: np.ndarray
+) -> list[tuple[Piece, Expr]]:
     """Shapes taken as definitions, with the leaf each is solved for, in an order in which they can be computed."""
     uses = np.zeros(registers, np.int64)
     for p in pieces:
@@ -125,7 +140,7 @@ def _definitions(pieces: list[Piece], favourite: np.ndarray, registers: int) -> 
             out = p.registers[:, i]
             if not p.inside[:, i].all() or favourite[out].any() or len(distinct(out)) < len(out):
                 continue
-            if pivot(p.residual, p.rows.batch.kinds, leaf) is not None:
+            if not _vanishing(p, leaf, values).any():
                 candidates.append((-len(out), float(uses[out].mean()), len(candidates), p, i))
     read, defined = np.zeros(registers, bool), np.zeros(registers, bool)
     used: set[int] = set()

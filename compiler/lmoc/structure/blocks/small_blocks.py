@@ -20,6 +20,8 @@ from lmoc.support.distinct import distinct
 
 # what is still written as a formula: equations of the block, nodes of the formulas
 FORMULA_EQUATIONS, FORMULA_NODES = 24, 400
+# a coefficient that many times smaller than another one of its equation is the rounding of a sine of pi, say
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,20 +122,25 @@ class Surroundings:
     favourite : (registers,) mask of the derivatives of states: torn first
     values : (registers,) numbers of the parameters, generic ones where there are none
     new_registers : gives that many fresh registers
-    tests : for each kind of linear blocks with parameter coefficients: which of them are singular, given `values`
+    tests : for each kind of blocks, what is assumed of the parameters and a function of `values`: in which of the
+        blocks that fails
     """
 
     favourite: np.ndarray
     values: np.ndarray
     new_registers: Callable[[int], np.ndarray]
-    tests: list[Callable[[np.ndarray], np.ndarray]]
+    tests: list[tuple[str, Callable[[np.ndarray], np.ndarray]]]
 
     def test(self, singular: Callable[[np.ndarray], np.ndarray], equations: np.ndarray) -> None:
         """Put blocks to the test with the present values, and keep the test for others."""
         bad = singular(self.values)
         if bad.any():
             raise SingularBlocks(equations[np.flatnonzero(bad)])
-        self.tests.append(singular)
+        self.tests.append(("the linear equations between massless parts have one solution", singular))
+
+    def divide(self, vanishing: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Keep the test that coefficients which are divided by do not vanish; with the present values they do not."""
+        self.tests.append(("what an equation is divided by does not vanish beside its other coefficients", vanishing))
 
 
 class SingularBlocks(Exception):
@@ -152,11 +159,13 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     """
     unknowns = [frozenset(v for v in blocks.internal if slot(v) in set(as_formula(r)[1])) for r in blocks.residuals]
     safe = [
-        frozenset(v for v in found if pivot(r, blocks.kinds, slot(v)) is not None)
+        frozenset(v for v in found if not _vanishing(blocks, r, v, found, around.values).any())
         for found, r in zip(unknowns, blocks.residuals, strict=True)
     ]
     favourites = frozenset(v for v in blocks.internal if around.favourite[blocks.registers[0, v]])
     order = tear(unknowns, safe, favourites)
+    for e, v in order.steps:
+        around.divide(partial(_vanishing, blocks, blocks.residuals[e], v, unknowns[e]))
     inner = [(v, solved(blocks.residuals[e], slot(v))) for e, v in order.steps]
     linear = [jointly_linear(r, tuple(slot(v) for v in blocks.internal)) for r in blocks.residuals]
     is_linear = all(row is not None for row in linear)
@@ -171,6 +180,19 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     steps = [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
     steps += [blocks.apply(blocks.residuals[e], residuals[:, i]) for i, e in enumerate(order.residuals)]
     return [Solve(tuple(steps), blocks.registers[:, list(order.torn)], residuals, is_linear, constant)]
+
+
+def _vanishing(
+    blocks: AlikeBlocks, residual: Expr, unknown: int, unknowns: frozenset[int], values: np.ndarray
+) -> np.ndarray:
+    """(instances,) whether the coefficient of an unknown is no number, or nothing beside those of the others."""
+    own = pivot(residual, blocks.kinds, slot(unknown))
+    if own is None:
+        return np.ones(len(blocks.equations), bool)
+    found = [pivot(residual, blocks.kinds, slot(v)) for v in unknowns]
+    sizes = [np.abs(evaluate(c, lambda k, _: values[blocks.registers[:, k]])) for c in (own, *found) if c is not None]
+    size, *others = (np.broadcast_to(s, len(blocks.equations)) for s in sizes)
+    return ~(size > NOTHING * np.max(others, axis=0))
 
 
 def _singular(blocks: AlikeBlocks, linear: list, values: np.ndarray) -> np.ndarray:

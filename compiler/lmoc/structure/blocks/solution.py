@@ -35,7 +35,7 @@ class Solution:
     favourite: np.ndarray
     values: np.ndarray
     helpers: int = 0
-    tests: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
+    tests: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = field(default_factory=list)
     singular: list[np.ndarray] = field(default_factory=list)
     _steps: list[tuple[bool, int, Step]] = field(default_factory=list)
     _explicit: dict[tuple, list[tuple[np.ndarray, np.ndarray]]] = field(default_factory=dict)

@@ -223,7 +223,12 @@ def _size(op: str, number, args: list[tuple]):
         return args[0][1] * args[1][1]
     if op == "div":
         return args[0][1] / np.abs(args[1][0])
+    if op in _SLOPES:  # their zeros are no machine numbers: sin(pi) is the rounding of pi
+        return np.abs(number) + np.abs(_SLOPES[op](args[0][0])) * args[0][1]
     return np.abs(number)
+
+
+_SLOPES = {"sin": np.cos, "cos": np.sin, "tan": lambda x: 1 / np.cos(x) ** 2}
 
 
 # --------------------------------------------------------------- column order

@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, slots
 from lmoc.ir.flat import Block, FlatDAE, Kind, StateSelect
-from lmoc.structure.linear.affine import Affine, codes, composed, resolve
+from lmoc.structure.linear.affine import ZERO_ROOT, Affine, codes, composed, resolve
 from lmoc.structure.linear.affine_forest import UNUSED, orient
 from lmoc.structure.linear.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, leaves_of, linear_form
 from lmoc.structure.linear.derived import NONE, DerivedParameters
@@ -249,15 +249,23 @@ class Elimination:
         rows = np.flatnonzero(step.root[table.root] != table.root)
         table.put(rows, composed(table.take(rows), step.take(table.root[rows]), self.zero, self.derived))
         self.groups = self._without_closed(
-            part for g in self.groups for new in substituted(g, step, self.kind) for part in self._opened(g, new)
+            part for g in self.groups for new in substituted(g, step, self.kind) for part in self._opened(g, new, step)
         )
         step.put(linked, Affine(linked, *_OWN.columns()[1:]))
 
-    def _opened(self, old: Rows, new: Rows) -> list[Rows]:
-        """The parts of a group after its variables have fallen together, sorted by what has cancelled."""
-        if new is old or not new.looped:
+    def _fixed(self, old: Rows, step: Affine) -> bool:
+        """Whether an unknown of the rows has become a number that other unknowns may be multiplied by."""
+        if linear_form(old.shape, old.kinds) is not None:
+            return False
+        columns = [c for c, kind in enumerate(old.kinds) if kind == UNKNOWN]
+        return bool((step.code[old.slots[:, columns]] & ZERO_ROOT).any())
+
+    def _opened(self, old: Rows, new: Rows, step: Affine) -> list[Rows]:
+        """The parts of a group after its variables have been replaced, sorted by what has cancelled or is zero."""
+        fixed = new is not old and self._fixed(old, step)
+        if not fixed and (new is old or not new.looped):
             return [new]
-        parts = self.splitter.by_coefficients(new)
+        parts = self.splitter.by_factors(new) if fixed else self.splitter.by_coefficients(new)
         if new.looped == 2 and old.looped != 2:
             for part in parts:
                 if form_of(part.shape, part.kinds).role == Role.ALIAS:
@@ -288,7 +296,12 @@ class Elimination:
 
     def add(self, groups: list[Rows]) -> None:
         """Further equations over flat variables."""
-        new = [part for g in groups for r in substituted(g, self.table, self.kind) for part in self._opened(g, r)]
+        new = [
+            part
+            for g in groups
+            for r in substituted(g, self.table, self.kind)
+            for part in self._opened(g, r, self.table)
+        ]
         self.groups = self._without_closed([*self.groups, *new])
 
 

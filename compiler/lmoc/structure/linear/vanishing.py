@@ -92,7 +92,8 @@ def vanishes(
 
 def _judged(expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters):
     """Where the value vanishes, and where there is none."""
-    if any(n.op in ("add", "sub") for n in postorder(expr)):
+    rounded = any(n.op in ("add", "sub", "sin", "cos", "tan") for n in postorder(expr))
+    if rounded or (table.size and table.max() >= derived.base):
         value, size = value_and_size(expr, known[table], derived.sizes(known, table))
         zero = np.abs(value) <= ROUNDOFF * size
     else:
