@@ -185,6 +185,7 @@ class DAE:
         *,
         energy: bool = True,
         keep: str | Sequence[str] | None = None,
+        max_step: float | None = None,
         listener: Callable[[str], None] | None = None,
         progress: Callable[[float, float], None] | None = None,
     ) -> Run:
@@ -204,6 +205,7 @@ class DAE:
         inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
         energy : integrate work and heat along, for `run.energy`
         keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
+        max_step : s, the longest step of the integrator
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
@@ -232,7 +234,7 @@ class DAE:
         keep = names_of(keep)
         clock = Clock(listener)
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
-        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep)
+        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step)
         try:
             return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
         except (ModelError, SimulationError) as failure:

@@ -27,6 +27,7 @@ from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
 from lmoc.numerics.options import RunOptions, Span
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.activity import step_bounds
 from lmoc.numerics.signals.signals import Signal, break_times
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
@@ -203,7 +204,8 @@ class _Run:
         if len(breaks) == kinks.MOST:
             self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
         more = break_times(self.task.signals, begin, span.end, kinks.MOST // 10)
-        breaks = distinct(np.concatenate([breaks, more]))
+        bounds = step_bounds(stretch.plan, stretch.base, self.task.signals, begin, span.end)
+        breaks = distinct(np.concatenate([breaks, more, bounds.edges[1:]]))
         problem = Problem(
             stretch.system,
             begin,
@@ -217,6 +219,7 @@ class _Run:
             max_steps=options.max_steps,
             deadline=self.deadline,
             progress=self.progress,
+            bounds=bounds,
             breaks=breaks,
         )
         return choice.run(problem, options.solver)

@@ -116,6 +116,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         x=outcome.x,
         end=end,
         times=np.clip(inside, begin, end),
+        max_step=min(problem.max_step, problem.bounds.within(begin, end)),
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
     )

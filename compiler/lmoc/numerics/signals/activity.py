@@ -1,0 +1,178 @@
+"""Where something happens in what depends on time alone: an integrator at rest would step over a short pulse.
+
+The functions of time in the equations, and the signals that are callables, are looked at on a fine grid. Where the
+cubic through four neighbouring points misses the point in their middle, something happens on the scale of these points
+(the details of Deslauriers and Dubuc's interpolating wavelets, Constructive Approximation 5, 1989). Steps are bounded
+there by a few times the finest such scale, which is no shorter than what a method of high order takes by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression.calculus import linear_parts
+from lmoc.expression.dag import TIME, Expr, depends_on_time, slots
+from lmoc.expression.evaluate import evaluate
+from lmoc.ir.program import Apply
+from lmoc.numerics.plan import Plan, walk
+from lmoc.numerics.signals.signals import Function, Signal, sample
+
+_FORMULA, _CALLABLE = 17, 14  # halvings of the run between two looks at a formula, and at a callable
+_MOST = 4_000_000  # values of formulas looked at
+_DETAIL = 1e-3  # of a signal's range: what is missed by less does not count
+_LONG = 8  # longest step, in distances of points that miss something which points twice as dense show …
+_SHORT = 1.5  # … and where the densest miss it: less than a method's stages are apart
+_AROUND = 4  # points to either side of one that was missed where the bound holds
+_REGIONS = 500  # regions with bounds of their own
+_STEADY = frozenset("add sub mul neg".split())  # of functions that have no short pulse there is none
+
+
+@dataclass(frozen=True, eq=False)
+class StepBounds:
+    """Longest steps over time.
+
+    Attributes
+    ----------
+    edges : (k,) s, where another bound begins; the first is the start of the run
+    longest : (k,) s, infinity where there is no bound
+    """
+
+    edges: np.ndarray
+    longest: np.ndarray
+
+    def within(self, begin: float, end: float) -> float:
+        """Return the shortest of the bounds between two times."""
+        first = max(0, int(np.searchsorted(self.edges, begin, "right")) - 1)
+        last = max(first + 1, int(np.searchsorted(self.edges, end, "left")))
+        return float(self.longest[first:last].min(initial=np.inf))
+
+
+FREE = StepBounds(np.zeros(0), np.zeros(0))
+
+
+def step_bounds(
+    plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], start: float, stop: float
+) -> StepBounds:
+    """Return bounds on the steps that follow from what depends on time alone.
+
+    Parameters
+    ----------
+    base : registers that do not change during the run (`Plan.base`)
+    """
+    formulas = _formula_values(plan.once(pulsing), base, start, stop)
+    samples = formulas + _callable_values(plan, signals, start, stop)
+    if not samples:
+        return FREE
+    scales = [finest_scales(values) for values in samples]
+    fine = max(map(len, scales))
+    scale = np.full(fine, np.inf)
+    for own in scales:
+        np.minimum(scale, np.repeat(own, fine // len(own)), out=scale)
+    return _regions(scale * (stop - start), start, stop)
+
+
+def pulsing(plan: Plan) -> list[tuple[Expr, np.ndarray]]:
+    """Return expressions of time and parameters that may have short pulses, with the registers of their columns."""
+    fixed = np.zeros(plan.count, bool)
+    fixed[plan.parameters] = True
+    found: dict[tuple[Expr, bytes], np.ndarray] = {}
+    for step in walk(plan.program):
+        if isinstance(step, Apply) and depends_on_time(step.shape):
+            for expression in _largest(step.shape, fixed, step.slots):
+                columns = sorted({leaf.value[0] for leaf in slots(expression)})
+                rows = step.slots[fixed[step.slots[:, columns]].all(axis=1)]
+                if len(rows) and not is_steady(expression):
+                    found[expression, rows.tobytes()] = rows
+    return [(expression, rows) for (expression, _), rows in found.items()]
+
+
+def _largest(shape: Expr, fixed: np.ndarray, rows: np.ndarray) -> list[Expr]:
+    """The largest parts of a shape that depend on time and, in some row, on nothing else that changes."""
+    columns = sorted({leaf.value[0] for leaf in slots(shape)})
+    if fixed[rows[:, columns]].all(axis=1).any():
+        return [shape]
+    return [part for argument in shape.args if depends_on_time(argument) for part in _largest(argument, fixed, rows)]
+
+
+def is_steady(expression: Expr) -> bool:
+    """Return whether a function of time has no short pulse: sums and products of powers, of sines and of steps."""
+    if not depends_on_time(expression):
+        return True
+    if expression.op in ("sin", "cos", "lt", "le", "gt", "ge"):
+        return all(linear_parts(argument, [TIME]) is not None for argument in expression.args)
+    if expression.op == "div":
+        return is_steady(expression.args[0]) and not depends_on_time(expression.args[1])
+    if expression.op == "pow":
+        power = expression.args[1]
+        return power.op == "const" and power.value in (1.0, 2.0, 3.0) and is_steady(expression.args[0])
+    known = expression.op in _STEADY or expression.op == "if" or not expression.args
+    return known and all(map(is_steady, expression.args))
+
+
+def _formula_values(found: list[tuple[Expr, np.ndarray]], base: np.ndarray, start: float, stop: float) -> list:
+    """Values (2**k + 1,) of each formula, for each of its sets of parameters."""
+    rows = [(expression, row) for expression, registers in found for row in np.unique(registers, axis=0)]
+    if not rows:
+        return []
+    halvings = _FORMULA - max(0, int(np.ceil(np.log2(len(rows) * 2**_FORMULA / _MOST))))
+    if halvings < 8:  # tens of thousands of formulas: they are not all at rest at once
+        return []
+    times = np.linspace(start, stop, 2**halvings + 1)
+    with np.errstate(all="ignore"):
+        values = (evaluate(e, lambda k, _: base[row[k]], times) for e, row in rows)  # noqa: B023
+        return [np.broadcast_to(np.asarray(v, float), times.shape) for v in values]
+
+
+def _callable_values(plan: Plan, signals: Mapping[int, Signal], start: float, stop: float) -> list:
+    """Values of each callable, and of its highest derivative in use."""
+    orders: dict[int, int] = {}
+    for variable, order in plan.samplers:
+        if isinstance(signals[variable], Function):
+            orders[variable] = max(order, orders.get(variable, 0))
+    chosen = {(id(signals[v]), n): (v, n) for v, n in orders.items()}.values()
+    times = np.linspace(start, stop, 2**_CALLABLE + 1)
+    return [sample(signals[v], n, times) for v, n in chosen]
+
+
+def finest_scales(values: np.ndarray) -> np.ndarray:
+    """Return the finest scale on which a signal does something, (n,) on n even parts of its span, as a fraction of it.
+
+    Parameters
+    ----------
+    values : (n + 1,) at even points, n a power of two; infinity in the result where nothing happens
+    """
+    values = np.where(np.isfinite(values), values, 0.0)
+    n, least = len(values) - 1, _DETAIL * np.ptp(values)
+    finest = np.full(n, np.inf)
+    if least <= 0:
+        return finest
+    step = n // 8
+    while step >= 1:  # points 2·step apart, and what is missed in their middle
+        coarse, middle = values[:: 2 * step], values[step :: 2 * step]
+        left, right = np.append(coarse[0], coarse[:-2]), np.append(coarse[2:], coarse[-1])
+        missed = np.flatnonzero(np.abs(middle - (9 * (coarse[:-1] + coarse[1:]) - left - right) / 16)[1:-1] > least) + 1
+        for k in missed.tolist() if len(missed) < 64 else ():
+            finest[max(0, (2 * k + 1 - _AROUND) * step) : (2 * k + 1 + _AROUND) * step] = 2 * step / n
+        if len(missed) >= 64:
+            inside = np.zeros(n // step + 1, int)
+            np.add.at(inside, np.maximum(0, 2 * missed + 1 - _AROUND), 1)
+            np.add.at(inside, np.minimum(n // step, 2 * missed + 1 + _AROUND), -1)
+            finest[np.repeat(np.cumsum(inside)[:-1] > 0, step)] = 2 * step / n
+        step //= 2
+    return finest
+
+
+def _regions(scale: np.ndarray, start: float, stop: float) -> StepBounds:
+    """Bounds in few regions: in each the shortest one, neighbours differ by a factor of 8 or more."""
+    densest = 2.5 / len(scale) * (stop - start)
+    longest = np.where(scale < densest, _SHORT, _LONG) * scale
+    longest[longest > (stop - start) / 2] = np.inf
+    classes = np.floor(np.log2(longest) / 3)
+    edges = np.append(0, np.flatnonzero(classes[1:] != classes[:-1]) + 1)
+    if len(edges) > _REGIONS:
+        edges = edges[:1]
+    bounds = np.minimum.reduceat(longest, edges)
+    return StepBounds(start + (stop - start) * edges / len(scale), bounds)
