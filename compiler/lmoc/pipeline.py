@@ -137,12 +137,12 @@ def reduce(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, cloc
     """The reduced system for a set of parameter values."""
     with clock.stage("reduce"):
         from lmoc.semantics.parameter_checks import warn_of_lost
-        from lmoc.structure.reduce import reduce as reduce_flat
+        from lmoc.structure.laws.reduce import reduce_with_laws
 
         # what was warned about before may be the reason why this fails: a part that is connected to nothing
         report = Report([d for d in flat.notes if d.severity == "warning"])
         warn_of_lost(flat, values, report)
-        reduced = reduce_flat(flat, values, states, report)
+        reduced = reduce_with_laws(flat, values, states, report)
         report.check()
     return reduced
 

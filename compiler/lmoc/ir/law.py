@@ -32,6 +32,7 @@ class LawKind(Enum):
     CONTACT_FRICTION = "contact friction"  # the limit is mu·normal, the force of a unilateral law: carries impulses
 
 
+NONE = -1  # in place of a variable that a law does not have
 COMPLEMENTARY = frozenset({LawKind.UNILATERAL, LawKind.ONE_WAY})
 
 
@@ -86,6 +87,35 @@ class Laws:
         """All columns by their names."""
         names = ("force", "motion", "restitution", "slip", "stick", "friction", "normal", "direction")
         return {name: column for name in names if (column := getattr(self, name)) is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class Switched:
+    """Where the laws are in the switched form of a flat model (`structure.laws.switched`), an entry for each law.
+
+    Attributes
+    ----------
+    laws : the laws of the flat model
+    force, rate : variables; the rate of a gap (NONE where the degree is 0), or the velocity of the law
+    gap : variables; NONE for laws between a force and a velocity
+    level : variables y
+    closed, push, direction : variables, inputs; direction is NONE for complementarities
+    degree : how often the position behind the motion is differentiated in y: 0, 1 or 2
+    """
+
+    laws: tuple[Laws, ...]
+    force: np.ndarray
+    gap: np.ndarray
+    rate: np.ndarray
+    level: np.ndarray
+    closed: np.ndarray
+    push: np.ndarray
+    direction: np.ndarray
+    degree: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.force)
 
 
 def law_count(laws: tuple[Laws, ...]) -> int:

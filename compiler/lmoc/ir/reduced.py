@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
+from lmoc.ir.law import Switched
 from lmoc.ir.program import Program, Registers
 from lmoc.messages.diagnostics import Diagnostic
 
@@ -58,6 +59,7 @@ class Reduced:
     counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people
     nearby : (n,) values of the states with which the constraints hold, near the start values: a guess, no start; None
         where there are no nonlinear constraints
+    switched : where the laws are, whose modes are values of the equations; None without laws
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 
@@ -79,6 +81,7 @@ class Reduced:
     notes: tuple[Diagnostic, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
     nearby: np.ndarray | None = None
+    switched: Switched | None = None
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
 
     def register_name(self, register: int) -> str:

@@ -21,6 +21,8 @@ from lmoc.numerics.failures.singular import singular_end, singular_place
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.laws.switching import LawSwitching
+from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.recorder import Recorder, kept_variables
 from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
@@ -92,7 +94,7 @@ class _Stretch:
         self.base = plan.base(task.values, task.signals)
         self.observer = Observer(plan, task.values, self.base, task.signals)
         times = task.span.times
-        self.first = int(np.searchsorted(times, begin, "right" if begin > task.span.start else "left"))
+        self.first = int(np.searchsorted(times, begin, "left"))
         self.recorder = Recorder(self.observer, times[self.first :], variables)
 
     def piece(self, outcome: Outcome | None = None) -> Piece:
@@ -120,6 +122,10 @@ class _Run:
         self.progress = None if task.progress is None else lambda t: task.progress(t, span.end)
         self.stretch = _Stretch(task, plan, system, span.start, self.variables)
         self.pieces: list[Piece] = []
+        self.switching = None
+        if plan.reduced.switched is not None:
+            self.switching = LawSwitching(plan, task.values, self.stretch.base, task.signals)
+        self.events: list[Event] = []
         self.stats: dict[str, object] = {}
         self.lost = ""  # why the coordinates do not serve
 
@@ -128,15 +134,17 @@ class _Run:
         x = self._start(initial)
         started = clock.perf_counter()
         outcome, method = self._integrate(x)
+        counts = self._counted({}, outcome)
+        while outcome.status is Status.ROOT:
+            outcome, method = self._integrate(self._switch(outcome))
+            counts = self._counted(counts, outcome)
         if not outcome.status.failed:
             self._check_way(outcome)
             outcome = self._up_to_a_singular_place(outcome)
         elif outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
             outcome = self._look_for_a_singular_end(outcome)
         self.pieces.append(self.stretch.piece(outcome))
-        self.stats |= method | {
-            "evaluations": self.stretch.system.evaluations,
-            **outcome.counts,
+        self.stats |= method | counts | {
             "evaluation": outcome.evaluation or self.stretch.system.description,
             "matrix": outcome.matrix,
             "seconds": clock.perf_counter() - began,
@@ -147,7 +155,7 @@ class _Run:
         }
         notes = tuple(dict.fromkeys((*self.stretch.plan.notes, *self.report.diagnostics)))
         last = outcome.time, outcome.x
-        run = Trajectory(tuple(self.pieces), self.variables, last, self.stats, notes=notes)
+        run = Trajectory(tuple(self.pieces), self.variables, last, self.stats, tuple(self.events), notes)
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             raise failure(self._explain(outcome), outcome.time, run)
@@ -165,9 +173,44 @@ class _Run:
         x = initial_state(plan, stretch.base, self.task.signals, observer.values, span.start, wanted, report)
         report.check()
         self._check_start(x)
-        if len(span.times) and span.times[0] == span.start:
-            stretch.recorder(0, x[None])
+        if self.switching is not None:
+            x, self.events = self.switching.start(span.start, x)
+            self._begin(span.start)
+        self._record_start(x)
         return x
+
+    def _record_start(self, x: np.ndarray) -> None:
+        """Keep the state where a piece begins, if that is asked for: at an event, the one behind it."""
+        recorder, begin = self.stretch.recorder, self.stretch.begin
+        if len(recorder.times) and recorder.times[0] == begin:
+            recorder(0, x[None])
+
+    # ------------------------------------------------------------------ events
+
+    def _begin(self, time: float) -> None:
+        """Begin a piece with the values of the mode that holds now."""
+        old = self.stretch
+        task = replace(self.task, signals={**self.task.signals, **self.switching.signals()})
+        self.stretch = _Stretch(task, old.plan, old.system, time, self.variables)
+        old.system.prepare(self.stretch.base, task.signals)
+
+    def _switch(self, outcome: Outcome) -> np.ndarray:
+        """Return the state behind the roots at which a piece has ended, and begin the next piece."""
+        stretch, time = self.stretch, outcome.time
+        recorder = stretch.recorder
+        if recorder.reached and recorder.times[recorder.reached - 1] == time:
+            recorder.reached -= 1  # the value at an event is the one behind it
+        self.pieces.append(stretch.piece())
+        x, events = self.switching.happen(time, outcome.x, outcome.roots)
+        self.events += events
+        self._begin(time)
+        self._record_start(x)
+        return x
+
+    def _counted(self, counts: dict[str, int], outcome: Outcome) -> dict[str, int]:
+        """Return the costs so far, with those of one more piece."""
+        own = {"evaluations": self.stretch.system.evaluations, **outcome.counts}
+        return {k: counts.get(k, 0) + own.get(k, 0) for k in counts | own}
 
     def _check_start(self, x: np.ndarray) -> None:
         """All derivatives must be finite at the start, else the run says what is not.
@@ -206,6 +249,9 @@ class _Run:
         more = break_times(self.task.signals, begin, span.end, kinks.MOST // 10)
         bounds = step_bounds(stretch.plan, stretch.base, self.task.signals, begin, span.end)
         breaks = distinct(np.concatenate([breaks, more, bounds.edges[1:]]))
+        roots = None
+        if self.switching is not None:
+            roots = self.switching.roots(begin, x, stretch.base, stretch.task.signals)
         problem = Problem(
             stretch.system,
             begin,
@@ -221,6 +267,7 @@ class _Run:
             progress=self.progress,
             bounds=bounds,
             breaks=breaks,
+            roots=roots,
         )
         return choice.run(problem, options.solver)
 

@@ -12,6 +12,7 @@ from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.ranges import report_alike
 from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.observe.trajectory import End, Trajectory
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions, Span, solver_hint
 from lmoc.numerics.pieces import Coordinates, Progress, Task, run_pieces
@@ -43,6 +44,10 @@ class Simulator:
             report.check()
             self._systems[key] = plan, make_system(plan)
         return self._systems[key]
+
+    def _extended(self, values: np.ndarray) -> np.ndarray:
+        """Return parameter values with room for the variables that the reduction has added to the flat model."""
+        return np.concatenate([values, np.full(self.reduced.flat.count - len(values), np.nan)])
 
     def run(
         self,
@@ -76,11 +81,13 @@ class Simulator:
         """
         began = clock.perf_counter()
         options = options or RunOptions()
-        values = self.reduced.values if values is None else values
+        values = self._extended(self.reduced.values if values is None else values)
         report = Report()
         span = check_options(options, self.reduced, report, initial)
         signals = bind_signals(self.reduced.flat, inputs, report, self.reduced.inputs[1:], (span.start, span.end))
         report.check()
+        if self.reduced.switched is not None:
+            signals = {**signals, **all_open(self.reduced.switched)}
         note_held_ends(signals, self.reduced.flat, np.array([span.start, span.end]), report)
         plan, system = self.system(signals, options.energy, report)
         lowered = clock.perf_counter()

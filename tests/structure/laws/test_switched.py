@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from oracles.flattening import flat
+from oracles.lawful import reduced_of
 
 from lmoc.ir.flat import Kind
-from lmoc.messages.diagnostics import Report
+from lmoc.ir.law import NONE
+from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.structure.laws.degree import NOT_FELT, relative_degree
-from lmoc.structure.laws.switched import NONE, free, switched
+from lmoc.structure.laws.switched import free, switched
 from lmoc.structure.reduce import reduce
 
 STRING = """
@@ -29,16 +31,9 @@ equation connect(w.flange, k.a); connect(k.b, m.flange); connect(w.flange, f.a);
 """
 
 
-def reduced(form, states=None):
-    report = Report()
-    found = reduce(form.flat, form.flat.parameter_values(), states, report)
-    report.check()
-    return found
-
-
 def degrees(text):
-    form = free(flat(text))
-    return relative_degree(form, reduced(form))
+    loose, places = free(flat(text))
+    return relative_degree(places, reduce(loose, report=Report()))
 
 
 @pytest.mark.parametrize("text, degree", [(STRING, 2), (SPRING_ENDS, 0), (DAMPED_END, 1), (FRICTION, 2)])
@@ -52,13 +47,19 @@ def test_a_force_between_fixed_ends_is_not_felt():
     assert degrees(text).tolist() == [NOT_FELT]
 
 
+def test_a_force_that_is_not_felt_is_an_error():
+    text = """model M Fixed a, b(q0 = 1); Cable t(L = 2); Mass m(m = 1);
+        equation connect(a.flange, t.a); connect(t.b, b.flange); end M;"""
+    with pytest.raises(ModelError, match="'t.f' of a law does not act on its own motion 't.gap'"):
+        reduced_of(text)
+
+
 def test_the_switched_form_has_the_states_of_the_free_scene():
-    dae = flat(STRING)
-    open_ = reduced(free(dae))
-    form = switched(dae, np.array([2]))
-    assert reduced(form, open_.state_names).state_names == ["m1.q", "m1.v", "m2.q", "m2.v"]
-    assert form.flat.kind[form.closed].tolist() == [Kind.INPUT] and form.direction.tolist() == [NONE]
-    assert form.flat.laws == () and form.flat.equation_count == np.count_nonzero(form.flat.kind == Kind.UNKNOWN)
+    reduced = reduced_of(STRING)
+    places, flat_ = reduced.switched, reduced.flat
+    assert reduced.state_names == ["m1.q", "m1.v", "m2.q", "m2.v"]
+    assert flat_.kind[places.closed].tolist() == [Kind.INPUT] and places.direction.tolist() == [NONE]
+    assert flat_.laws == () and flat_.equation_count == np.count_nonzero(flat_.kind == Kind.UNKNOWN)
 
 
 def test_modes_of_many_laws_are_one_reduction():
@@ -66,4 +67,4 @@ def test_modes_of_many_laws_are_one_reduction():
         equation for i in 1:N-1 loop
           connect(m[i].flange, c[i].a); connect(c[i].b, m[i+1].flange); end for; end Train;"""
     short, long = (switched(flat(text % n), np.full(n - 1, 2)) for n in (5, 50))
-    assert len(short.flat.groups) == len(long.flat.groups) and long.count == 49
+    assert len(short[0].groups) == len(long[0].groups) and long[1].count == 49

@@ -83,4 +83,9 @@ STRUCTURE: dict[str, Entry] = {
         "Constraints that are not linear hold a mass or an inertia in one place: an arm of another length beside the "
         "first, a linkage with a rod too many. It stays at rest. Linear constraints of this kind are an error (E0412).",
     ),
+    "E0440": Entry(
+        "a law without effect on its own motion",
+        "A law ties a force to a gap or a velocity: the force must be able to change it. That fails where both ends\n"
+        "are fixed or prescribed, or where the force enters no balance of forces.",
+    ),
 }

@@ -73,7 +73,7 @@ class Roots:
 
     Attributes
     ----------
-    values : callable (t, x) -> (m,)
+    values : callable (times (k,), states (k, n)) -> (k, m)
     signs : (m,) float, the sign that each has at the beginning: where it is 1 or -1, the other sign is a root, even at
         once; where it is 0, the first sign met counts as the one it has had. Kept up to date on the way
     reached : callable (t, x, which, signs) -> bool
@@ -81,7 +81,7 @@ class Roots:
         there, False lets it go on.
     """
 
-    values: Callable[[float, np.ndarray], np.ndarray]
+    values: Callable[[np.ndarray, np.ndarray], np.ndarray]
     signs: np.ndarray
     reached: Callable[[float, np.ndarray, np.ndarray, np.ndarray], bool] = lambda t, x, which, signs: True
 

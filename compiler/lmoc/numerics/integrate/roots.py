@@ -35,7 +35,7 @@ class RootFinder:
         self.roots = roots
         self.signs = roots.signs
         unknown = self.signs == 0
-        self.signs[unknown] = np.sign(roots.values(t, x))[unknown]
+        self.signs[unknown] = np.sign(roots.values(np.array([t]), x[None])[0])[unknown]
         self.which = np.zeros(len(self.signs), bool)
 
     def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
@@ -55,12 +55,14 @@ class RootFinder:
         end = run.t
 
         def curve(t: float) -> np.ndarray:
-            x = run.x if t == end else run.interpolate(np.array([t]))[0]
-            return self.roots.values(t, x)
+            at = np.array([t])
+            return self.roots.values(at, run.x[None] if t == end else run.interpolate(at))[0]
 
         times = begin + _INSIDE * (end - begin)
         times[-1] = end
-        values = np.array([curve(t) for t in times.tolist()])
+        states = run.interpolate(times)
+        states[-1] = run.x
+        values = self.roots.values(times, states)
         best: tuple[float, int] | None = None
         for k in range(values.shape[1]):
             t = self._first_of(k, times, values[:, k], lambda t, k=k: float(curve(t)[k]))
@@ -93,12 +95,20 @@ class RootFinder:
                 return float(times[0])
             if heights[i] < 0:
                 return locate(lambda t: sign * curve(t), times[i - 1], times[i], heights[i - 1], heights[i])
-            turned = i + 1 < len(times) and heights[i] <= heights[i - 1] and heights[i] <= heights[i + 1]
-            if turned and heights[i] > 0:
+            if i + 1 < len(times) and _may_dip(*heights[i - 1 : i + 2]):
                 low = _lowest(lambda t: sign * curve(t), times[i - 1], times[i + 1])
                 if low[1] < 0:
                     return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
         return None
+
+
+def _may_dip(before: float, here: float, behind: float) -> bool:
+    """Return whether a smooth function may be below zero between places where it is not.
+
+    Where it has turned and is no higher than it has come down; else it would take a curvature that the samples do not
+    show.
+    """
+    return 0 < here <= min(before, behind) and here < max(before, behind) - here
 
 
 def locate(curve, a: float, b: float, at_a: float, at_b: float) -> float:

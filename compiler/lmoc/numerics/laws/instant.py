@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.law import COMPLEMENTARY, LawKind
+from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
 from lmoc.ir.program import needed_steps
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
-from lmoc.structure.laws.switched import NONE, Switched
 
 Array = NDArray[np.float64]
 KINDS = tuple(LawKind)
@@ -80,13 +79,14 @@ class Gauge:
 
     Parameters
     ----------
-    form, plan : the switched form, and the plan of its reduction
+    plan : of the reduction of a switched form
     values : (flat.count,) parameter values
     base : (plan.count,) registers with all laws open and all forces zero
     signals : of the inputs
     """
 
-    def __init__(self, form: Switched, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
+        form = plan.reduced.switched
         self.form, self.plan, self.values, self.signals = form, plan, values, signals
         self.base = base
         self.limits = _limits(form)
@@ -94,7 +94,9 @@ class Gauge:
         self.registers = [np.where(v == NONE, -1, plan.reduced.register_of[v]) for v in places]
         self.known = [_known(plan, values, v) for v in places]
         self.force = plan.reduced.register_of[form.force]
-        wanted = np.concatenate([*(r[r >= 0] for r in self.registers), self.force, plan.derivatives])
+        self.stored = _register(plan, "ledger.stored")
+        stored = np.array([self.stored] if self.stored >= 0 else [], int)
+        wanted = np.concatenate([*(r[r >= 0] for r in self.registers), self.force, stored, plan.derivatives])
         self.program = needed_steps(plan.full_program, wanted, plan.count)
         self.interpreter = Interpreter(self.program, plan.count)
         self.outputs = np.concatenate([self.registers[2], plan.derivatives])
@@ -121,6 +123,12 @@ class Gauge:
         matrix[self.by_force.rows, self.by_force.columns] = self.by_force.values(w, t)
         n = self.form.count
         return Instant(gap, rate, bias, matrix[:n], matrix[n:], np.maximum(slip, 0.0), np.maximum(stick, 0.0))
+
+
+def _register(plan: Plan, name: str) -> int:
+    """Return the register of a variable, -1 where there is none."""
+    found = plan.reduced.flat.find(name)
+    return -1 if found is None else int(plan.reduced.register_of[int(found[0])])
 
 
 def _limits(form: Switched) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.ir.law import NONE, Switched
 from lmoc.ir.program import Solve, Step, Total
 from lmoc.ir.reduced import Reduced
-from lmoc.structure.laws.switched import NONE, Switched
 
 NOT_FELT = -1
 
@@ -22,7 +22,7 @@ def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
 
     Parameters
     ----------
-    form : the free form (`switched.free`)
+    form : of the free form (`switched.free`)
     reduced : its reduction
     """
     register, variable, order = reduced.inputs

@@ -18,64 +18,34 @@ each, that is seconds where this form needs nothing.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import zip_longest
 
 import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot
 from lmoc.ir.flat import Block, FlatDAE, Group, Kind
-from lmoc.ir.law import LawKind, Laws, law_count
+from lmoc.ir.law import NONE, LawKind, Laws, Switched, law_count
 
 ORIGIN = "law"
-NONE = -1
 POSITION = 2  # relative degree of a gap between inertias: its second derivative feels the force
 
 _Columns = dict[str, np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class Switched:
-    """A flat model in switched form. All arrays have an entry for each law, in the order of the flat model's laws.
-
-    Attributes
-    ----------
-    flat : the flat model with the laws' equations, and without laws
-    laws : the laws as they were
-    force, rate : variables; the rate of a gap (NONE where the degree is 0), or the velocity of the law
-    gap : variables; NONE for laws between a force and a velocity
-    level : variables y
-    closed, push, direction : variables, inputs; direction is NONE for complementarities
-    degree : how often the position behind the motion is differentiated in y: 0, 1 or 2
-    """
-
-    flat: FlatDAE
-    laws: tuple[Laws, ...]
-    force: np.ndarray
-    gap: np.ndarray
-    rate: np.ndarray
-    level: np.ndarray
-    closed: np.ndarray
-    push: np.ndarray
-    direction: np.ndarray
-    degree: np.ndarray
-
-    @property
-    def count(self) -> int:
-        return len(self.force)
-
-
-def switched(flat: FlatDAE, degree: np.ndarray) -> Switched:
-    """Return the switched form for given relative degrees, (laws,), each 0, 1 or 2."""
+def switched(flat: FlatDAE, degree: np.ndarray) -> tuple[FlatDAE, Switched]:
+    """Return the switched form for given relative degrees, (laws,), each 0, 1 or 2; and where its laws are."""
     return _form(flat, degree, _switched_laws)
 
 
-def free(flat: FlatDAE) -> Switched:
+def free(flat: FlatDAE) -> tuple[FlatDAE, Switched]:
     """Return the form in which all laws are open and their forces are given from outside."""
     return _form(flat, np.full(law_count(flat.laws), POSITION), _free_laws)
 
 
-def _form(flat: FlatDAE, degree: np.ndarray, equations: Callable[[Laws, _Columns, np.ndarray], Group]) -> Switched:
+def _form(
+    flat: FlatDAE, degree: np.ndarray, equations: Callable[[Laws, _Columns, np.ndarray], Group]
+) -> tuple[FlatDAE, Switched]:
     added = _Added(flat)
     tables, levels, first = [], [], 0
     for laws in flat.laws:
@@ -88,7 +58,7 @@ def _form(flat: FlatDAE, degree: np.ndarray, equations: Callable[[Laws, _Columns
         levels.append(level)
     table = {name: np.concatenate([c[name] for c in tables]) for name in tables[0]} if tables else {}
     done = replace(flat, blocks=tuple(added.blocks), groups=(*flat.groups, *added.groups), laws=())
-    return Switched(done, flat.laws, level=np.concatenate(levels), degree=degree, **table)
+    return done, Switched(flat.laws, level=np.concatenate(levels), degree=degree, **table)
 
 
 class _Added:

@@ -1,0 +1,193 @@
+"""The laws of one run on its way: the mode that holds, the functions whose roots end it, and what happens there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.law import NONE, LawKind, Laws, Switched
+from lmoc.numerics.integrate.base import Roots
+from lmoc.numerics.laws.complementarity import Array
+from lmoc.numerics.laws.instant import Gauge
+from lmoc.numerics.laws.mode import Mode, free_mode
+from lmoc.numerics.laws.transition import STILL, Transition, Transitions, Trigger
+from lmoc.numerics.observe.event import Event
+from lmoc.numerics.observe.slices import slice_of
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Constant, Signal
+
+NEAR = 1e-12  # values below this share of their terms are zero up to rounding at the beginning of a piece …
+APART = 1e-13  # … and have come back to zero only when they are below zero by this share
+MODE_NAMES = {"release": "open", "unlock": "unlocked", "lock": "locked"}  # where they differ from those of the events
+
+
+class LawSwitching:
+    """The state of the laws of one run.
+
+    Parameters
+    ----------
+    plan : of the reduction of a switched form
+    values, base, signals : of the run, with all laws open
+
+    Attributes
+    ----------
+    mode : Mode
+    """
+
+    def __init__(self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
+        self.gauge = Gauge(plan, values, base, signals)
+        self.transitions = Transitions(self.gauge)
+        self.mode = free_mode(self.gauge.table)
+        self.laws = _rows(plan.reduced.flat, self.gauge.form.laws)
+        self.slice = slice_of(plan, _registers(self.gauge))
+        self.limits = self.gauge.known[4]
+        self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
+        self.ledger = _ledger(self.gauge)
+
+    # ------------------------------------------------------------------ the mode as values
+
+    def signals(self) -> dict[int, Signal]:
+        """Return the values of the mode, by flat variables."""
+        form, mode = self.gauge.form, self.mode
+        pairs = [(form.closed, mode.closed), (form.direction, mode.direction)]
+        return {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks) if v != NONE}
+
+    # ------------------------------------------------------------------ what ends a mode
+
+    def roots(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> Roots:
+        """Return the functions that are positive as long as the mode holds: one a law, two for stuck friction.
+
+        Parameters
+        ----------
+        t, x : where the piece begins
+        base, signals : those of the piece
+        """
+        evaluate = self.slice.bind(base, signals)
+        table, mode = self.gauge.table, self.mode
+        stuck = mode.closed & ~table.complementary
+        self.second = np.flatnonzero(stuck)
+
+        def values(times: Array, states: Array) -> Array:
+            motion, rate, force, stick = np.split(evaluate(times, states), 4, axis=1)
+            limit = np.where(np.isnan(self.limits), stick, self.limits)
+            limit = np.where(table.normal == NONE, limit, limit * force[:, table.normal])
+            first = np.where(mode.closed, limit - force, mode.direction * rate)
+            first = np.where(table.complementary, np.where(mode.closed, force, motion), first)
+            return np.concatenate([first, (limit + force)[:, stuck]], axis=1)
+
+        apart = self._apart(t, x, values(np.array([t]), x[None])[0])
+        return Roots(lambda times, states: values(times, states) + apart, np.ones(len(apart)))
+
+    def _apart(self, t: float, x: Array, value: Array) -> Array:
+        """Return what keeps functions that begin at zero from being noticed at once.
+
+        A gap that opens with a velocity needs nothing: it begins at zero and grows.
+        """
+        now, table = self.gauge.at(t, x), self.gauge.table
+        gaps, rates = self.transitions.manifold.scales(t, x)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            held = np.abs(now.bias / np.diag(now.delassus)) + np.nan_to_num(now.stick)
+            motion = np.where(table.of(LawKind.UNILATERAL), np.where(now.rate > STILL * rates, 0.0, gaps), rates)
+        scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
+        scale = np.concatenate([scale, scale[self.second]])
+        return np.where(np.abs(value) <= NEAR * scale, APART * scale, 0.0)
+
+    # ------------------------------------------------------------------ what happens
+
+    def start(self, t: float, x: Array) -> tuple[Array, list[Event]]:
+        """Return the state at the start, on what is closed there, and what happened on the way."""
+        n = len(self.mode.closed)
+        nothing = np.zeros(n, bool)
+        return self._take(t, x, Trigger(nothing, nothing, np.zeros(n, int)), at_start=True)
+
+    def happen(self, t: float, x: Array, which: NDArray[np.bool_]) -> tuple[Array, list[Event]]:
+        """Return the state behind an instant at which root functions vanish, and what happened."""
+        closed = self.mode.closed
+        first, second = which[: len(closed)], np.zeros(len(closed), bool)
+        second[self.second] = which[len(closed) :]
+        direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
+        trigger = Trigger(first & ~closed, (first | second) & closed, direction)
+        return self._take(t, x, trigger)
+
+    def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
+        before, stored = self.mode, self._stored(t, x)
+        found = self.transitions(t, x, before, trigger)
+        self.mode = found.mode
+        x = found.x.copy()
+        if self.ledger is not None and found.impulse.any():
+            work, heat = self.ledger
+            lost = float(found.lost.sum())
+            x[heat] += lost
+            x[work] += lost + self._stored(t, x) - stored
+        return x, self._events(t, before, found, at_start)
+
+    def _stored(self, t: float, x: Array) -> float:
+        return 0.0 if self.ledger is None else float(self.gauge.filled(t, x)[self.gauge.stored])
+
+    def _events(self, t: float, before: Mode, found: Transition, at_start: bool) -> list[Event]:
+        events = []
+        for k, (name, laws) in enumerate(self.laws):
+            was, now = before.closed[k], found.mode.closed[k]
+            turned = before.direction[k] * found.mode.direction[k] < 0
+            kind = laws.closing if now else laws.opening
+            if found.accumulated[k]:
+                kind = "accumulation"
+            elif was == now and not turned:
+                if not found.impulse[k] or (was and now):
+                    continue
+                kind = "impact"
+            elif at_start and not found.impulse[k]:
+                continue  # how it begins is no event
+            time = max(t, found.until) if found.accumulated[k] else t
+            events.append(
+                Event(
+                    time,
+                    name,
+                    kind,
+                    _mode_name(laws, was),
+                    _mode_name(laws, now),
+                    float(found.impulse[k]),
+                    float(found.lost[k]),
+                    f"{found.impact_law}'s law" if found.impulse[k] else "",
+                )
+            )
+        return events
+
+
+def all_open(form: Switched) -> dict[int, Signal]:
+    """Return the values with which all laws are open and give no force, by flat variables."""
+    held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
+    return {int(v): Constant(0.0) for v in held}
+
+
+def _mode_name(laws: Laws, closed: bool) -> str:
+    word = laws.closing if closed else laws.opening
+    return MODE_NAMES.get(word, word)
+
+
+def _rows(flat: FlatDAE, groups: tuple[Laws, ...]) -> list[tuple[str, Laws]]:
+    """Return the name of each law's part, and its group."""
+    names = [(flat.variable_name(int(v)), g) for g in groups for v in g.force]
+    return [(name.rpartition(".")[0] or name, g) for name, g in names]
+
+
+def _registers(gauge: Gauge) -> NDArray[np.int64]:
+    """Return the registers of motions, rates, forces and sticking limits; any one in place of those that are none."""
+    gap, rate, _, _, stick = gauge.registers
+    motion = np.where(gap >= 0, gap, rate)
+    found = np.concatenate([motion, rate, gauge.force, stick])
+    return np.where(found >= 0, found, gauge.plan.states[0])
+
+
+def _ledger(gauge: Gauge) -> tuple[int, int] | None:
+    """Return the components of work and heat among the states; None where they are not integrated."""
+    plan = gauge.plan
+    flat, own = plan.reduced.flat, plan.reduced.registers.variable[plan.states]
+    named = [flat.find(f"ledger.{n}") for n in ("work", "heat")]
+    places = [np.flatnonzero((own == int(v[0])) & plan.ledger) for v in named if v is not None]
+    if gauge.stored < 0 or len(places) < 2 or not all(len(p) for p in places):
+        return None
+    return int(places[0][0]), int(places[1][0])

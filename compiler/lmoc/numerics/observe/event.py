@@ -1,0 +1,30 @@
+"""What a run reports of an event."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at an instant.
+
+    Attributes
+    ----------
+    time : s
+    name : the part, or the condition, that it happened to
+    kind : taut, slack, contact, release, impact, stick, slip, lock, unlock, when, time, accumulation, start, …
+    before, after : names of the mode
+    impulse : along the law, ≥ 0: N·s or N·m·s
+    energy_lost : J
+    note : what deserves a word, such as the law of an impact
+    """
+
+    time: float
+    name: str
+    kind: str
+    before: str = ""
+    after: str = ""
+    impulse: float = 0.0
+    energy_lost: float = 0.0
+    note: str = ""

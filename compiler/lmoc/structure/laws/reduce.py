@@ -1,0 +1,68 @@
+"""Reduction of scenes with laws: the free scene says what its coordinates are, the switched form has those states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.law import Laws
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Report
+from lmoc.structure.laws.degree import NOT_FELT, relative_degree
+from lmoc.structure.laws.switched import free, switched
+from lmoc.structure.reduce import reduce
+
+
+def reduce_with_laws(
+    flat: FlatDAE, values: np.ndarray | None = None, states: Sequence[str] | None = None, report: Report | None = None
+) -> Reduced:
+    """Return the smallest system of a flat model, whatever laws it has; otherwise as `structure.reduce.reduce`.
+
+    The result is that of the switched form: its flat model has a few variables more at the end of the table.
+
+    Raises
+    ------
+    ModelError
+        Through `report`: E0440 a law whose force does not act on its own motion.
+    """
+    if not flat.laws:
+        return reduce(flat, values, states, report)
+    report = Report() if report is None else report
+    given = flat.parameter_values() if values is None else values
+    loose, places = free(flat)
+    first = reduce(loose, _extended(given, loose), states, report)
+    report.check()
+    degree = relative_degree(places, first)
+    _report_not_felt(flat, degree, report)
+    form, places = switched(flat, degree)
+    reduced = reduce(form, _extended(given, form), first.state_names, report)
+    return replace(reduced, switched=places)
+
+
+def _extended(values: np.ndarray, flat: FlatDAE) -> np.ndarray:
+    """Return parameter values with room for the variables that a form has added."""
+    return np.concatenate([values, np.full(flat.count - len(values), np.nan)])
+
+
+def _report_not_felt(flat: FlatDAE, degree: np.ndarray, report: Report) -> None:
+    first = 0
+    for laws in flat.laws:
+        own = degree[first : first + laws.rows]
+        first += laws.rows
+        for row in np.flatnonzero(own == NOT_FELT)[:1].tolist():
+            _report_one(flat, laws, row, report)
+    report.check()
+
+
+def _report_one(flat: FlatDAE, laws: Laws, row: int, report: Report) -> None:
+    force, motion = (flat.variable_name(int(v[row])) for v in (laws.force, laws.motion))
+    report.error(
+        "E0440",
+        f"the force '{force}' of a law does not act on its own motion '{motion}'",
+        laws.span,
+        expected="a force that opens the gap, or slows the sliding, that it belongs to",
+        hint="the ends may both be fixed or prescribed, or the force may enter no balance",
+    )
