@@ -27,7 +27,8 @@ _LONG = 8  # longest step, in distances of points that miss something which poin
 _SHORT = 1.5  # … and where the densest miss it: less than a method's stages are apart
 _AROUND = 4  # points to either side of one that was missed where the bound holds
 _REGIONS = 500  # regions with bounds of their own
-_STEADY = frozenset("add sub mul neg".split())  # of functions that have no short pulse there is none
+_STEADY = frozenset("add sub mul neg abs min max".split())  # of functions without short pulses have none either
+_LEVELS = frozenset("lt le gt ge eq ne and or not sign floor ceil integer mod rem div_integer".split())
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +99,14 @@ def _largest(shape: Expr, fixed: np.ndarray, rows: np.ndarray) -> list[Expr]:
 
 
 def is_steady(expression: Expr) -> bool:
-    """Return whether a function of time has no short pulse: sums and products of powers, of sines and of steps."""
-    if not depends_on_time(expression):
+    """Return whether a function of time has no short pulse: sums and products of powers, of sines and of steps.
+
+    A run stops where it jumps or bends (`kinks`): a pulse between two of these places is not missed.
+    """
+    if not depends_on_time(expression) or expression.op in _LEVELS:
         return True
-    if expression.op in ("sin", "cos", "lt", "le", "gt", "ge"):
-        return all(linear_parts(argument, [TIME]) is not None for argument in expression.args)
+    if expression.op in ("sin", "cos"):
+        return linear_parts(expression.args[0], [TIME]) is not None
     if expression.op == "div":
         return is_steady(expression.args[0]) and not depends_on_time(expression.args[1])
     if expression.op == "pow":
