@@ -223,7 +223,8 @@ class _Run:
         stretch.system.rhs(time, x, derivative)
         needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
         program = None if needed else stretch.plan.full_program
-        found, span, nonlinear = first_not_finite(stretch.observer, time, x, program)
+        near = stretch.system.registers
+        found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
         if needed or nonlinear:
             self.report.error("E0535", f"{found} at the start", span, hint=hint)
             self.report.check()
@@ -295,13 +296,24 @@ class _Run:
         for k in rows.tolist():
             time, near = float(times[k]), None
             if k == len(times) - 1:
-                time, x, near = outcome.time, outcome.x, stretch.system.registers
+                time, x, near = outcome.time, outcome.x, self._registers(outcome)
             else:
                 x = recorder.table[k]
-            found, span, nonlinear = first_not_finite(stretch.observer, time, x, stretch.plan.full_program, near)
+            known, program = near is not None, stretch.plan.full_program
+            found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, known)
             if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
                 self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
                 return
+
+    def _registers(self, outcome: Outcome) -> np.ndarray | None:
+        """The registers at the end, where the system keeps them."""
+        system, rate = self.stretch.system, np.empty(len(outcome.x))
+        if system.registers is None:
+            return None
+        count = system.evaluations
+        system.rhs(outcome.time, outcome.x, rate)
+        system.evaluations = count
+        return system.registers if np.isfinite(rate).all() else None
 
     def _up_to_a_singular_place(self, outcome: Outcome) -> Outcome:
         """End the run before a place where the coordinates do not determine the rest: it may have gone on wrongly."""

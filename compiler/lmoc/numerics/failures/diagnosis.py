@@ -61,7 +61,12 @@ def suspects(observer: Observer, times: np.ndarray, states: np.ndarray) -> np.nd
 
 
 def first_not_finite(
-    observer: Observer, time: float, x: np.ndarray, program: Program | None = None, near: np.ndarray | None = None
+    observer: Observer,
+    time: float,
+    x: np.ndarray,
+    program: Program | None = None,
+    near: np.ndarray | None = None,
+    solved: bool = False,
 ) -> tuple[str, Span | None, bool]:
     """A sentence about the first variable that has no finite value at (time, x), where it is declared, and whether it
     is an unknown of nonlinear equations without a solution.
@@ -72,6 +77,7 @@ def first_not_finite(
     ----------
     program : what is looked at, without it what the derivatives need
     near : (plan.count,) registers at about this time: where to look for the solutions of nonlinear equations
+    solved : they are the registers at just this place, with finite derivatives
     """
     plan, reduced = observer.plan, observer.plan.reduced
     w = observer.base.copy()
@@ -88,9 +94,12 @@ def first_not_finite(
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]
     groups = [plan.states, plan.sampled]
     if program is plan.full_program:  # most often all is well, which a look at what may be lost tells
-        steps, watched, count = plan.once(_losable)
-        longer = np.concatenate([w, np.zeros(count - len(w))])
-        Interpreter(steps, count).run(longer, time)
+        _, watched, count = plan.once(_losable)
+        interpreter = plan.once(_rest_interpreter if solved else _losable_interpreter)
+        longer = np.concatenate([near if solved else w, np.zeros(count - len(w))])
+        longer[plan.absent] = 0.0
+        interpreter.reset()
+        interpreter.run(longer, time)
         if all(np.isfinite(longer[registers]).all() for registers in (*groups, watched)):
             return "", None, False
     interpreter = Interpreter(program, plan.count)
@@ -110,6 +119,20 @@ def first_not_finite(
 def _losable(plan: Plan) -> tuple[Program, np.ndarray, int]:
     """Return what tells whether `full_program` loses a value (`losable.losable`)."""
     return losable(plan.full_program, plan.count)
+
+
+def _losable_interpreter(plan: Plan) -> Interpreter:
+    steps, _, count = plan.once(_losable)
+    return Interpreter(steps, count)
+
+
+def _rest_interpreter(plan: Plan) -> Interpreter:
+    """Of these steps the ones that the derivatives do not need."""
+    steps, _, count = plan.once(_losable)
+    done = np.zeros(count, bool)
+    for step in plan.program:
+        done[written(step)] = True
+    return Interpreter(tuple(s for s in steps if not done[written(s)].all()), count)
 
 
 def moving_risks(plan: Plan) -> Moving:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.ir.program import Solve, needed_steps
+from lmoc.ir.program import Program, Solve, needed_steps
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
 from lmoc.numerics.evaluate.interpreter import Interpreter
@@ -17,6 +17,23 @@ from lmoc.numerics.start.initial_equations import InitialEquations
 from lmoc.numerics.start.targets import Targets
 
 _ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
+
+
+def _parts(
+    plan: Plan, equations: InitialEquations, outputs: np.ndarray
+) -> tuple[Program, Interpreter, Jacobian]:
+    """What evaluates the outputs. Without initial equations it depends on them alone, and the next run takes it again."""
+    kept = plan.once(_kept_parts) if not len(equations.out) else {}
+    key = outputs.tobytes()
+    if key not in kept:
+        program = needed_steps(equations.program, outputs, equations.count)
+        made = Interpreter(program, equations.count), Jacobian(program, plan.states, outputs, equations.count)
+        kept[key] = program, *made
+    return kept[key]
+
+
+def _kept_parts(plan: Plan) -> dict[bytes, tuple[Program, Interpreter, Jacobian]]:
+    return {}
 
 
 class StartSystem:
@@ -43,19 +60,24 @@ class StartSystem:
         equations = InitialEquations(plan, signals, report)
         self.place = equations.place
         outputs = np.concatenate([plan.reduced.register_of[targets.variable], equations.out]).astype(int)
-        self.program = needed_steps(equations.program, outputs, equations.count)
-        self.interpreter = Interpreter(self.program, equations.count)
-        self.jacobian = Jacobian(self.program, plan.states, outputs, equations.count)
+        self.program, self.interpreter, self.jacobian = _parts(plan, equations, outputs)
+        self.interpreter.reset()
         self.outputs = outputs
         self.w = np.concatenate([base, np.full(equations.count - plan.count, np.nan)])
         equations.fill(self.w, values, time)
         for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
             self.w[register] = signals[variable].value(time, order)
         self.value = np.concatenate([targets.value, np.zeros(len(equations.out))])
+        self._last: tuple[np.ndarray, tuple] | None = None
         self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
 
     def evaluate(self, x: np.ndarray):
         """Residuals (m,) and their Jacobian as (rows, columns, values)."""
+        if self._last is None or not np.array_equal(self._last[0], x):  # often asked for twice at the same place
+            self._last = x.copy(), self._evaluate(x)
+        return self._last[1]
+
+    def _evaluate(self, x: np.ndarray):
         self.w[self.plan.states] = x
         self.interpreter.run(self.w, self.time)
         residual = self.w[self.outputs] - self.value

@@ -187,7 +187,7 @@ class Kernel:
 
     def evaluate(self, call: Call, time: float, x: np.ndarray) -> bool:
         """Run the program for states x, with the nonlinear blocks near their last solution; whether there is one."""
-        return not self._evaluate(ctypes.byref(call), time, x.ctypes.data)
+        return not self._evaluate(call.reference, time, x.ctypes.data)
 
     def call(self, states: np.ndarray, derivatives: np.ndarray, rescue: Callable[[float], bool] | None = None) -> Call:
         """Return what C functions need to evaluate derivatives; valid as long as the kernel lives.
@@ -221,7 +221,7 @@ class Kernel:
             0.0,
             RESCUE() if rescue is None else RESCUE(rescue),
         )
-        call.tables = tables, memory  # kept alive with it
+        call.tables, call.reference = (tables, memory), ctypes.byref(call)  # kept alive with it
         return call
 
     def callback(self, call: Call):

@@ -144,28 +144,33 @@ class NativeStepper(Stepper):
         self._attempt.argtypes = [pointer, real, real, real, *[pointer] * 8]
         self._more.argtypes = [pointer, real, real, *[pointer] * 5]
         self._attempt.restype = self._more.restype = None
+        self._reference = ctypes.byref(self._call)
+        fixed = (self.table, self.times, self.atol, self.k, self.last, self.result)
+        self._at = [a.ctypes.data for a in fixed]  # asking numpy for an address takes as long as a small evaluation
+        self._x, self._x_new = self.x.ctypes.data, self.x_new.ctypes.data
 
     def start(self, t, x, rtol, atol) -> None:
         self.x[:], self.atol[:], self.rtol = x, atol, float(rtol)
         self.system.rhs(t, self.x, self.f)
 
     def attempt(self, t: float, h: float) -> tuple[float, float]:
-        k = self.k
-        k[0] = self.f
-        arrays = (self.table, self.times, self.x, self.atol, k, self.x_new, self.last, self.result)
-        self._attempt(ctypes.byref(self._call), t, h, self.rtol, *(a.ctypes.data for a in arrays))
+        self.k[0] = self.f
+        weights, times, atol, k, last, result = self._at
+        call = self._reference
+        self._attempt(call, t, h, self.rtol, weights, times, self._x, atol, k, self._x_new, last, result)
         self.system.evaluations += 12
         error, stiffness = self.result.tolist()
         return error, stiffness
 
     def stages(self, t: float, h: float) -> np.ndarray:
-        arrays = (self.table, self.times, self.x, self.k, self.last)
-        self._more(ctypes.byref(self._call), t, h, *(a.ctypes.data for a in arrays))
+        weights, times, _, k, last, _ = self._at
+        self._more(self._reference, t, h, weights, times, self._x, k, last)
         self.system.evaluations += 3
         return self.k
 
     def accept(self) -> None:
         self.x, self.x_new = self.x_new, self.x
+        self._x, self._x_new = self._x_new, self._x
         self.f[:] = self.k[12]
 
 
