@@ -22,7 +22,7 @@ _ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
 def _parts(
     plan: Plan, equations: InitialEquations, outputs: np.ndarray
 ) -> tuple[Program, Interpreter, Jacobian]:
-    """What evaluates the outputs; without initial equations it depends on them alone, and the next run has it already."""
+    """What evaluates the outputs; without initial equations it depends on them alone, and is kept for the next run."""
     kept = plan.once(_kept_parts) if not len(equations.out) else {}
     key = outputs.tobytes()
     if key not in kept:
