@@ -6,7 +6,7 @@ from oracles.lawful import gauge_of, state
 
 from lmoc.numerics.laws.complementarity import NoSolution
 from lmoc.numerics.laws.mode import Mode, free_mode
-from lmoc.numerics.laws.transition import Transitions, Trigger
+from lmoc.numerics.laws.transition import Trigger, transition
 
 STRING = """
 model String Fixed c; Spring s(k = 100); Mass m1(m = 1, g = 9.81), m2(m = 2, g = 9.81); Cable t(L = 0.5);
@@ -37,7 +37,7 @@ def at(text, values, closing=(), opening=(), direction=0, closed=()):
     mode = free_mode(gauge.table)
     mode = Mode(np.isin(np.arange(gauge.form.count), closed), mode.direction)
     x = state(gauge, **values)
-    found = Transitions(gauge)(0.0, x, mode, trigger(gauge.form.count, closing, opening, direction))
+    found = transition(gauge, 0.0, x, mode, trigger(gauge.form.count, closing, opening, direction))
     return dict(zip(gauge.plan.reduced.state_names, found.x)), found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 KINDS = tuple(LawKind)
 
 
@@ -27,7 +29,6 @@ class Table:
     Attributes
     ----------
     kind : index into KINDS
-    unilateral, one_way, dry, contact : masks of the four kinds
     degree : 0, 1 or 2 (`structure.laws.degree`)
     restitution : Newton's coefficient, 0 for laws without
     normal : index of the law whose force is the normal force of contact friction, NONE for others
@@ -38,15 +39,27 @@ class Table:
     restitution: Array
     normal: NDArray[np.int64]
 
-    def of(self, *kinds: LawKind) -> NDArray[np.bool_]:
+    def _of(self, *kinds: LawKind) -> Mask:
         return np.isin(self.kind, [KINDS.index(k) for k in kinds])
 
-    @property
-    def complementary(self) -> NDArray[np.bool_]:
-        return self.of(*COMPLEMENTARY)
+    @cached_property
+    def unilateral(self) -> Mask:
+        return self._of(LawKind.UNILATERAL)
 
-    @property
-    def impulsive(self) -> NDArray[np.bool_]:
+    @cached_property
+    def complementary(self) -> Mask:
+        return self._of(*COMPLEMENTARY)
+
+    @cached_property
+    def dry(self) -> Mask:
+        return self._of(LawKind.DRY_FRICTION)
+
+    @cached_property
+    def contact(self) -> Mask:
+        return self._of(LawKind.CONTACT_FRICTION)
+
+    @cached_property
+    def impulsive(self) -> Mask:
         """Complementarities between inertias: only these carry impulses."""
         return self.complementary & (self.degree == 2)
 
@@ -57,21 +70,31 @@ class Instant:
 
     Attributes
     ----------
+    t, x : s, (states,)
     gap, rate : (n,) NaN where a law has none
+    gap_scale, rate_scale : (n,) sizes of the terms whose sums they are; 0 where there are none
+    slope : (2, n, states) derivatives of gaps and rates by the states
     bias : (n,) the level quantities y (`structure.laws.switched`)
     delassus : (n, n) their derivatives by the forces
     response : (states, n) the derivatives of the states' rates by the forces
     slip, stick : (n,) limits of friction, not negative; NaN for complementarities. Those of contact friction are shares
         of the normal force.
+    stored : J, NaN without a ledger
     """
 
+    t: float
+    x: Array
     gap: Array
     rate: Array
+    gap_scale: Array
+    rate_scale: Array
+    slope: Array
     bias: Array
     delassus: Array
     response: Array
     slip: Array
     stick: Array
+    stored: float
 
 
 class Gauge:
@@ -101,13 +124,16 @@ class Gauge:
         self.interpreter = Interpreter(self.program, plan.count)
         self.outputs = np.concatenate([self.registers[2], plan.derivatives])
         column, variable, order = plan.reduced.inputs
-        self.push = column[[int(np.flatnonzero((variable == p) & (order == 0))[0]) for p in form.push]]
-        self.by_force = Jacobian(self.program, self.push, self.outputs, plan.count)
+        push = column[[int(np.flatnonzero((variable == p) & (order == 0))[0]) for p in form.push]]
+        self.by_force = Jacobian(self.program, push, self.outputs, plan.count)
+        motions = np.stack(self.registers[:2])
+        self.has_motion = motions >= 0
+        self.by_state = Jacobian(self.program, plan.states, motions[self.has_motion], plan.count)
         self.table = _table(form, values)
 
-    def filled(self, t: float, x: Array, base: Array | None = None) -> Array:
-        """Return all registers at a time and state."""
-        w = (self.base if base is None else base).copy()
+    def filled(self, t: float, x: Array) -> Array:
+        """Return all registers that the laws need, at a time and state."""
+        w = self.base.copy()
         w[self.plan.states] = x
         for register, (variable, order) in zip(self.plan.sampled, self.plan.samplers, strict=True):
             w[register] = sample(self.signals[variable], order, np.array([t]))[0]
@@ -115,14 +141,25 @@ class Gauge:
         return w
 
     def at(self, t: float, x: Array) -> Instant:
-        w = self.filled(t, x)
+        w, n = self.filled(t, x), self.form.count
         gap, rate, bias, slip, stick = (
             np.where(r >= 0, w[r], k) for r, k in zip(self.registers, self.known, strict=True)
         )
-        matrix = np.zeros((len(self.outputs), len(self.push)))
-        matrix[self.by_force.rows, self.by_force.columns] = self.by_force.values(w, t)
-        n = self.form.count
-        return Instant(gap, rate, bias, matrix[:n], matrix[n:], np.maximum(slip, 0.0), np.maximum(stick, 0.0))
+        force = _dense(self.by_force, w, t, (len(self.outputs), n))
+        slope, scale = np.zeros((2, n, len(x))), np.zeros((2, n))
+        own = _dense(self.by_state, w, t, (int(self.has_motion.sum()), len(x)))
+        slope[self.has_motion] = own
+        value = np.stack([gap, rate])[self.has_motion]
+        scale[self.has_motion] = np.abs(own) @ np.abs(x) + np.abs(value - own @ x)
+        limits = np.maximum(slip, 0.0), np.maximum(stick, 0.0)
+        stored = float(w[self.stored]) if self.stored >= 0 else np.nan
+        return Instant(t, x, gap, rate, *scale, slope, bias, force[:n], force[n:], *limits, stored)
+
+
+def _dense(jacobian: Jacobian, w: Array, t: float, shape: tuple[int, int]) -> Array:
+    matrix = np.zeros(shape)
+    matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, t)
+    return matrix
 
 
 def _register(plan: Plan, name: str) -> int:

@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.laws.complementarity import Array
-from lmoc.numerics.laws.instant import Gauge
-from lmoc.numerics.laws.mode import Mask
+from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 
 MOST_NEWTON = 12
 CLOSE = 2e-16  # residual, as a share of the terms that make it
@@ -26,54 +24,29 @@ class NoWayBack(Exception):
     """The states are too far from the constraints, or these contradict each other."""
 
 
-class Manifold:
-    """The gaps and rates of the laws of one run as functions of the states."""
+def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
+    """Return the nearby instant at which some gaps and rates are zero.
 
-    def __init__(self, gauge: Gauge) -> None:
-        self.gauge = gauge
-        self.rows = np.stack([gauge.registers[0], gauge.registers[1]])
-        used = self.rows[self.rows >= 0]
-        self.place = np.full(self.rows.shape, -1)
-        self.place[self.rows >= 0] = np.arange(len(used))
-        self.jacobian = Jacobian(gauge.program, gauge.plan.states, used, gauge.plan.count)
-
-    def _evaluate(self, t: float, x: Array, chosen: Mask) -> tuple[Array, Array]:
-        """Return some gaps and rates, (m,), and their derivatives by the states, (m, n); `chosen` is (2, laws)."""
-        w = self.gauge.filled(t, x)
-        matrix = np.zeros((int(self.place.max()) + 1, len(x)))
-        matrix[self.jacobian.rows, self.jacobian.columns] = self.jacobian.values(w, t)
-        return w[self.rows[chosen]], matrix[self.place[chosen]]
-
-    def project(self, t: float, x: Array, gaps: Mask, rates: Mask) -> Array:
-        """Return the nearby state at which some gaps and rates are zero.
-
-        Raises
-        ------
-        NoWayBack
-            Newton's method does not converge.
-        """
-        chosen = np.stack([gaps, rates])
-        if not chosen.any():
-            return x
-        residue = np.inf
-        for _ in range(MOST_NEWTON):
-            value, matrix = self._evaluate(t, x, chosen)
-            terms = np.abs(matrix) @ np.abs(x)
-            if (np.abs(value) <= CLOSE * terms).all():
-                return x
-            before, residue = residue, float(np.abs(value).max())
-            if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (terms + residue)).all():
-                return x  # as near as rounding allows
-            x = x + correction(matrix, -value)
-        raise NoWayBack
-
-    def scales(self, t: float, x: Array) -> tuple[Array, Array]:
-        """Return the sizes of the terms whose sums are the gaps and the rates, 0 where a law has none."""
-        chosen = self.rows >= 0
-        value, matrix = self._evaluate(t, x, chosen)
-        scale = np.zeros(self.rows.shape)
-        scale[chosen] = np.abs(matrix) @ np.abs(x) + np.abs(value - matrix @ x)
-        return scale[0], scale[1]
+    Raises
+    ------
+    NoWayBack
+        Newton's method does not converge.
+    """
+    chosen = np.stack([gaps, rates])
+    if not chosen.any():
+        return now
+    residue = np.inf
+    for _ in range(MOST_NEWTON):
+        value = np.stack([now.gap, now.rate])[chosen]
+        matrix = now.slope[chosen]
+        terms = np.abs(matrix) @ np.abs(now.x)
+        if (np.abs(value) <= CLOSE * terms).all():
+            return now
+        before, residue = residue, float(np.abs(value).max())
+        if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (terms + residue)).all():
+            return now  # as near as rounding allows
+        now = gauge.at(now.t, now.x + correction(matrix, -value))
+    raise NoWayBack
 
 
 def correction(matrix: Array, right: Array) -> Array:

@@ -12,11 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import LawKind
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
-from lmoc.numerics.laws.instant import Instant, Table
-
-Mask = NDArray[np.bool_]
+from lmoc.numerics.laws.instant import Instant, Mask, Table
 
 ROUNDING = 1e-10  # by which a friction force may pass its limit and still stick
 
@@ -77,7 +74,7 @@ def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDA
         Sticking and slipping laws contradict each other.
     """
     direction, stuck = sliding.copy(), candidate.copy()
-    frictions = table.of(LawKind.DRY_FRICTION, LawKind.CONTACT_FRICTION)
+    frictions = ~table.complementary
     direction[stuck | ~frictions] = 0
     side = np.where(mode.closed | (candidate & ~frictions), FREE, LOWER)
     force = np.zeros(len(candidate))
@@ -114,9 +111,9 @@ def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) ->
     n = len(direction)
     slides = direction != 0
     constant, share = np.zeros(n), np.zeros((n, n))
-    dry = slides & table.of(LawKind.DRY_FRICTION)
+    dry = slides & table.dry
     constant[dry] = -direction[dry] * now.slip[dry]
-    on = np.flatnonzero(slides & table.of(LawKind.CONTACT_FRICTION))
+    on = np.flatnonzero(slides & table.contact)
     share[on, table.normal[on]] = -direction[on] * now.slip[on]
     return constant, share
 
@@ -124,16 +121,16 @@ def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) ->
 def _bounds(table: Table, now: Instant) -> tuple[Array, Array]:
     """Return bounds of the forces; those of contact friction follow from other forces and are looked at afterwards."""
     upper = np.full(len(table.kind), np.inf)
-    dry = table.of(LawKind.DRY_FRICTION)
+    dry = table.dry
     upper[dry] = now.stick[dry]
     return np.where(table.complementary, 0.0, -upper), upper
 
 
 def _beyond_limits(table: Table, now: Instant, force: Array, side: Sides) -> Mask:
     """Return which friction forces have reached or passed their sticking limits."""
-    contact = table.of(LawKind.CONTACT_FRICTION)
+    contact = table.contact
     limit = now.stick[contact] * np.maximum(force[table.normal[contact]], 0.0)
-    beyond = table.of(LawKind.DRY_FRICTION) & (side != FREE)
+    beyond = table.dry & (side != FREE)
     beyond[contact] = np.abs(force[contact]) > limit * (1 + ROUNDING)
     return beyond
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import NONE, LawKind, Laws, Switched
+from lmoc.ir.law import NONE, Laws, Switched
 from lmoc.numerics.integrate.base import Roots
 from lmoc.numerics.laws.complementarity import Array
-from lmoc.numerics.laws.instant import Gauge
+from lmoc.numerics.laws.instant import Gauge, Instant
 from lmoc.numerics.laws.mode import Mode, free_mode
-from lmoc.numerics.laws.transition import STILL, Transition, Transitions, Trigger
+from lmoc.numerics.laws.transition import STILL, Transition, Trigger, transition
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.plan import Plan
@@ -39,7 +39,7 @@ class LawSwitching:
 
     def __init__(self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
         self.gauge = Gauge(plan, values, base, signals)
-        self.transitions = Transitions(self.gauge)
+        self.now: Instant | None = None  # where the present piece begins
         self.mode = free_mode(self.gauge.table)
         self.laws = _rows(plan.reduced.flat, self.gauge.form.laws)
         self.slice = slice_of(plan, _registers(self.gauge))
@@ -78,19 +78,19 @@ class LawSwitching:
             first = np.where(table.complementary, np.where(mode.closed, force, motion), first)
             return np.concatenate([first, (limit + force)[:, stuck]], axis=1)
 
-        apart = self._apart(t, x, values(np.array([t]), x[None])[0])
+        apart = self._apart(values(np.array([t]), x[None])[0])
         return Roots(lambda times, states: values(times, states) + apart, np.ones(len(apart)))
 
-    def _apart(self, t: float, x: Array, value: Array) -> Array:
+    def _apart(self, value: Array) -> Array:
         """Return what keeps functions that begin at zero from being noticed at once.
 
         A gap that opens with a velocity needs nothing: it begins at zero and grows.
         """
-        now, table = self.gauge.at(t, x), self.gauge.table
-        gaps, rates = self.transitions.manifold.scales(t, x)
+        now, table = self.now, self.gauge.table
         with np.errstate(invalid="ignore", divide="ignore"):
             held = np.abs(now.bias / np.diag(now.delassus)) + np.nan_to_num(now.stick)
-            motion = np.where(table.of(LawKind.UNILATERAL), np.where(now.rate > STILL * rates, 0.0, gaps), rates)
+            gaps = np.where(now.rate > STILL * now.rate_scale, 0.0, now.gap_scale)
+            motion = np.where(table.unilateral, gaps, now.rate_scale)
         scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
         scale = np.concatenate([scale, scale[self.second]])
         return np.where(np.abs(value) <= NEAR * scale, APART * scale, 0.0)
@@ -113,19 +113,16 @@ class LawSwitching:
         return self._take(t, x, trigger)
 
     def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
-        before, stored = self.mode, self._stored(t, x)
-        found = self.transitions(t, x, before, trigger)
-        self.mode = found.mode
+        before = self.mode
+        found = transition(self.gauge, t, x, before, trigger)
+        self.mode, self.now = found.mode, found.now
         x = found.x.copy()
         if self.ledger is not None and found.impulse.any():
             work, heat = self.ledger
             lost = float(found.lost.sum())
             x[heat] += lost
-            x[work] += lost + self._stored(t, x) - stored
+            x[work] += lost + found.now.stored - found.before.stored
         return x, self._events(t, before, found, at_start)
-
-    def _stored(self, t: float, x: Array) -> float:
-        return 0.0 if self.ledger is None else float(self.gauge.filled(t, x)[self.gauge.stored])
 
     def _events(self, t: float, before: Mode, found: Transition, at_start: bool) -> list[Event]:
         events = []
