@@ -75,11 +75,9 @@ def test_a_part_gives_another_value() -> None:
 @pytest.mark.parametrize(
     ("declared", "code"),
     [
-        ("Boolean b = x > 0;", "E0230"),
-        ("Integer n = if time > 1 then 1 else 2; Real y[n];", "E0230"),
-        ("Boolean b;", "E0230"),
-        ("discrete Real b = 1;", "E0230"),
-        ("output Boolean b = true;", "E0230"),
+        ("Boolean b = noEvent(x > 0);", "E0251"),
+        ("Integer n = if time > 1 then 1 else 2; Real y[n];", "E0211"),
+        ("Boolean b;", "E0307"),
         ("Boolean b = 1; Mass m(m = 1) if b;", "E0301"),
         ("Integer n = 1.5;", "E0301"),
         ("String s = 1;", "E0301"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracles.flattening import attribute, codes, equations, flat, mistakes, value
+from oracles.flattening import attribute, codes, equations, flat, value
 
 from lmoc.expression.text import to_text
 from lmoc.ir.flat import Kind, StateSelect
@@ -139,16 +139,7 @@ def test_if_expressions_over_parameters_stay_free() -> None:
 def test_kinks_are_warned_of_once_for_each_place() -> None:
     dae = flat("""model B Real x; Real y = abs(x); equation der(x) = if x > 1 then 1 else -1; end B;
         model A B b, c; Real z = noEvent(abs(b.x)) + smooth(0, if b.x > 0 then 1 else 2); Real w = abs(-3); end A;""")
-    assert [n.code for n in dae.notes] == ["W0311", "W0311"]
-
-
-@pytest.mark.parametrize(
-    "equation",
-    ["when x > 1 then reinit(x, 0); end when;", 'terminate("x");', "x = pre(x);", "x = if initial() then 1 else 2;"],
-)
-def test_events_are_refused_with_their_line(equation: str) -> None:
-    (error,) = mistakes(f"model A Real x(start = 0);\nequation\n{equation}\nend A;")
-    assert error.code == "E0230" and error.span.line == 3 and "not available yet" in error.message
+    assert [n.code for n in dae.notes] == ["W0311"]
 
 
 def test_the_experiment_annotation() -> None:
@@ -186,17 +177,3 @@ def test_limits_of_parameters_are_checks() -> None:
 
 def test_constants_need_values() -> None:
     assert codes("model A constant Real c; Real x = c; end A;") == ["E0212"]
-
-
-@pytest.mark.parametrize(
-    ("choice", "warnings"),
-    [
-        ("if time < 1 then 1 else if time < 2 then 2 else if time < 3 then 3 else 4", 1),
-        ("if time < 1 then 1 else if time < 2 then abs(time) else 3", 2),
-        ("if fixed then 1 else if time < 2 then 2 else 3", 1),
-        ("if time < 1 then (if time < 0.5 then 1 else 2) else 3", 2),
-    ],
-)
-def test_one_choice_of_many_branches_is_warned_of_once(choice: str, warnings: int) -> None:
-    dae = flat(f"model A parameter Boolean fixed = true; Real x = {choice}; end A;")
-    assert [n.code for n in dae.notes] == ["W0311"] * warnings

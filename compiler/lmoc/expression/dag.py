@@ -220,6 +220,25 @@ def if_(condition: Expr, then: Expr, otherwise: Expr) -> Expr:
     return _intern("if", (condition, then, otherwise))
 
 
+def event(a: Expr) -> Expr:
+    """The expression, whose jumps are events; what is known, or says so already, as it stands."""
+    return a if a.op in ("const", "event") else _intern("event", (a,))
+
+
+def outside_events(root: Expr) -> list[Expr]:
+    """The leaves of an expression that do not stand inside `event`."""
+    found, seen, stack = [], set(), [root]
+    while stack:
+        node = stack.pop()
+        if id(node) in seen or node.op == "event":
+            continue
+        seen.add(id(node))
+        stack += node.args
+        if not node.args:
+            found.append(node)
+    return found
+
+
 # ------------------------------------------------- functions and relations
 
 
@@ -244,6 +263,7 @@ _REBUILD: dict[str, Callable[..., Expr]] = {
     "pow": power,
     "neg": neg,
     "if": if_,
+    "event": event,
 }
 
 

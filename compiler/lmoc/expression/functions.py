@@ -229,6 +229,9 @@ _ENTRIES = (
              UnitRule.KEPT, Kind.OPERATOR),
     Function("if", 3, None, None, "where", "if_else", "{0} ? {1} : {2}", _sympy_choice,
              UnitRule.CHOICE, Kind.OPERATOR),
+    # the value of its argument; what jumps in it does so at events (Modelica 3.6, 8.5)
+    Function("event", 1, lambda x: x, (lambda of, f, x: 1,), lambda np, x: x, lambda ca, x: x, "{0}",
+             lambda sp, x: x, UnitRule.KEPT, Kind.OPERATOR),
     # Modelica 3.6, 3.7.3: elementary functions
     _entry("sqrt", math.sqrt, lambda of, f, x: 0.5 / f, unit=UnitRule.ROOT, domain=lambda x: x >= 0),
     _entry("sin", math.sin, lambda of, f, x: of("cos", x)),

@@ -50,6 +50,8 @@ def _node_text(node: Expr, args: list[tuple[str, float]], name: Callable[[int, i
         return name(*node.value), _ATOM
     if op == "time":
         return "time", _ATOM
+    if op == "event":
+        return args[0]
     if op == "if":
         parts = [_bracket(a, 0.5) for a in args]
         return f"if {parts[0]} then {parts[1]} else {parts[2]}", _STRENGTH["if"]

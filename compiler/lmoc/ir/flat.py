@@ -17,6 +17,7 @@ import numpy as np
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
+from lmoc.ir.events import Events
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
@@ -183,6 +184,7 @@ class Check:
     error: bool  # AssertionLevel.error or .warning
     slots: np.ndarray
     span: Span | None
+    at_events: bool = False  # looked at when an event happens, not all the time
 
 
 @dataclass(frozen=True)
@@ -217,6 +219,7 @@ class FlatDAE:
     nominals: tuple[Assignments, ...] = ()
     checks: tuple[Check, ...] = ()
     laws: tuple[Laws, ...] = ()  # each leaves a force open that a mode closes (`lmoc.ir.mode`)
+    events: Events | None = None  # None: nothing happens at instants
     closed: np.ndarray | None = None  # (laws,) which laws are closed; None: the groups say nothing about the laws
     experiment: Experiment = Experiment()
     overrides: Mapping[str, float] = field(default_factory=dict)  # values the caller gave before flattening

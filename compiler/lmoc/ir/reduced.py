@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lmoc.expression.dag import Expr
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import Switched
 from lmoc.ir.program import Program, Registers
@@ -24,6 +25,27 @@ class Guard:
     holds: Callable[[np.ndarray], bool]
     text: str
     broken: Callable[[np.ndarray], str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteStep:
+    """Discrete variables that are computed at events, all in one way, over variables of the flat model.
+
+    Attributes
+    ----------
+    op : "gt", "ge" or "floor" of a relation: ``value > 0``, ``value ≥ 0``, ``floor(value)``; "" for the value itself
+    value : Expr
+    slots : (n, columns) variables
+    target : (n,) discrete variables
+    relation : which of `Events.relations`, -1 where it is none; `rows` are those of it
+    """
+
+    op: str
+    value: Expr
+    slots: np.ndarray
+    target: np.ndarray
+    relation: int
+    rows: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +82,7 @@ class Reduced:
     nearby : (n,) values of the states with which the constraints hold, near the start values: a guess, no start; None
         where there are no nonlinear constraints
     switched : where the laws are, whose modes are values of the equations; None without laws
+    discrete : the discrete equations in their order, carried out at events
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 
@@ -83,6 +106,7 @@ class Reduced:
     nearby: np.ndarray | None = None
     switched: Switched | None = None
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    discrete: tuple[DiscreteStep, ...] = ()
 
     def register_name(self, register: int) -> str:
         """A register in the user's names; helpers are ``#n``."""

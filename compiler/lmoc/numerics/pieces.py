@@ -9,19 +9,19 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lmoc.messages.diagnostics import Report, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects
 from lmoc.numerics.failures.singular import singular_end, singular_place
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
+from lmoc.numerics.integrate.standing import standing
 from lmoc.numerics.integrate.status import Status
-from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.recorder import Recorder, kept_variables
@@ -34,6 +34,9 @@ from lmoc.numerics.signals.signals import Signal, break_times
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
 from lmoc.support.distinct import distinct
+
+if TYPE_CHECKING:
+    from lmoc.numerics.events.happenings import Happenings
 
 Progress = Callable[[float, float], None]  # (time reached, stop time)
 
@@ -89,9 +92,17 @@ def run_pieces(task: Task, plan: Plan, system: System, initial: Mapping[str, flo
 class _Stretch:
     """A piece under way."""
 
-    def __init__(self, task: Task, plan: Plan, system: System, begin: float, variables: np.ndarray | None) -> None:
+    def __init__(
+        self,
+        task: Task,
+        plan: Plan,
+        system: System,
+        begin: float,
+        variables: np.ndarray | None,
+        base: np.ndarray | None = None,
+    ) -> None:
         self.task, self.plan, self.system, self.begin = task, plan, system, begin
-        self.base = plan.base(task.values, task.signals)
+        self.base = plan.base(task.values, task.signals) if base is None else base
         self.observer = Observer(plan, task.values, self.base, task.signals)
         times = task.span.times
         self.first = int(np.searchsorted(times, begin, "left"))
@@ -122,12 +133,11 @@ class _Run:
         self.progress = None if task.progress is None else lambda t: task.progress(t, span.end)
         self.stretch = _Stretch(task, plan, system, span.start, self.variables)
         self.pieces: list[Piece] = []
-        self.switching = None
-        if plan.reduced.switched is not None:
-            self.switching = LawSwitching(plan, task.values, self.stretch.base, task.signals)
-        self.events: list[Event] = []
+        self.ended: Status | None = None  # an event has ended the run
         self.stats: dict[str, object] = {}
-        self.lost = ""  # why the coordinates do not serve
+        self.lost = ""  # why the run cannot go on, where that is known better than from its status
+        self.happenings: Happenings | None = None
+        self.tolerances: np.ndarray | None = None
 
     def go(self, initial: Mapping[str, float] | End) -> Trajectory:
         began, lowered = self.task.clock
@@ -135,9 +145,16 @@ class _Run:
         started = clock.perf_counter()
         outcome, method = self._integrate(x)
         counts = self._counted({}, outcome)
-        while outcome.status is Status.ROOT:
-            outcome, method = self._integrate(self._switch(outcome))
-            counts = self._counted(counts, outcome)
+        while self.happenings is not None and not outcome.status.failed:
+            outcome = self._up_to_a_singular_place(outcome)
+            x = self._behind(outcome)
+            if x is None:
+                break
+            later, own = self._integrate(x)
+            method = own if method["solver"] == "none" else method
+            outcome, counts = later, self._counted(counts, later)
+        if self.ended is not None:
+            outcome = replace(outcome, status=self.ended)
         if not outcome.status.failed:
             self._check_way(outcome)
             outcome = self._up_to_a_singular_place(outcome)
@@ -155,7 +172,7 @@ class _Run:
         }
         notes = tuple(dict.fromkeys((*self.stretch.plan.notes, *self.report.diagnostics)))
         last = outcome.time, outcome.x
-        run = Trajectory(tuple(self.pieces), self.variables, last, self.stats, tuple(self.events), notes)
+        run = Trajectory(tuple(self.pieces), self.variables, last, self.stats, self._records(), notes)
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             raise failure(self._explain(outcome), outcome.time, run)
@@ -169,13 +186,18 @@ class _Run:
         wanted = targets(observer.flat, observer.values, initial, report)
         report.check()
         seed_blocks(plan, stretch.base, wanted)
-        system.prepare(stretch.base, self.task.signals)
-        x = initial_state(plan, stretch.base, self.task.signals, observer.values, span.start, wanted, report)
+        signals = self.task.signals
+
+        def states(base: np.ndarray) -> np.ndarray:
+            return initial_state(plan, base, signals, observer.values, span.start, wanted, report)
+
+        if plan.reduced.switched is None and plan.reduced.flat.events is None:
+            x = states(stretch.base)
+        else:
+            x = self._start_of_events(states, initial)
         report.check()
+        system.prepare(self.stretch.base, self.stretch.task.signals)
         self._check_start(x)
-        if self.switching is not None:
-            x, self.events = self.switching.start(span.start, x)
-            self._begin(span.start)
         self._record_start(x)
         return x
 
@@ -187,25 +209,54 @@ class _Run:
 
     # ------------------------------------------------------------------ events
 
+    def _start_of_events(self, states: Callable[[np.ndarray], np.ndarray], initial: object) -> np.ndarray:
+        """The states at the start of a run with events, behind what happens there."""
+        from lmoc.numerics.events.happenings import Happenings, Stopped
+
+        task, stretch = self.task, self.stretch
+        span = task.span.start, task.span.end
+        self.happenings = Happenings(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
+        try:
+            x = self.happenings.start(states, initial)
+        except Stopped as stopped:
+            self.report.error("E0535", f"the start has no solution: {stopped.reason}")
+            self.report.check()
+        self.report.check()
+        self._begin(task.span.start)
+        return x
+
     def _begin(self, time: float) -> None:
-        """Begin a piece with the values of the mode that holds now."""
-        old = self.stretch
-        task = replace(self.task, signals={**self.task.signals, **self.switching.signals()})
-        self.stretch = _Stretch(task, old.plan, old.system, time, self.variables)
+        """Begin a piece with the values that hold now between events."""
+        old, now = self.stretch, self.happenings
+        task = replace(self.task, signals=now.signals)
+        self.stretch = _Stretch(task, old.plan, old.system, time, self.variables, now.base())
         old.system.prepare(self.stretch.base, task.signals)
 
-    def _switch(self, outcome: Outcome) -> np.ndarray:
-        """Return the state behind the roots at which a piece has ended, and begin the next piece."""
+    def _behind(self, outcome: Outcome) -> np.ndarray | None:
+        """Return the state behind what has ended a piece, and begin the next one; None at the end of the run."""
+        from lmoc.numerics.events.happenings import Stopped
+
         stretch, time = self.stretch, outcome.time
+        try:
+            x = None if outcome.status.failed else self.happenings.after(outcome)
+        except Stopped as stopped:
+            self.ended, self.lost = stopped.status, stopped.reason
+            if stopped.status is Status.OK:
+                told = f"the model has ended the run at t = {time:.6g} s: {stopped.reason}"
+                self.report.diagnostics.append(Diagnostic("N0552", told))
+            return None
+        if x is None:
+            return None
         recorder = stretch.recorder
         if recorder.reached and recorder.times[recorder.reached - 1] == time:
             recorder.reached -= 1  # the value at an event is the one behind it
         self.pieces.append(stretch.piece())
-        x, events = self.switching.happen(time, outcome.x, outcome.roots)
-        self.events += events
         self._begin(time)
         self._record_start(x)
         return x
+
+    def _records(self) -> tuple[Event, ...]:
+        return () if self.happenings is None else tuple(self.happenings.records)
 
     def _counted(self, counts: dict[str, int], outcome: Outcome) -> dict[str, int]:
         """Return the costs so far, with those of one more piece."""
@@ -237,32 +288,35 @@ class _Run:
         """Integrate the piece under way, from its state at the beginning."""
         stretch, span = self.stretch, self.task.span
         recorder, begin, options = stretch.recorder, stretch.begin, self.task.options
+        now = self.happenings
+        end = span.end if now is None else now.until
         done = recorder.reached
-        times = recorder.times[done:]
-        if not len(x):
+        times = recorder.times[done : np.searchsorted(recorder.times, end, "right")]
+        roots = None if now is None else now.roots(begin, x)
+        if not len(x) and roots is None:
             recorder(done, np.zeros((len(times), 0)))
-            return Outcome(span.end, x, len(times)), {"solver": "none", "reason": "no states"}
-        if begin == span.end:
+            return Outcome(end, x, len(times)), {"solver": "none", "reason": "no states"}
+        if begin == end:
             return Outcome(begin, x, 0), {"solver": "none", "reason": "only the start"}
-        breaks = kinks.break_times(stretch.plan, stretch.base, begin, span.end)
+        breaks = kinks.break_times(stretch.plan, stretch.base, begin, end)
         if len(breaks) == kinks.MOST:
             self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
-        more = break_times(self.task.signals, begin, span.end, kinks.MOST // 10)
-        bounds = step_bounds(stretch.plan, stretch.base, self.task.signals, begin, span.end)
+        more = break_times(self.task.signals, begin, end, kinks.MOST // 10)
+        bounds = step_bounds(stretch.plan, stretch.base, self.task.signals, begin, end)
         breaks = distinct(np.concatenate([breaks, more, bounds.edges[1:]]))
-        roots = None
-        if self.switching is not None:
-            roots = self.switching.roots(begin, x, stretch.base, stretch.task.signals)
+        if self.tolerances is None:
+            self.tolerances = self._absolute_tolerances(x)
+        max_step = np.inf if options.max_step is None else options.max_step
         problem = Problem(
             stretch.system,
             begin,
             x,
-            span.end,
+            end,
             times,
             self.rtol,
-            self._absolute_tolerances(x),
+            self.tolerances,
             lambda first, states: recorder(first + done, states),
-            max_step=np.inf if options.max_step is None else options.max_step,
+            max_step=max_step if now is None else min(max_step, now.longest_step),
             max_steps=options.max_steps,
             deadline=self.deadline,
             progress=self.progress,
@@ -270,6 +324,8 @@ class _Run:
             breaks=breaks,
             roots=roots,
         )
+        if not len(x):
+            return standing(problem), {"solver": "none", "reason": "no states"}
         return choice.run(problem, options.solver)
 
     def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:

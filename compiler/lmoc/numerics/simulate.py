@@ -88,6 +88,10 @@ class Simulator:
         report.check()
         if self.reduced.switched is not None:
             signals = {**signals, **all_open(self.reduced.switched)}
+        if self.reduced.flat.events is not None:  # they have values of their own, which the run sets
+            from lmoc.numerics.events.hybrid import held
+
+            signals = {**signals, **held(self.reduced.flat.events)}
         note_held_ends(signals, self.reduced.flat, np.array([span.start, span.end]), report)
         plan, system = self.system(signals, options.energy, report)
         lowered = clock.perf_counter()

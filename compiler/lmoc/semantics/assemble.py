@@ -139,7 +139,9 @@ def all_columns(drafts: Drafts) -> list[Column]:
         drafts.checks,
     )
     columns = [column for items in lists for item in items for column in item.columns]
-    return columns + [column for law in drafts.laws for column in law.columns.values()]
+    columns += [column for law in drafts.laws for column in law.columns.values()]
+    actions = (*drafts.whens, *drafts.samples, *drafts.reinits, *drafts.terminations)
+    return columns + [column for d in actions for column in (*d.columns.values(), *d.slots)]
 
 
 # --------------------------------------------------------------------- the conversion
@@ -192,7 +194,9 @@ class Assembler:
 
     def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:
         """Checks, with variable indices."""
-        return [Check(d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span) for d in drafts]
+        return [
+            Check(d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span, d.at_events) for d in drafts
+        ]
 
     def laws(self, drafts: Sequence[LawDraft]) -> list[Laws]:
         """Laws; those of one call that differ in their rows only become one."""

@@ -63,6 +63,7 @@ class CheckDraft:
     columns: tuple[Column, ...]
     rows: int
     span: Span
+    at_events: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,25 @@ class LawDraft:
     node: Instance
 
 
+@dataclass(frozen=True, eq=False)
+class ActionDraft:
+    """Something that a branch of a `when` does: columns by name, shapes over further columns.
+
+    Attributes
+    ----------
+    columns : {name: column}, each over all rows
+    shape, slots : an expression and its columns
+    """
+
+    columns: dict[str, Column]
+    shape: Expr
+    slots: tuple[Column, ...]
+    rows: int
+    span: Span
+    node: Instance
+    text: str = ""
+
+
 @dataclass
 class Drafts:
     """What the equations and bindings of the whole model have become so far."""
@@ -102,6 +122,11 @@ class Drafts:
     checks: list[CheckDraft] = field(default_factory=list)
     connects: list[ConnectDraft] = field(default_factory=list)
     laws: list[LawDraft] = field(default_factory=list)
+    branches: list[GroupDraft] = field(default_factory=list)  # of if-equations, as they are written: for their units
+    whens: list[ActionDraft] = field(default_factory=list)
+    samples: list[ActionDraft] = field(default_factory=list)
+    reinits: list[ActionDraft] = field(default_factory=list)
+    terminations: list[ActionDraft] = field(default_factory=list)
     helpers: Helpers = field(default_factory=Helpers)
 
 

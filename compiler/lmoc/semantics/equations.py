@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from math import prod
 
 import numpy as np
 
 from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.draft import CheckDraft, ConnectDraft, Drafts, compact, equality, flat_column
+from lmoc.semantics.draft import ConnectDraft, Drafts, GroupDraft, equality
+from lmoc.semantics.events.branches import conditional
+from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
 from lmoc.semantics.instances.instance import Instance, Node, Variable
 from lmoc.semantics.instances.records import field_of
 from lmoc.semantics.laws import add_law, law_function
-from lmoc.semantics.values.builtins import EVENTS
 from lmoc.semantics.values.constructors import LARGE, iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
@@ -32,6 +34,7 @@ class EquationSection:
         self.node = node
         self.groups = drafts.initial if initial else drafts.groups
         self.initial = initial
+        self.quiet = int(initial)  # relations at the start make no events
         self.trying = 0  # loops around that can be unrolled if their rows do not make one group
 
     def add(self, context: Context, equation: tree.Equation) -> None:
@@ -49,6 +52,7 @@ class EquationSection:
         """The same place with columns of its own, the iteration variables among them."""
         fresh = Context(context.model, context.node, context.scope, context.space)
         fresh.choices = context.choices
+        fresh.quiet = self.quiet
         for name, value in context.names.items():
             if value.expr.op == "slot":
                 leaf = context.leaves[value.expr.value[0]]
@@ -161,7 +165,8 @@ class EquationSection:
         drafts, report = self.drafts, context.model.report
         lists = [drafts.groups, drafts.initial, drafts.checks, drafts.connects, report.diagnostics]
         lists += [context.model.long_sums.sums, context.model.long_sums.variables]
-        lists += [drafts.laws, drafts.helpers.variables]
+        lists += [drafts.laws, drafts.helpers.variables, drafts.branches]
+        lists += [drafts.whens, drafts.samples, drafts.reinits, drafts.terminations, drafts.bindings]
         before = [len(items) for items in lists]
         axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
         value = Value(context.leaves.slot(None, axis), (), type_)
@@ -176,25 +181,15 @@ class EquationSection:
             self.trying -= 1
 
     def branch(self, outer: Context, e: tree.IfEquation) -> None:
-        """Conditions are known when compiling; where they differ between rows, the rows go their own ways."""
+        """Where conditions are known when compiling and differ between rows, the rows go their own ways."""
+        context = self._fresh(outer)
+        conditions, e = self._open_branches(context, e)
+        if any(changes(context, c) for c in conditions):
+            self.groups += conditional(self.drafts, self.node, context, conditions, e, partial(self._apart, outer))
+            return
         left: np.ndarray | None = None  # rows for which no condition has held so far; None: all
-        for condition_tree, body in e.branches:
-            context = self._fresh(outer)
-            condition = context.value(condition_tree)
-            if condition.type != "Boolean" or condition.dims:
-                found = condition.type if not condition.dims else f"an array {dims_text(condition.dims)}"
-                raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=found)
-            if changes(context, condition):
-                raise Wrong(
-                    "E0211", "the condition of an if-equation must be known when compiling, but changes in time",
-                    condition_tree.span, hint="write one equation with an if-expression: x = if … then … else …",
-                )  # fmt: skip
+        for (condition_tree, body), condition in zip(e.branches, conditions):
             holds = np.asarray(context.known(condition, condition_tree.span, "the condition of an if-equation"))
-            if holds.ndim == 0 and left is None:
-                if holds:
-                    self._all(outer, body)
-                    return
-                continue
             if holds.ndim < outer.space.rank:
                 holds = holds.reshape(holds.shape + (1,) * (outer.space.rank - holds.ndim))
             holds = np.broadcast_to(holds, outer.space.shape).reshape(-1).astype(bool)
@@ -205,6 +200,42 @@ class EquationSection:
             self._all(outer, e.otherwise)
         else:
             self._rows(outer, np.flatnonzero(left), e.otherwise)
+
+    def _open_branches(self, context: Context, e: tree.IfEquation) -> tuple[list[Value], tree.IfEquation]:
+        """The conditions up to one that is known to hold for all rows, and the branches that are left."""
+        conditions: list[Value] = []
+        branches = []
+        for condition_tree, body in e.branches:
+            condition = self._condition(context, condition_tree)
+            if not changes(context, condition):
+                holds = np.asarray(context.known(condition, condition_tree.span, "the condition of an if-equation"))
+                if holds.ndim == 0:
+                    if holds:
+                        return conditions, replace(e, branches=tuple(branches), otherwise=body)
+                    continue
+            conditions.append(condition)
+            branches.append((condition_tree, body))
+        return conditions, replace(e, branches=tuple(branches))
+
+    def _condition(self, context: Context, condition_tree: tree.Expression) -> Value:
+        condition = context.value(condition_tree)
+        if condition.type != "Boolean" or condition.dims:
+            found = condition.type if not condition.dims else f"an array {dims_text(condition.dims)}"
+            raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=found)
+        return condition
+
+    def _apart(self, context: Context, body: tuple[tree.Equation, ...]) -> list[GroupDraft]:
+        """The drafts of some equations, in a list of their own."""
+        around, self.groups = self.groups, []
+        laws = len(self.drafts.laws)
+        try:
+            self._all(context, body)
+            found = self.groups
+        finally:
+            self.groups = around
+        if len(self.drafts.laws) > laws:
+            raise Wrong("E0252", "a law cannot depend on a condition that changes in time", self.drafts.laws[-1].span)
+        return found
 
     def _all(self, context: Context, body: tuple[tree.Equation, ...]) -> None:
         for equation in body:
@@ -220,7 +251,7 @@ class EquationSection:
 
     def _selected(self, context: Context, rows: np.ndarray) -> Context:
         """The same place, for the rows with these flat positions only."""
-        inner = Context(context.model, context.node, context.scope, context.space.selected(rows))
+        inner = Context(context.model, context.node, context.scope, context.space.selected(rows), quiet=self.quiet)
         inner.choices = context.choices
         for name, value in context.names.items():
             if value.expr.op == "slot":
@@ -278,40 +309,26 @@ class EquationSection:
             self._law(outer, function, e)
             return
         name = str(e.call.function)
-        if name in EVENTS:
-            raise Wrong("E0230", f"'{name}' belongs to events, which are not available yet", e.span)
+        if name in ("reinit", "terminate"):
+            raise Wrong("E0252", f"'{name}' happens at an instant: it belongs into a 'when'", e.span,
+                        expected=f"when … then {name}(…); end when;")  # fmt: skip
         if name != "assert":
             raise Wrong("E0203", f"there is no statement '{name}'", e.call.function.span,
-                        hint=nearest(name, ("connect", "assert", *EVENTS)))  # fmt: skip
+                        hint=nearest(name, ("connect", *STATEMENTS)))  # fmt: skip
         context = self._fresh(outer)
         context.quiet = 1  # a check is not integrated over
-        given = dict(zip(("condition", "message", "level"), e.call.arguments)) | dict(e.call.named)
-        if "condition" not in given or "message" not in given:
-            raise Wrong("E0217", "'assert' needs a condition and a message", e.span)
-        condition = context.value(given["condition"])
-        if condition.type != "Boolean" or condition.dims:
-            raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
-        message = context.value(given["message"])
-        if message.type != "String":
-            raise Wrong("E0301", "the message of 'assert' must be a String", given["message"].span)
-        error = True
-        if "level" in given:
-            level = context.value(given["level"])
-            error = context.scalar(level, given["level"].span, "the level") == 1
-        leaves, (shape,) = compact(context.leaves.items, condition.expr)
-        columns = tuple(flat_column(leaf, context.space.shape) for leaf in leaves)
-        rows = prod(context.space.shape)
-        self.drafts.checks.append(CheckDraft(shape, message.text, error, columns, rows, e.span))
+        self.drafts.checks.append(guarded_check(context, e))
 
     def _law(self, outer: Context, function: Scope, e: tree.CallEquation) -> None:
         if self.initial:
             raise Wrong("E0305", "a law holds all the time: it cannot stand in an initial equation", e.span)
         add_law(self.drafts, self._fresh(outer), function, e)
 
-    def when(self, context: Context, e: tree.When) -> None:
-        """Not available yet."""
-        raise Wrong("E0230", "'when' belongs to events, which are not available yet", e.span,
-                    hint="laws with switching parts come with a later version")  # fmt: skip
+    def when(self, outer: Context, e: tree.When) -> None:
+        """``when condition then … elsewhen … end when``."""
+        if self.initial:
+            raise Wrong("E0252", "'when' cannot stand in an initial equation: it is about what happens later", e.span)
+        WhenEquation(self.drafts, self.node, self._fresh(outer), e).add()
 
 
 _KINDS = {

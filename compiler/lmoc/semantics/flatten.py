@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.ir.flat import Block, FlatDAE, Group, Kind
+from lmoc.ir.flat import Block, FlatDAE, Group, Kind, StateSelect
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
@@ -20,7 +20,10 @@ from lmoc.semantics.connections.balance import check_balance, check_connectors
 from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
 from lmoc.semantics.draft import Drafts, without_ones
 from lmoc.semantics.equations import EquationSection
-from lmoc.semantics.instances.declarations import declare
+from lmoc.semantics.events import functions as _events  # noqa: F401  registers pre, edge, …
+from lmoc.semantics.events.assemble import with_events
+from lmoc.semantics.events.whens import mark
+from lmoc.semantics.instances.declarations import declare, settle_computed
 from lmoc.semantics.instances.elaboration import Elaboration
 from lmoc.semantics.instances.instance import Instance, Node, Variable, root_instance
 from lmoc.semantics.ledger import join_sums, ledger
@@ -28,6 +31,7 @@ from lmoc.semantics.values import functions as _functions  # noqa: F401  registe
 from lmoc.semantics.values import reference as _reference  # noqa: F401  registers that of names
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.long_sums import LongSums
+from lmoc.semantics.values.reference import named_variable
 from lmoc.semantics.values.unit_check import check_units, report_unknown_units
 from lmoc.semantics.wrong import Wrong
 from lmoc.sources.packages import Folder
@@ -108,7 +112,7 @@ class _Flattening:
         ordered = in_order(bindings, count, blocks, self.report)
         parts = make_parts(layout)
         entries = ledger(blocks, parts, count, _zeros(self.drafts, count))
-        return FlatDAE(
+        flat = FlatDAE(
             name=root.cls.full_name,
             description=root.cls.definition.description,
             blocks=(*blocks, *entries.blocks),
@@ -126,6 +130,7 @@ class _Flattening:
             overrides=dict(self.overrides.given),
             notes=tuple(d for d in self.report.diagnostics if d.severity != "error"),
         )
+        return with_events(flat, self.drafts, assembler, self.report)
 
     def _draft(self) -> None:
         """The instance tree, and what its declarations and equations say."""
@@ -137,6 +142,8 @@ class _Flattening:
             span = root.children["ledger"].name_span
             self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
         self.layout = lay_out(root)
+        self._mark_discrete()
+        settle_computed(model, root.variables())
         for variable in root.variables():
             declare(model, self.drafts, variable)
         for instance in root.instances():
@@ -147,6 +154,17 @@ class _Flattening:
             drafts[:] = map(without_ones, drafts)
         self.connections = collect(self.drafts.connects, self.layout.count, self.report)
         self.report.check()  # what follows needs all equations
+
+    def _mark_discrete(self) -> None:
+        """What when-equations assign is discrete (3.8.4); what they reinit is a state (4.4.4.2)."""
+        for instance in self.model.root.instances():
+            for scope in instance.cls.lineage():
+                context = Context(self.model, instance, scope)
+                for what, variable in mark(context, scope.definition.equations, named_variable):
+                    if what == "state":
+                        variable.state_select = max(variable.state_select, StateSelect.always)
+                    elif variable.kind == Kind.UNKNOWN:
+                        variable.kind = Kind.DISCRETE
 
     def _equations(self, instance: Instance) -> None:
         for scope in instance.cls.lineage():

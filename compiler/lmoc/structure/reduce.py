@@ -7,6 +7,7 @@ Linear elimination (`normalize`), the Σ-method (`sigma`), choice of states (`se
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,6 +22,7 @@ from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
 from lmoc.structure.coordinates.mobility import immobile
 from lmoc.structure.coordinates.selection import Selection, select
+from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import System
 from lmoc.structure.linear.derived import derived_values
@@ -57,8 +59,9 @@ def reduce(
         span = flat.parts[flat.laws[0].part].span
         report.error("E0418", "a law that holds on one side only cannot be simulated yet", span)
         report.check()
+    discrete = discrete_steps(flat, report)
     normalized = checked(normalize(flat, values, states, report))
-    return checked(assemble(solve_structure(normalized, states, report)))
+    return checked(replace(assemble(solve_structure(normalized, states, report)), discrete=discrete))
 
 
 def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Solved:

@@ -93,6 +93,10 @@ NUMERICS: dict[str, Entry] = {
         "A parameter lies outside its `min` and `max`, or an assertion over parameters alone does not hold. The text "
         "of an assertion is the model's own.",
     ),
+    "N0552": Entry(
+        "the model has ended the run",
+        "`terminate(message)` in a `when` ends a run before its stop time.",
+    ),
     "W0551": Entry(
         "an assertion of level warning does not hold",
         "The model says itself that something is not as it should be; the message is the model's.",

@@ -185,6 +185,46 @@ SEMANTICS: dict[str, Entry] = {
         "a class is left out",
         "The grammar refuses something in a class that the model does not use. Where it is used, it is an error.",
     ),
+    "E0250": Entry(
+        "pre of a continuous variable",
+        "`pre(x)` is the value of x before the present event. Outside of a `when` it makes sense for variables that\n"
+        "change at events only: Boolean, Integer and enumeration variables, `discrete Real`, and what a `when`\n"
+        "assigns. In the body of a `when` it can be asked for of every variable.",
+    ),
+    "E0251": Entry(
+        "a discrete variable that would change between events",
+        "A variable of type Boolean or Integer, a `discrete Real` and the condition of a `when` change at events\n"
+        "only. Relations such as `x > 0` do, too, but not inside `noEvent(...)`.",
+    ),
+    "E0252": Entry(
+        "in the wrong place",
+        "`reinit` and `terminate` happen at an instant: they stand in the body of a `when`. A `connect`, a `when`\n"
+        "or a law holds or does not hold for the whole run: it cannot stand in a branch whose condition changes in\n"
+        "time, nor in a `when`.",
+    ),
+    "E0253": Entry(
+        "not to be assigned in a when",
+        "An equation in the body of a `when` has a variable alone on its left: that is what changes there. Parameters\n"
+        "cannot change, and a continuous variable gets a new value by `reinit`.",
+    ),
+    "E0254": Entry(
+        "determined twice",
+        "A discrete variable has one equation, or is assigned in one when-equation: two could want different values\n"
+        "at the same instant. `elsewhen` says which comes first.",
+    ),
+    "E0255": Entry(
+        "branches of a when assign different variables",
+        "All branches of a when-equation assign the same variables. `x = pre(x)` keeps a value.",
+    ),
+    "E0256": Entry(
+        "reinit of something that is no state",
+        "`reinit(x, value)` gives a continuous variable with a derivative a new value at an event.",
+    ),
+    "E0257": Entry(
+        "branches with different numbers of equations",
+        "An if-equation whose condition changes in time has as many equations in each branch, `else` included: the\n"
+        "unknowns must be determined whichever branch holds.",
+    ),
     "E0301": Entry(
         "wrong type",
         "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"
@@ -235,8 +275,14 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "W0311": Entry(
         "kink",
-        "abs, sign, min, max and if-expressions of a variable have a kink or a jump. It is integrated over without\n"
-        "being located, which costs accuracy and steps. `noEvent(...)` or `smooth(0, ...)` say that this is meant.",
+        "abs, min, max and semiLinear of a variable have a kink, and so have if-expressions inside functions. It is\n"
+        "integrated over without being located, which costs accuracy and steps. `noEvent(...)` or `smooth(0, ...)`\n"
+        "say that this is meant; an if-expression outside of functions is located.",
+    ),
+    "W0318": Entry(
+        "a when that does nothing",
+        "The body of a `when` is carried out at the instants at which its condition becomes true. One that does not\n"
+        "change never becomes true, and an empty body does nothing.",
     ),
     "W0312": Entry(
         "connected to nothing",

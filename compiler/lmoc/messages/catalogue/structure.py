@@ -72,6 +72,21 @@ STRUCTURE: dict[str, Entry] = {
         "model A\n  Fixed w;\n  Mass m(m = 1);\n  Stop s(L = 0);\nequation\n  connect(w.flange, s.a);\n"
         "  connect(s.b, m.flange);\nend A;",
     ),
+    "E0420": Entry(
+        "nothing determines a discrete variable",
+        "A variable that changes at events only needs an equation with itself alone on one side, or a `when` that "
+        "assigns it.",
+    ),
+    "E0422": Entry(
+        "a discrete variable depends on itself",
+        "With the continuous variables given, the equations between Boolean, Integer and other discrete variables must "
+        "have an order in which each uses only what is known: `a = not b; b = not a;` has none. `pre(b)`, the value "
+        "before the event, breaks the cycle.",
+    ),
+    "E0423": Entry(
+        "a discrete equation that is not solved for a variable",
+        "An equation between discrete variables has the variable that it determines alone on one side.",
+    ),
     "N0415": Entry(
         "a constraint repeats others",
         "A loop of rigid connections gives one constraint more than there are coordinates, and they agree. It is left "

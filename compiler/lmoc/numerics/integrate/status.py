@@ -19,6 +19,9 @@ class Status(Enum):
     SINGULAR_MATRIX = "the Jacobian is singular"
     REFUSED = "the solver's library refused the problem"
     SINGULAR = "the coordinates do not determine the rest"  # no choice of coordinates does, or none was looked for
+    CHATTERING = "a condition switches back and forth without end"
+    UNSETTLED = "the equations of an event have no solution"
+    ASSERTION = "an assertion does not hold"
     # not failures: somebody else takes over
     STIFF = "the problem is stiff and the method explicit"
     ROOT = "a root function vanishes"

@@ -77,7 +77,7 @@ def check_balance(
             hint=f"write {part.name}({variable.name} = …), or an equation or a connect for it",
         )
     for variable in variables:
-        if variable.kind == Kind.UNKNOWN and not _is_input(variable):
+        if variable.kind in (Kind.UNKNOWN, Kind.DISCRETE) and not _is_input(variable):
             count = counts[id(variable.parent.owner)]
             count.unknowns += variable.size
             count.equations += variable.size * variable.flow_from_outside
@@ -95,7 +95,8 @@ def check_balance(
 
 
 def _is_input(variable: Variable) -> bool:
-    return variable.causality == "input" and variable.kind == Kind.UNKNOWN and variable.parent.owner.parent is not None
+    unknown = variable.kind in (Kind.UNKNOWN, Kind.DISCRETE)
+    return variable.causality == "input" and unknown and variable.parent.owner.parent is not None
 
 
 def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
@@ -103,7 +104,7 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
         count = counts[id(draft.node)]
         if draft.origin == "binding" and _is_input(draft.columns[0][0]):
             continue  # given from outside, like the input itself
-        own = draft.origin in ("sum", "argument")  # a term of a long sum, the argument of a law: with its own variable
+        own = draft.origin in ("sum", "argument", "condition")  # these come with a variable of their own
         count.equations += draft.rows * (not own)
         if draft.origin == "binding" and draft.span is not None:
             binding = draft.columns[0][0].value
@@ -199,7 +200,7 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
 
 def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows: float) -> str:
     """What may be missing."""
-    own = [v for v in variables if v.parent.owner is part and v.kind == Kind.UNKNOWN and not v.flow]
+    own = [v for v in variables if v.parent.owner is part and v.kind in (Kind.UNKNOWN, Kind.DISCRETE) and not v.flow]
     unused = [v for v in own if id(v) not in count.used and not v.causality and not v.connector]
     if unused:
         names = ", ".join(f"'{v.name}'" for v in unused[:5])

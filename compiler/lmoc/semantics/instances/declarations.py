@@ -15,6 +15,7 @@ from lmoc.semantics.instances.instance import Binding, Variable
 from lmoc.semantics.instances.known import at_events_only
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import positions
+from lmoc.semantics.values.translate import changes
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong
 from lmoc.support.distinct import distinct
@@ -32,6 +33,24 @@ def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
         model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
     for name, binding in variable.attributes.items():
         _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
+
+
+def settle_computed(model: Elaboration, variables: list[Variable]) -> None:
+    """Find out which variables that jump are parameters after all, since they follow from parameters alone (4.5)."""
+    waiting = [v for v in variables if v.computed]
+    changed = True
+    while changed:
+        changed = False
+        for variable in [v for v in waiting if v.computed]:
+            if variable.value.scope is not None and _changes(model, variable.value):
+                variable.kind, variable.computed, changed = Kind.DISCRETE, False, True
+
+
+def _changes(model: Elaboration, binding: Binding) -> bool:
+    try:
+        return changes(*model.known.binding(binding))
+    except Wrong:
+        return False  # which is reported with the declaration
 
 
 def _check_text(model: Elaboration, variable: Variable) -> None:
@@ -57,10 +76,11 @@ def _guarded(model: Elaboration, work: Callable[[], None]) -> bool:
 
 def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Binding) -> None:
     rows = list(_rows(model, variable, binding))
-    if variable.kind != Kind.UNKNOWN:
+    equation = variable.kind in (Kind.UNKNOWN, Kind.DISCRETE)
+    if not equation:
         _require_constant(rows, variable, binding, "the value", variable.kind == Kind.INPUT)
     library = binding.scope is not None and binding.scope.library
-    if variable.kind != Kind.UNKNOWN:
+    if not equation:
         drafts.bindings += [AssignmentDraft(variable, *row, binding_span(binding), library) for row in rows]
         return
     node = variable.parent.owner
@@ -147,7 +167,7 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
     elif name in ("start", "nominal", "fixed"):
         if variable.kind <= Kind.PARAMETER:
             return  # a parameter's start value is a hint for forms to fill in
-        type_ = "Boolean" if name == "fixed" else "Real"
+        type_ = {"fixed": "Boolean", "start": variable.type.name}.get(name, "Real")
         rows = _rows(model, variable, binding, True, type_)
         rows = list(rows)
         _require_constant(rows, variable, binding, f"'{name}'", False)

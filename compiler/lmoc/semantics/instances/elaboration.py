@@ -21,7 +21,7 @@ from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.subtype import check_subtype
 from lmoc.semantics.instances.instance import NOTHING, Absent, Binding, Broken, Instance, Modifier, Node, Variable
-from lmoc.semantics.instances.known import ElementValues, KnownValues, at_events_only
+from lmoc.semantics.instances.known import ElementValues, KnownValues
 from lmoc.semantics.instances.records import record_fields
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.long_sums import LongSums
@@ -40,6 +40,7 @@ class Elaboration:
     ----------
     root : the model
     long_sums : sums that get a variable of their own
+    drafts : what the equations have become so far
     known : numbers that shape the model
     said : places warned of already
     """
@@ -47,6 +48,7 @@ class Elaboration:
     def __init__(self, root: Instance, report: Report, elements: ElementValues, long_sums: LongSums):
         self.root = root
         self.long_sums = long_sums
+        self.drafts = long_sums.drafts
         self.report = report
         self.known = KnownValues(self, elements)
         self._open: set[tuple[int, str]] = set()
@@ -292,10 +294,9 @@ class Elaboration:
             made.kind = Kind.PARAMETER
         elif causality == "input" and instance.parent is None:
             made.kind = Kind.INPUT
-        elif variability == "discrete" or resolved.base.name != "Real":
-            if variability or causality or modifier.value is None:
-                plain = not variability and not causality
-                raise at_events_only(made, "give it a value here that depends on parameters only" if plain else "")
+        elif variability == "discrete" or causality or modifier.value is None:
+            made.kind = Kind.UNKNOWN if resolved.base.name == "Real" and variability != "discrete" else Kind.DISCRETE
+        elif resolved.base.name != "Real":
             made.kind, made.computed = Kind.PARAMETER, True
         return made
 

@@ -14,7 +14,15 @@ from lmoc.semantics.instances.instance import Node
 from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, join
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, locate
-from lmoc.semantics.values.translate import changes, choose, matrix_product, need_number, sizes_differ, warn_kink
+from lmoc.semantics.values.translate import (
+    at_event,
+    changes,
+    choose,
+    matrix_product,
+    need_number,
+    sizes_differ,
+    warn_kink,
+)
 from lmoc.semantics.values.value import Value, common_type, number, stack, text
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree
@@ -23,7 +31,7 @@ Handler = Callable[[Context, tree.Call], Value]
 BUILTIN_FUNCTIONS: dict[str, Handler] = {}
 
 KINKED = tuple(f.name for f in FUNCTIONS.values() if f.kind is Kind.KINKED and f.arity == 1)
-EVENTS = "pre edge change sample reinit terminate initial terminal delay spatialDistribution".split()
+LATER = "delay spatialDistribution".split()
 
 
 def builtin(*names: str):
@@ -72,9 +80,12 @@ def _smooth(context: Context, call: tree.Call) -> Value:
 def _kinked(context: Context, call: tree.Call) -> Value:
     (x,) = numbers(context, call, 1)
     name = call.function.parts[0].name
-    warn_kink(context, f"{name}(…)", call.span, x)
     type_ = "Integer" if name in ("integer", "sign") or x.type == "Integer" and name == "abs" else "Real"
-    return context.arrays.map(lambda e: dag.function(name, e), x, type=type_)
+    result = context.arrays.map(lambda e: dag.function(name, e), x, type=type_)
+    if name == "abs":  # 3.7.1: has a kink, but no jump
+        warn_kink(context, "abs(…)", call.span, x)
+        return result
+    return at_event(context, result)
 
 
 @builtin("atan2", "mod", "rem", "div")
@@ -83,11 +94,10 @@ def _two_arguments(context: Context, call: tree.Call) -> Value:
     if x.dims and y.dims and x.dims != y.dims:
         raise sizes_differ("the arguments", x.dims, y.dims, call.span)
     name = call.function.parts[0].name
-    if name != "atan2":
-        warn_kink(context, f"{name}(…)", call.span, x, y)
     op = "div_integer" if name == "div" else name
     type_ = "Real" if name == "atan2" else common_type((x, y))
-    return context.arrays.map(lambda a, b: dag.function(op, a, b), x, y, type=type_)
+    result = context.arrays.map(lambda a, b: dag.function(op, a, b), x, y, type=type_)
+    return result if name == "atan2" else at_event(context, result)
 
 
 @builtin("min", "max")
@@ -162,7 +172,7 @@ def derivative(context: Context, value: Value, call: tree.Call) -> Value:
         items = tuple(derivative(context, v, call) for v in value.items)
         return Value(None, value.dims, "Real", items)
     columns = {leaf.value[0] for leaf in dag.slots(value.expr)}
-    constant = context.leaves.known(columns)
+    constant = context.leaves.held(columns)
     if value.expr.op == "slot" and constant:
         name = str(call.arguments[0])
         raise Wrong("E0309", f"'{name}' does not change in time: it has no derivative", call.span,
@@ -371,6 +381,6 @@ def _to_string(context: Context, call: tree.Call) -> Value:
     return text(f"{context.scalar(x, call.span, 'a text'):g}")
 
 
-@builtin(*EVENTS)
+@builtin(*LATER)
 def _later(context: Context, call: tree.Call) -> Value:
-    raise Wrong("E0230", f"'{call.function}' belongs to events, which are not available yet", call.span)
+    raise Wrong("E0230", f"'{call.function}' is not available yet", call.span)

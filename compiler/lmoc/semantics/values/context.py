@@ -78,13 +78,16 @@ class Context:
     space : the rows
     leaves : the columns of the group in the making
     names : iteration variables and, in a function, its variables
-    quiet : how many noEvent() or smooth() stand around: kinks are intended
+    quiet : how many noEvent() or smooth() stand around: kinks are intended, and relations make no events
+    in_when : it stands in the body of a `when`
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
     end : what `end` means in the subscript being read
     """
 
-    __slots__ = ("model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "choices", "depth", "end")
+    __slots__ = (
+        "model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "in_when", "choices", "depth", "end",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -104,6 +107,7 @@ class Context:
         self.names = {} if names is None else names
         self.arrays = Arrays(self.leaves, self.space.rank)
         self.quiet = quiet
+        self.in_when = False
         self.choices: dict[int, int] = {}
         self.depth = 0
         self.end: int | None = None
@@ -115,12 +119,14 @@ class Context:
     def within(self, space: Space, names: dict[str, Value]) -> Context:
         """The same place with another space and further names."""
         inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
-        inner.depth, inner.choices = self.depth, self.choices
+        inner.depth, inner.choices, inner.in_when = self.depth, self.choices, self.in_when
         return inner
 
     def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
         """The body of a function: it sees its own names only."""
-        return Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
+        inner = Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
+        inner.depth = self.depth
+        return inner
 
     # ------------------------------------------------------------ known when compiling
 

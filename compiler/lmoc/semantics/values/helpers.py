@@ -17,6 +17,8 @@ class Helpers:
 
     def __init__(self) -> None:
         self.variables: list[Variable] = []
+        self.before: dict[Variable, Variable] = {}  # pre(x) of x
+        self.single: dict[str, Variable] = {}  # initial() and terminal(), of the whole model
 
     def add(
         self,
@@ -51,3 +53,24 @@ class Helpers:
         index = positions(made.total)
         index = index if whole else index.reshape(space.shape)
         return made, index, leaves.slot(made, index)
+
+    def pre(self, variable: Variable) -> Variable:
+        """Return the variable that holds the value of another one before the present event."""
+        made = self.before.get(variable)
+        if made is None:
+            name = f"pre({variable.name})"
+            made = Variable(name, variable.parent, variable.dims, None, variable.scope, True, variable.type, NOTHING)
+            made.unit = variable.unit
+            made.kind = Kind.DISCRETE
+            self.before[variable] = made
+            self.variables.append(made)
+        return made
+
+    def of_model(self, root: Instance, name: str) -> Variable:
+        """Return a Boolean variable that the whole model has once."""
+        made = self.single.get(name)
+        if made is None:
+            made = self.single[name] = Variable(name, root, (), None, root.scope, True, BUILTINS["Boolean"], NOTHING)
+            made.kind = Kind.DISCRETE
+            self.variables.append(made)
+        return made

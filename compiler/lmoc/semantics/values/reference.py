@@ -103,6 +103,19 @@ def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Built
     return (context.scope.root if ref.absolute else context.scope).find(name)
 
 
+def named_variable(context: Context, ref: tree.Ref) -> Variable | None:
+    """The variable that a reference names, subscripts apart; None where there is none."""
+    node = find_start(context, ref)
+    if not isinstance(node, Node):
+        return None
+    try:
+        for part in ref.parts[1:]:
+            node = step(context, node, part)
+    except Wrong:
+        return None  # which is reported where the reference is used
+    return node if isinstance(node, Variable) else None
+
+
 # ------------------------------------------------------------------- in the instance tree
 
 

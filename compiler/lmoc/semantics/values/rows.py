@@ -15,6 +15,7 @@ from math import prod
 import numpy as np
 
 from lmoc.expression.dag import Expr, slot
+from lmoc.ir.flat import Kind
 from lmoc.semantics.instances.instance import Variable
 
 Index = int | np.ndarray
@@ -104,9 +105,10 @@ class Leaves:
     def __getitem__(self, column: int) -> Leaf:
         return self.items[column]
 
-    def known(self, columns: Iterable[int]) -> list[int]:
-        """Those of the columns that do not change in time."""
-        return [k for k in columns if self.items[k].variable is None or self.items[k].variable.known]
+    def held(self, columns: Iterable[int]) -> list[int]:
+        """Those of the columns that do not change between events."""
+        variables = {k: self.items[k].variable for k in columns}
+        return [k for k, v in variables.items() if v is None or v.known or v.kind == Kind.DISCRETE]
 
 
 def _key(index):

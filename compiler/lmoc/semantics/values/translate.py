@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
+from lmoc.ir.flat import Kind
 from lmoc.messages.source import Span
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import align
@@ -160,7 +161,8 @@ def _relation(context: Context, e: tree.Binary, left: Value, right: Value) -> Va
     numbers = {"Real", "Integer"}
     if left.type != right.type and not {left.type, right.type} <= numbers:
         raise Wrong("E0301", f"'{e.op}' cannot compare {left.type} and {right.type}", e.span)
-    return Value(dag.function(RELATION[e.op], left.expr, right.expr), (), "Boolean")
+    relation = Value(dag.function(RELATION[e.op], left.expr, right.expr), (), "Boolean")
+    return at_event(context, relation) if e.op not in ("==", "<>") else relation
 
 
 # ----------------------------------------------------------------------- requirements
@@ -207,6 +209,26 @@ def changes(context: Context, *values: Value) -> bool:
     return False
 
 
+def continuous(context: Context, value: Value) -> bool:
+    """Whether a scalar may change between events: by time, an input, or a variable that is not discrete."""
+    for leaf in dag.outside_events(value.expr):
+        if leaf is dag.TIME:
+            return True
+        variable = context.leaves[leaf.value[0]].variable if leaf.op == "slot" else None
+        if variable is not None and variable.kind in (Kind.UNKNOWN, Kind.INPUT):
+            return True
+    return False
+
+
+def at_event(context: Context, value: Value) -> Value:
+    """A value that jumps does so at an event, unless nothing in it changes or ``noEvent`` stands around it (8.5)."""
+    if value.items is not None:
+        return Value(None, value.dims, value.type, tuple(at_event(context, item) for item in value.items))
+    if context.quiet or context.depth or not continuous(context, value):
+        return value
+    return Value(dag.event(value.expr), value.dims, value.type)
+
+
 def warn_kink(context: Context, what: str, span: Span, *values: Value) -> None:
     """Say that this has a kink, if it depends on what changes, and nobody has said that it is intended."""
     if context.quiet == 0 and changes(context, *values):
@@ -233,9 +255,8 @@ def _if(context: Context, e: tree.If) -> Value:
         _need(condition, "Boolean", condition_tree.span)
         if condition.dims:
             raise Wrong("E0301", "a condition must be true or false, not an array", condition_tree.span)
-        warn_kink(context, "this if-expression", e.span, condition)
-        if isinstance(e.otherwise, tree.If) and changes(context, condition):
-            context.model.not_said("W0311", e.otherwise.span)  # `else if` goes on with the same choice
+        if context.depth:  # relations inside functions make no events (8.5)
+            warn_kink(context, "this if-expression", e.span, condition)
         conditions.append(condition)
         if condition.expr.is_const and condition.expr.value:
             break

@@ -30,7 +30,7 @@ class _Mismatch(Exception):
 def check_units(drafts: Drafts, report: Report) -> None:
     """Report every equation, binding and start value of the user's whose units do not fit."""
     seen: set[tuple] = set()
-    for group in (*drafts.groups, *drafts.initial):
+    for group in (*drafts.groups, *drafts.branches, *drafts.initial):
         if not group.library:
             _check(report, seen, group.left, group.right, group.columns, None, group.span, group.node.label)
     for bindings in (drafts.bindings, drafts.starts):

@@ -12,7 +12,7 @@ import numpy as np
 
 from lmoc.ir.flat import Assignments
 from lmoc.structure.index.system import Batch, System
-from lmoc.structure.linear.coefficients import DISCRETE, INPUT, KNOWN
+from lmoc.structure.linear.coefficients import INPUT, KNOWN
 from lmoc.structure.linear.generic import spread_at
 
 # a time at which nothing special happens
@@ -86,7 +86,7 @@ def _small(system: System, highest: int) -> np.ndarray:
     """(orders, extended) the known values, and small generic numbers for all else."""
     count = len(system.kind)
     value = np.zeros((highest + 1, count))  # eliminated variables keep the zeros, and their pages are never touched
-    changing = np.concatenate([system.variable, np.flatnonzero((system.kind == INPUT) | (system.kind == DISCRETE))])
+    changing = np.concatenate([system.variable, np.flatnonzero(system.kind == INPUT)])
     for order in range(highest + 1):
         value[order, changing] = (0.2 + spread_at(order * count + changing)) * 1e-2
     known = np.flatnonzero(system.kind == KNOWN)

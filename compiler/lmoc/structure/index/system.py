@@ -12,7 +12,7 @@ from lmoc.expression.dag import Expr, slots
 from lmoc.ir.flat import Kind
 from lmoc.ir.normalized import LongSums, Normalized
 from lmoc.structure.index.incidence import Incidence
-from lmoc.structure.linear.coefficients import INPUT, KNOWN, UNKNOWN, Kinds, leaves_of
+from lmoc.structure.linear.coefficients import INPUT, UNKNOWN, Kinds, kinds_of, leaves_of
 from lmoc.support.indices import INDEX, counted, positions
 
 
@@ -70,7 +70,7 @@ class System:
 
     Attributes
     ----------
-    kind : (extended,) KNOWN, INPUT, UNKNOWN or DISCRETE of each extended variable
+    kind : (extended,) KNOWN, INPUT or UNKNOWN of each extended variable
     variable : (columns,) the unknown roots
     column : (extended,) number of each unknown root, -1 for all else
     batches, sums : the equations
@@ -83,7 +83,7 @@ class System:
         flat, count = normalized.flat, normalized.extended_count
         self.normalized, self.flat = normalized, flat
         self.kind = np.zeros(count, np.int8)
-        self.kind[: flat.count] = np.where(flat.kind < Kind.INPUT, KNOWN, flat.kind)
+        self.kind[: flat.count] = kinds_of(flat)
         own = normalized.root == counted(0, flat.count)
         self.variable = positions(own & (flat.kind == Kind.UNKNOWN))
         self.column = np.full(count, -1, INDEX)

@@ -11,11 +11,18 @@ import numpy as np
 from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, ZERO, Expr, add, const, div, mul, neg, postorder, rebuild, slot, slots
 from lmoc.expression.evaluate import OPERATIONS
-from lmoc.ir.flat import Kind
+from lmoc.ir.flat import FlatDAE, Kind
 
 # Kinds of a group's columns; constants, parameters and derived parameters are one kind here.
-KNOWN, INPUT, UNKNOWN, DISCRETE = 0, int(Kind.INPUT), int(Kind.UNKNOWN), int(Kind.DISCRETE)
+KNOWN, INPUT, UNKNOWN = 0, int(Kind.INPUT), int(Kind.UNKNOWN)
 Kinds = tuple[int, ...]
+
+
+def kinds_of(flat: FlatDAE) -> np.ndarray:
+    """The kind of each variable: one that changes at events only is an input whose derivatives are zero."""
+    kind = np.where(flat.kind < Kind.INPUT, KNOWN, flat.kind)
+    return np.where(kind == Kind.DISCRETE, INPUT, kind)
+
 
 # A sum that should vanish does, when it is this small beside its terms.
 ROUNDOFF = 1e-12

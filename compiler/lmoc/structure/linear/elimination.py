@@ -13,10 +13,10 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, slots
-from lmoc.ir.flat import Block, FlatDAE, Kind, StateSelect
+from lmoc.ir.flat import Block, FlatDAE, StateSelect
 from lmoc.structure.linear.affine import ZERO_ROOT, Affine, codes, composed, resolve
 from lmoc.structure.linear.affine_forest import UNUSED, orient
-from lmoc.structure.linear.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, leaves_of, linear_form
+from lmoc.structure.linear.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, kinds_of, leaves_of, linear_form
 from lmoc.structure.linear.derived import NONE, DerivedParameters
 from lmoc.structure.linear.substitution import Rows, equal_columns_merged, merged, substituted
 from lmoc.structure.linear.sum_rows import SumRows, as_groups, view
@@ -46,7 +46,7 @@ class Elimination:
         self.derived = DerivedParameters(values)
         self.splitter = Splitter(flat, self.derived)
         self.loops = Loops(Equations(flat), flat.count)
-        self.kind = np.append(np.where(flat.kind < Kind.INPUT, KNOWN, flat.kind), KNOWN).astype(np.int8)
+        self.kind = np.append(kinds_of(flat), KNOWN).astype(np.int8)
         self.closed: list[Rows] = []
         self.overdetermined: list[Rows] = []
         self.empty_sums: list[int] = []

@@ -1,0 +1,130 @@
+"""What happens at instants: relations, discrete equations, whens.
+
+Discrete variables (`Kind.DISCRETE`) are slots that change between two steps only. Everything here is tables of indices
+of flat variables, as in `lmoc.ir.flat`; shapes use slots of order 0 only. The meaning is that of the Modelica
+specification 3.6, 8.5, 8.6 and appendix B: with the values ``pre(v)`` fixed, all equations are solved for the values v,
+and again with ``pre(v) := v`` until nothing changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lmoc.expression.dag import Expr
+from lmoc.messages.source import Span
+
+
+@dataclass(frozen=True, eq=False)
+class Relations:
+    """``target[i] := zero(slots[i]) > 0``, ``≥ 0``, or ``floor(zero(slots[i]))``, kept from one event to the next.
+
+    Attributes
+    ----------
+    op : "gt", "ge" or "floor"
+    zero : the function whose sign decides (of "floor": that is rounded down)
+    slots : (n, columns)
+    target : (n,) discrete variables
+    text, span : what was written, and the equation
+    """
+
+    op: str
+    zero: Expr
+    slots: np.ndarray
+    target: np.ndarray
+    text: str
+    span: Span | None
+
+    @property
+    def rows(self) -> int:
+        return len(self.target)
+
+
+@dataclass(frozen=True, eq=False)
+class Assigned:
+    """``left(slots[i]) = right(slots[i])``, an equation between discrete variables, solved at events.
+
+    Attributes
+    ----------
+    fixed : the left side is the variable that it determines: an assignment in a `when`
+    """
+
+    left: Expr
+    right: Expr
+    slots: np.ndarray
+    span: Span | None
+    part: int
+    fixed: bool
+
+    @property
+    def rows(self) -> int:
+        return len(self.slots)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """``target[i]`` is true at the instants ``start[i] + k·interval[i]``; variables known before the run."""
+
+    target: np.ndarray
+    start: np.ndarray
+    interval: np.ndarray
+    span: Span | None
+
+
+@dataclass(frozen=True, eq=False)
+class Reinits:
+    """``variable[i] := value(slots[i])`` where ``guard[i]`` is true in an event iteration."""
+
+    guard: np.ndarray
+    target: np.ndarray
+    value: Expr
+    slots: np.ndarray
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Whens:
+    """Branches of when-equations; ``active[i]`` is true in the event iteration in which one is carried out."""
+
+    active: np.ndarray
+    text: str  # the condition
+    part: int
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Terminations:
+    """The run ends with a message where ``guard(slots[i])`` is true at an event."""
+
+    guard: Expr
+    slots: np.ndarray
+    message: str
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The hybrid part of a flat model.
+
+    Attributes
+    ----------
+    discrete : (k,) discrete variables
+    before : (2, m) rows: a variable (also a continuous one), and the discrete one that holds its value before the event
+    equations, start : between discrete variables, at all events and at the start only
+    written : the groups of the flat model with the relations as they are written, not as discrete variables
+    initial, terminal : discrete variables that are true while the start, the end is computed; -1 where not used
+    """
+
+    discrete: np.ndarray
+    before: np.ndarray
+    relations: tuple[Relations, ...]
+    equations: tuple[Assigned, ...]
+    start: tuple[Assigned, ...]
+    samples: tuple[Samples, ...]
+    reinits: tuple[Reinits, ...]
+    whens: tuple[Whens, ...]
+    terminations: tuple[Terminations, ...]
+    written: tuple = field(default=(), repr=False)
+    initial: int = -1
+    terminal: int = -1

@@ -1,0 +1,175 @@
+"""What happens in a run: its events and its laws, as one.
+
+Both change values that the continuous equations take as given between two events: discrete variables, and the modes of
+laws. At an instant the laws go first, then the discrete equations, and the laws again where those have changed
+something that they depend on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.events.hybrid import Hybrid, Starter, Stopped
+from lmoc.numerics.integrate.base import Outcome, Roots
+from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.laws.switching import LawSwitching
+from lmoc.numerics.observe.event import Event
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal
+
+__all__ = ["Happenings", "Stopped"]
+
+_ROUNDS = 20  # of laws and discrete equations that change each other at one instant
+
+
+class Happenings:
+    """The events and laws of one run.
+
+    Parameters
+    ----------
+    base, signals : of the run, with all laws open
+    span : s, start and end of the run
+
+    Attributes
+    ----------
+    records : what has happened so far
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        values: np.ndarray,
+        base: np.ndarray,
+        signals: Mapping[int, Signal],
+        span: tuple[float, float],
+        report: Report,
+    ) -> None:
+        self.plan, self.values, self.open, self.given = plan, values, base.copy(), signals
+        self.span, self.report = span, report
+        reduced = plan.reduced
+        self.laws = None if reduced.switched is None else LawSwitching(plan, values, self.open, signals)
+        self.hybrid = None if reduced.flat.events is None else Hybrid(plan, values, base, signals, span, report)
+        self.records: list[Event] = []
+        self._law_roots = 0
+
+    # --------------------------------------------------------- what holds between events
+
+    @property
+    def signals(self) -> Mapping[int, Signal]:
+        """The inputs, with the values of the laws' modes."""
+        return self.given if self.laws is None else {**self.given, **self.laws.signals()}
+
+    def base(self) -> np.ndarray:
+        """Return the registers that do not change until the next event."""
+        base = self._with_discrete(self.open)
+        if self.laws is not None:
+            for variable, signal in self.laws.signals().items():
+                base[self.plan.reduced.register_of[variable]] = signal.value
+        return base
+
+    def _with_discrete(self, base: np.ndarray) -> np.ndarray:
+        base = base.copy()
+        if self.hybrid is not None:
+            layout = self.hybrid.layout
+            base[layout.registers] = self.hybrid.machine.v[layout.events.discrete]
+        return base
+
+    @property
+    def until(self) -> float:
+        """s, where the present piece ends at the latest."""
+        return self.span[1] if self.hybrid is None else self.hybrid.until
+
+    @property
+    def longest_step(self) -> float:
+        """s, so that nothing that depends on time is stepped over."""
+        return np.inf if self.hybrid is None else self.hybrid.longest_step
+
+    def roots(self, t: float, x: np.ndarray) -> Roots | None:
+        """Return what ends the piece that begins at a place."""
+        found = []
+        if self.laws is not None:
+            found.append(self.laws.roots(t, x, self.base(), self.signals))
+            self._law_roots = len(found[0].signs)
+        if self.hybrid is not None and self.hybrid.layout.zero_count:
+            found.append(self.hybrid.roots)
+        if len(found) < 2:
+            return found[0] if found else None
+        signs = np.concatenate([r.signs for r in found])
+        return Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
+
+    # ------------------------------------------------------------------- what happens
+
+    def start(self, states: Starter, initial: object) -> np.ndarray:
+        """Return the states at the start, behind what happens there.
+
+        Raises
+        ------
+        Stopped
+        """
+        if self.hybrid is None:
+            x = states(self.open)
+        else:
+            x = self.hybrid.start(lambda base: states(base[: self.plan.count]), initial)
+            self._collect()
+        if self.laws is None or self.report.errors:
+            return x
+        self._renew_laws()
+        x, events = self.laws.start(self.span[0], x)
+        self.records += events
+        return x if self.hybrid is None else self._settle(self.span[0], x)
+
+    def after(self, outcome: Outcome) -> np.ndarray | None:
+        """Return the states behind what has ended a piece; None at the end of the run.
+
+        Raises
+        ------
+        Stopped
+        """
+        t, x, root = outcome.time, outcome.x, outcome.status is Status.ROOT
+        of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
+        if of_laws.any():
+            x, events = self.laws.happen(t, x, of_laws)
+            self.records += events
+        if self.hybrid is None:
+            return x if root else None
+        self._renew_discrete()
+        crossed = outcome.roots[self._law_roots :] if root else None
+        behind = self.hybrid.after(replace(outcome, x=x, roots=crossed))
+        self._collect()
+        return behind if behind is None or self.laws is None else self._settle(t, behind)
+
+    def _settle(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Let laws and discrete equations answer each other until nothing changes."""
+        for _ in range(_ROUNDS):
+            self._renew_laws()
+            mode = self.laws.signals()
+            x, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool))
+            self.records += events
+            if not events and mode == self.laws.signals():
+                return x
+            self._renew_discrete()
+            x = self.hybrid.settle(t, x)
+            self._collect()
+        raise Stopped(Status.UNSETTLED, f"laws and events change each other again and again at t = {t:g} s")
+
+    def _renew_laws(self) -> None:
+        """The laws are judged with the present discrete values."""
+        if self.hybrid is not None:
+            mode = self.laws.mode
+            self.laws = LawSwitching(self.plan, self.values, self._with_discrete(self.open), self.given)
+            self.laws.mode = mode
+            self.laws.second = np.flatnonzero(mode.closed & ~self.laws.gauge.table.complementary)
+            self._law_roots = len(mode.closed) + len(self.laws.second)
+
+    def _renew_discrete(self) -> None:
+        """The discrete equations are judged with the present modes of the laws."""
+        base = self.base()
+        self.hybrid.machine.base[: len(base)] = base
+
+    def _collect(self) -> None:
+        self.records += self.hybrid.records
+        self.hybrid.records = []

@@ -1,0 +1,319 @@
+"""The events of a run: when the next one comes, what it does, and what is told of it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from lmoc.expression.dag import depends_on_time, slots
+from lmoc.ir.events import Events
+from lmoc.ir.flat import Kind
+from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Span as Place
+from lmoc.numerics.events.clock import next_time, ring
+from lmoc.numerics.events.layout import Layout
+from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
+from lmoc.numerics.integrate.base import Outcome, Roots
+from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.observe.event import Event
+from lmoc.numerics.observe.trajectory import End
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Constant, Signal
+
+_CHATTER = 100  # events in a row …
+_MOMENT = 1e-10  # … within this part of the run, which is chattering
+_ROUNDS = 50  # of finding states and discrete values at the start that agree
+_LOOKS = 1000  # steps at least in a run with relations of time that are not linear in it
+
+Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
+
+
+class Stopped(Exception):
+    """The events end the run: with an error, or because the model asks for it (`Status.OK`)."""
+
+    def __init__(self, status: Status, reason: str) -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+def held(events: Events) -> dict[int, Signal]:
+    """Return the discrete variables as inputs that stay as they are between events."""
+    return {int(v): Constant(0.0) for v in events.discrete}
+
+
+class Hybrid:
+    """The events of one run.
+
+    Attributes
+    ----------
+    machine : the discrete values
+    next : s, the next time event
+    records : what has happened so far
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        values: np.ndarray,
+        base: np.ndarray,
+        signals: Mapping[int, Signal],
+        span: tuple[float, float],
+        report: Report,
+    ) -> None:
+        self.layout = plan.once(Layout)
+        self.machine = Machine(self.layout, values, base, signals, span[0])
+        self.begin, self.end = span
+        self.report = report
+        self.records: list[Event] = []
+        self.next = np.inf
+        self._times: deque[float] = deque(maxlen=_CHATTER)
+        self._crossed: deque[int] = deque(maxlen=_CHATTER)
+        self._stored = self._ledger_row("ledger.stored")
+        self._lost = self._ledger_row("ledger.heat")
+
+    def _ledger_row(self, name: str) -> int:
+        """Return the position of a ledger's variable among the states, or of its values among those seen; -1: none."""
+        found = self.layout.flat.find(name)
+        if found is None:
+            return -1
+        register = self.layout.plan.reduced.register_of[found[0]]
+        at = np.flatnonzero(self.layout.plan.states == register)
+        return int(at[0]) if len(at) else -1
+
+    # ------------------------------------------------------------------------ the start
+
+    def start(self, states: Starter, initial: object) -> np.ndarray:
+        """Find states and discrete values that agree, and do what happens at the start.
+
+        Raises
+        ------
+        Stopped
+        """
+        machine, events = self.machine, self.layout.events
+        if isinstance(initial, End):
+            machine.v[events.discrete] = initial.values[events.discrete]
+            machine.push()
+            x = states(machine.base)
+        else:
+            x = self._first(states)
+        machine.literal = False
+        machine.remember()
+        self.next = next_time(machine, self.begin, include=True)
+        if self.next <= self.begin + near_to(self.begin):
+            return self._event(self.begin, x, "time")
+        return x
+
+    def _first(self, states: Starter) -> np.ndarray:
+        machine, events = self.machine, self.layout.events
+        moving, past = events.before[:, ~np.isin(events.before[0], events.discrete)]
+        self._flag(events.initial, 1.0)
+        self._initial_equations()
+        for _ in range(_ROUNDS):
+            before = machine.v[events.discrete].copy()
+            machine.push()
+            x = states(machine.base)
+            if self.report.errors:
+                return x
+            machine.look(self.begin, x)
+            machine.v[past] = machine.v[moving]
+            machine.assign()
+            changed = differ(before, machine.v[events.discrete])
+            if not changed.any():
+                break
+        else:
+            raise self._unsettled(Unsettled(events.discrete[changed]), self.begin)
+        moved = self._guarded(lambda: machine._reinit(self.begin, x), self.begin)
+        self._flag(events.initial, 0.0)
+        machine.remember()
+        x = x if moved is None else moved
+        self._guarded(lambda: machine.solve(self.begin, x), self.begin)
+        return x
+
+    def _initial_equations(self) -> None:
+        """Discrete variables with an equation at the start have that value, and have had it."""
+        machine, events = self.machine, self.layout.events
+        now = dict(zip(*events.before[::-1].tolist(), strict=True)) if events.before.size else {}
+        before = {v: k for k, v in now.items()}
+        for e in events.start:
+            left = e.left.op == "slot" and self.layout.flat.kind[e.slots[0, e.left.value[0]]] == Kind.DISCRETE
+            side, value = (e.left, e.right) if left else (e.right, e.left)
+            target = e.slots[:, side.value[0]]
+            found = machine.values(value, e.slots)
+            for variable, number in zip(target.tolist(), found.tolist(), strict=True):
+                for one in {variable, now.get(variable, variable), before.get(variable, variable)}:
+                    machine.v[one] = number
+
+    def _flag(self, variable: int, value: float) -> None:
+        if variable >= 0:
+            self.machine.v[variable] = value
+
+    # ------------------------------------------------------------------------- the way
+
+    @property
+    def until(self) -> float:
+        """s, where the present piece ends at the latest."""
+        return min(self.next, self.end)
+
+    @property
+    def roots(self) -> Roots | None:
+        """What ends the present piece earlier."""
+        if not self.layout.zero_count:
+            return None
+        return Roots(self.machine.roots, self.machine.signs())
+
+    @property
+    def longest_step(self) -> float:
+        """s, so that relations of time that are not linear in it are looked at often enough."""
+        for k, r in enumerate(self.layout.events.relations):
+            timed = any(t.relation == k for t in self.layout.timed)
+            kinds = {int(self.layout.flat.kind[v]) for v in r.slots[0]} if r.rows else set()
+            if not timed and (Kind.INPUT in kinds or depends_on_time(r.zero)):
+                return (self.end - self.begin) / _LOOKS
+        return np.inf
+
+    def after(self, outcome: Outcome) -> np.ndarray | None:
+        """Do what happens where a piece has ended; return the states behind it, None at the end of the run.
+
+        Raises
+        ------
+        Stopped
+        """
+        t, x = outcome.time, outcome.x
+        if outcome.status is Status.ROOT:
+            crossed = np.flatnonzero(outcome.roots)
+            self._notice_chatter(t, crossed)
+            return self._event(t, x, "when")
+        if t >= self.next - near_to(t):
+            self._notice_chatter(t, np.zeros(0, int))
+            return self._event(t, x, "time")
+        if self.layout.events.terminal >= 0 and self.machine.v[self.layout.events.terminal] == 0:
+            self._flag(self.layout.events.terminal, 1.0)
+            return self._event(t, x, "when")
+        return None
+
+    def settle(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Do what follows from a change of the continuous equations at an instant. Raises as `after`."""
+        return self._event(t, x, "when")
+
+    def _event(self, t: float, x: np.ndarray, kind: str) -> np.ndarray:
+        machine, events = self.machine, self.layout.events
+        held = machine.v[self._told].copy()
+        machine.time = t
+        due = kind == "time"
+        happened = self._guarded(lambda: machine.event(t, x, lambda: due and ring(machine, t)), t)
+        self.next = next_time(machine, t)
+        lost = self._energy(t, x, happened)
+        self._tell(t, kind, happened, held, lost)
+        self._judge(t)
+        for termination in events.terminations:
+            if machine.values(termination.guard, termination.slots).any():
+                raise Stopped(Status.OK, termination.message)
+        return happened.x
+
+    def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
+        """Book the energy that the jump of states has cost as heat; return it."""
+        if happened.x is x or self._lost < 0:
+            return 0.0
+        layout, machine = self.layout, self.machine
+        k = np.flatnonzero(layout.seen == layout.flat.find("ledger.stored")[0])
+        if not len(k):
+            return 0.0
+        before, after = (float(layout.values(t, one)[k[0]]) for one in (x, happened.x))
+        machine.look(t, happened.x)
+        lost = before - after
+        if np.isfinite(lost):
+            happened.x[self._lost] += lost
+        return lost
+
+    def _guarded(self, work, t: float):
+        try:
+            return work()
+        except Unsettled as unsettled:
+            raise self._unsettled(unsettled, t) from None
+        except NotAState as wrong:
+            flat = self.layout.flat
+            name = flat.variable_name(wrong.variable)
+            reason = f"'{name}' is given a new value by reinit, but is no state; states are {self._states()}"
+            raise Stopped(Status.UNSETTLED, reason) from None
+
+    def _states(self) -> str:
+        return ", ".join(self.layout.plan.reduced.state_names)
+
+    # --------------------------------------------------------------------- what is told
+
+    @property
+    def _told(self) -> np.ndarray:
+        """Relations that decide about continuous equations: their changes are worth a record of their own."""
+        return self.layout.plan.once(_deciding)
+
+    def _tell(self, t: float, kind: str, happened: Happened, held: np.ndarray, lost: float) -> None:
+        flat, events = self.layout.flat, self.layout.events
+        for k, row in happened.whens:
+            when = events.whens[k]
+            name = flat.parts[when.part].pattern or flat.name
+            text = when.text if len(when.active) == 1 else f"{when.text} [{row + 1}]"
+            self.records.append(Event(t, name, kind, "", text, 0.0, lost))
+            lost = 0.0
+        for variable, before, after in zip(self._told, held, self.machine.v[self._told], strict=True):
+            if before != after:
+                name = flat.variable_name(int(variable))
+                values = (_shown(flat.block_at(int(variable)).quantity, value) for value in (before, after))
+                self.records.append(Event(t, name, "relation", *values))
+
+    def _judge(self, t: float) -> None:
+        """Assertions that belong to events."""
+        for check in self.layout.flat.checks:
+            if check.at_events and not self.machine.values(check.condition, check.slots).all():
+                if check.error:
+                    raise Stopped(Status.ASSERTION, check.message)
+                self.report.warning("W0551", f"{check.message} (t = {t:g} s)", check.span)
+
+    def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:
+        """Raise `Stopped` where events follow each other without getting on."""
+        self._times.append(t)
+        self._crossed.extend(crossed[crossed < self.layout.zero_count].tolist())
+        if len(self._times) < _CHATTER or t - self._times[0] > _MOMENT * max(self.end - self.begin, near_to(t)):
+            return
+        often = sorted(set(self._crossed), key=lambda k: -self._crossed.count(k))
+        texts = dict.fromkeys(_where(self.layout.relation_at(k).text, self.layout.relation_at(k).span) for k in often)
+        many = f"switches back and forth: {_CHATTER} events within {t - self._times[0]:.1g} s"
+        what = " and ".join(list(texts)[:2]) or "a condition of time"
+        hint = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
+        raise Stopped(Status.CHATTERING, f"{what} {many} ({hint})")
+
+    def _unsettled(self, unsettled: Unsettled, t: float) -> Stopped:
+        flat = self.layout.flat
+        names = [flat.variable_name(int(v)) for v in unsettled.variables[:3]]
+        spans = [flat.block_at(int(v)).span for v in unsettled.variables[:3]]
+        places = " and ".join(dict.fromkeys(_where(n, s) for n, s in zip(names, spans, strict=True)))
+        reason = f"no values satisfy all equations at t = {t:g} s: {places} changes again and again"
+        return Stopped(Status.UNSETTLED, reason)
+
+
+def _deciding(plan: Plan) -> np.ndarray:
+    flat = plan.reduced.flat
+    targets = [r.target for r in flat.events.relations]
+    if not targets:
+        return np.zeros(0, int)
+    used = np.zeros(flat.count, bool)
+    for group in flat.groups:
+        columns = sorted({leaf.value[0] for side in (group.left, group.right) for leaf in slots(side)})
+        used[group.slots[:, columns]] = True
+    every = np.concatenate(targets)
+    return every[used[every]]
+
+
+def _where(name: str, span: Place | None) -> str:
+    if span is None or span.source is None:
+        return f"'{name}'"
+    return f"'{name}' ({span.source.name}, line {span.line})"
+
+
+def _shown(quantity: str, value: float) -> str:
+    if quantity == "Boolean":
+        return "true" if value else "false"
+    return f"{value:g}"
+
+

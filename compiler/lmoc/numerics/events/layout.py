@@ -1,0 +1,114 @@
+"""What events need of a plan: root functions, time events, and the variables that the discrete equations read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.expression.calculus import linear_parts
+from lmoc.expression.dag import TIME, Expr, depends_on_time, slots
+from lmoc.ir.events import Events, Relations
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.program import Apply
+from lmoc.numerics.events.readout import Readout
+from lmoc.numerics.plan import Plan
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """Relations of time alone, ``slope·time + offset``, over discrete variables and parameters."""
+
+    relation: int
+    slope: Expr
+    offset: Expr
+
+
+class Layout:
+    """The tables, made once for a plan.
+
+    Attributes
+    ----------
+    events, flat, plan : whose they are
+    first : (relations + 1,) where the rows of each relation begin among all
+    zero_row : (rows,) position among the zero functions, -1 of a relation of time alone
+    timed : the relations of time alone
+    seen : (k,) continuous variables that the discrete equations read
+    registers : (discrete,) where the continuous equations read the discrete variables
+    zeros, values : readouts of the zero functions and of `seen`
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.flat: FlatDAE = plan.reduced.flat
+        self.events: Events = self.flat.events
+        relations = self.events.relations
+        self.first = np.cumsum([0, *(r.rows for r in relations)])
+        self.timed = tuple(t for k, r in enumerate(relations) if (t := self._timed(k, r)) is not None)
+        register = plan.reduced.register_of
+        of_time = {t.relation for t in self.timed}
+        self.zero_row = np.full(int(self.first[-1]), -1)
+        steps, at = [], 0
+        for k, r in enumerate(relations):
+            if k not in of_time:
+                rows = at + np.arange(r.rows)
+                self.zero_row[self.first[k] : self.first[k + 1]] = rows
+                steps.append(Apply(r.zero, register[r.slots], plan.count + rows))
+                at += r.rows
+        self.zero_count = at
+        self.count = plan.count + at
+        program = (*plan.full_program, *steps)
+        self.zeros = Readout(plan, program, self.count, plan.count + np.arange(at))
+        self.seen = self._seen(of_time)
+        self.values = Readout(plan, program, self.count, register[self.seen])
+        self.registers = register[self.events.discrete]
+
+    def _timed(self, k: int, r: Relations) -> Timed | None:
+        """The relation as one of time alone."""
+        if not depends_on_time(r.zero) or not r.rows:
+            return None
+        columns = sorted({leaf.value[0] for leaf in slots(r.zero)})
+        if any(self.flat.kind[v] in (Kind.UNKNOWN, Kind.INPUT) for v in r.slots[0, columns]):
+            return None
+        parts = linear_parts(r.zero, (TIME,))
+        return None if parts is None or TIME not in parts[0] else Timed(k, parts[0][TIME], parts[1])
+
+    def _seen(self, of_time: set[int]) -> np.ndarray:
+        events, flat = self.events, self.flat
+        read = [events.before[0], *(r.target for r in events.reinits)]
+        tables = [(s.value, s.slots) for s in self.plan.reduced.discrete if s.relation < 0 or s.relation in of_time]
+        tables += [(r.value, r.slots) for r in events.reinits]
+        tables += [(t.guard, t.slots) for t in events.terminations]
+        tables += [(c.condition, c.slots) for c in flat.checks if c.at_events]
+        for shape, table in tables:
+            columns = sorted({leaf.value[0] for leaf in slots(shape)})
+            read.append(table[:, columns].ravel())
+        stored = flat.find("ledger.stored") if events.reinits else None
+        read += [] if stored is None else [stored]
+        found = np.unique(np.concatenate(read)).astype(int)
+        continuous = (flat.kind[found] == Kind.UNKNOWN) | (flat.kind[found] == Kind.INPUT)
+        return found[continuous & (self.plan.reduced.register_of[found] >= 0)]
+
+    @cached_property
+    def relation_of_zero(self) -> np.ndarray:
+        """(zeros,) row among all relations of each zero function."""
+        rows = np.flatnonzero(self.zero_row >= 0)
+        return rows[np.argsort(self.zero_row[rows])]
+
+    @cached_property
+    def rounded(self) -> np.ndarray:
+        """(zeros,) whether the function is rounded down, not compared with zero."""
+        ops = np.repeat([r.op == "floor" for r in self.events.relations], np.diff(self.first))
+        return ops[self.relation_of_zero].astype(bool) if self.zero_count else np.zeros(0, bool)
+
+    @cached_property
+    def zero_target(self) -> np.ndarray:
+        """(zeros,) the discrete variable that each zero function decides about."""
+        targets = [r.target for r in self.events.relations]
+        return np.concatenate(targets)[self.relation_of_zero] if self.zero_count else np.zeros(0, int)
+
+    def relation_at(self, zero: int) -> Relations:
+        """The relation that a zero function belongs to."""
+        row = int(self.relation_of_zero[zero])
+        return self.events.relations[int(np.searchsorted(self.first, row, "right")) - 1]

@@ -1,0 +1,262 @@
+"""The discrete side of a run: values of discrete variables, and the iteration at an event.
+
+At an event the values ``pre(v)`` are fixed and all equations are solved: the continuous ones for given discrete values,
+the discrete ones in their order for given continuous values, in turn until nothing changes. Then ``pre(v) := v``, and
+again, until no event follows (Modelica specification 3.6, 8.6 and appendix B).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression.dag import Expr
+from lmoc.expression.evaluate import evaluate
+from lmoc.ir.reduced import DiscreteStep
+from lmoc.numerics.events.layout import Layout
+from lmoc.numerics.signals.signals import Signal
+
+_ROUNDS = 100  # of solving at one instant, and of events that follow each other at it
+
+
+class Unsettled(Exception):
+    """No values of the discrete variables satisfy all equations, or events follow each other without end.
+
+    Attributes
+    ----------
+    variables : those that keep changing
+    """
+
+    def __init__(self, variables: np.ndarray) -> None:
+        super().__init__()
+        self.variables = variables
+
+
+class NotAState(Exception):
+    """A `reinit` of a variable that is not one state up to a factor and an offset; `variable` says which."""
+
+    def __init__(self, variable: int) -> None:
+        super().__init__()
+        self.variable = variable
+
+
+@dataclass(frozen=True, eq=False)
+class Happened:
+    """What an event has done.
+
+    Attributes
+    ----------
+    x : states behind it
+    whens : (when-clause, row) of each branch that was carried out, in order
+    """
+
+    x: np.ndarray
+    whens: tuple[tuple[int, int], ...]
+
+
+class Machine:
+    """Values of the discrete variables, and how they change.
+
+    Attributes
+    ----------
+    v : (flat.count,) values of all variables as last looked at
+    base : (layout.count,) registers that do not change between events
+    zero : (zeros,) values of the zero functions as last looked at
+    """
+
+    def __init__(
+        self, layout: Layout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
+    ) -> None:
+        self.layout, self.signals, self.time = layout, signals, time
+        self.v = values.copy()
+        self.v[layout.events.discrete] = 0.0
+        for a in layout.flat.starts:
+            own = np.isin(a.target, layout.events.discrete)
+            if own.any():
+                self.v[a.target[own]] = a.values(values)[own]
+        self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
+        self.zero = np.zeros(layout.zero_count)
+        self.literal = True  # relations of time are taken as they are written, not as what they are right behind
+        self.remember()
+
+    # ----------------------------------------------------------------------- looking
+
+    def push(self) -> None:
+        """Pass the discrete values on to the continuous equations."""
+        layout = self.layout
+        self.base[layout.registers] = self.v[layout.events.discrete]
+        layout.zeros.prepare(self.base, self.signals)
+        layout.values.prepare(self.base, self.signals)
+
+    def look(self, t: float, x: np.ndarray) -> None:
+        """Take the continuous values at a place."""
+        self.time = t
+        self.v[self.layout.seen] = self.layout.values(t, x)
+        self.zero = self.layout.zeros(t, x).copy()
+
+    def remember(self) -> None:
+        """``pre(v) := v``."""
+        now, before = self.layout.events.before
+        self.v[before] = self.v[now]
+
+    # ----------------------------------------------------------------- discrete equations
+
+    def assign(self) -> None:
+        """Carry out the discrete equations in their order."""
+        for step in self.layout.plan.reduced.discrete:
+            self.v[step.target] = self._relation(step) if step.relation >= 0 else self.values(step.value, step.slots)
+
+    def values(self, shape: Expr, table: np.ndarray) -> np.ndarray:
+        """Return an expression for all rows of a table of variables."""
+        result = evaluate(shape, lambda k, _: self.v[table[:, k]], self.time)
+        return np.broadcast_to(np.asarray(result, float), (len(table),))
+
+    def _relation(self, step: DiscreteStep) -> np.ndarray:
+        rows = self.layout.zero_row[self.layout.first[step.relation] + step.rows]
+        if len(rows) and rows[0] >= 0:
+            zero = self.zero[rows]
+        elif self.literal:
+            zero = self.values(step.value, step.slots)
+        else:
+            return self._timed(step)
+        return decide(step.op, zero)
+
+    def _timed(self, step: DiscreteStep) -> np.ndarray:
+        """Return a relation of time as it is right behind the present time."""
+        slope, offset = self.line(step.relation, step.slots)
+        with np.errstate(all="ignore"):
+            zero, near = slope * self.time + offset, np.abs(slope) * near_to(self.time)
+        nearest = np.round(zero) if step.op == "floor" else np.zeros(len(zero))
+        behind = nearest + np.sign(slope) * 0.5  # any value on the side to which it goes
+        return decide(step.op, np.where((np.abs(zero - nearest) <= near) & (slope != 0), behind, zero))
+
+    def line(self, relation: int, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return slope and offset of a relation of time."""
+        timed = next(t for t in self.layout.timed if t.relation == relation)
+        return self.values(timed.slope, table), self.values(timed.offset, table)
+
+    # --------------------------------------------------------------------------- events
+
+    def solve(self, t: float, x: np.ndarray) -> None:
+        """Find discrete values that agree with the continuous ones.
+
+        Raises
+        ------
+        Unsettled
+        """
+        discrete = self.layout.events.discrete
+        for _ in range(_ROUNDS):
+            self.push()
+            self.look(t, x)
+            before = self.v[discrete].copy()
+            self.assign()
+            changed = differ(before, self.v[discrete])
+            if not changed.any():
+                return
+        raise Unsettled(discrete[changed])
+
+    def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
+        """Carry out everything that happens at an instant.
+
+        Parameters
+        ----------
+        begin : called when the values before the event have been kept, to set what the event itself changes
+
+        Raises
+        ------
+        Unsettled, NotAState
+        """
+        events = self.layout.events
+        whens: list[tuple[int, int]] = []
+        now, before = events.before
+        held = np.isin(now, events.discrete)
+        self.push()
+        self.look(t, x)
+        for k in range(_ROUNDS):
+            self.remember()
+            if k == 0:
+                begin()
+            self.solve(t, x)
+            for number, when in enumerate(events.whens):
+                whens += [(number, row) for row in np.flatnonzero(self.v[when.active]).tolist()]
+            moved = self._reinit(t, x)
+            for samples in events.samples:
+                self.v[samples.target] = 0.0
+            changed = held & differ(self.v[now], self.v[before])
+            if moved is None and not changed.any():
+                return Happened(x, tuple(dict.fromkeys(whens)))
+            x = x if moved is None else moved
+            self.push()
+            self.look(t, x)
+        raise Unsettled(now[changed] if changed.any() else np.concatenate([r.target for r in events.reinits]))
+
+    def _reinit(self, t: float, x: np.ndarray) -> np.ndarray | None:
+        """Return the states with the values that `reinit` gives them; None where it gives none."""
+        moved = None
+        for r in self.layout.events.reinits:
+            active = np.flatnonzero(self.v[r.guard])
+            if not len(active):
+                continue
+            moved = x.copy() if moved is None else moved
+            value = self.values(r.value, r.slots[active])
+            for variable, wanted in zip(r.target[active].tolist(), value.tolist(), strict=True):
+                self._set(t, x, moved, variable, wanted)
+        return moved
+
+    def _set(self, t: float, x: np.ndarray, moved: np.ndarray, variable: int, wanted: float) -> None:
+        """Change the state that a variable is, up to a factor and an offset."""
+        plan = self.layout.plan
+        at = np.flatnonzero(plan.states == plan.reduced.register_of[variable])
+        if len(at):
+            moved[at[0]] = wanted
+            return
+        k = int(np.searchsorted(self.layout.seen, variable))
+        if k == len(self.layout.seen) or self.layout.seen[k] != variable:
+            raise NotAState(variable)
+        here = float(self.layout.values(t, x)[k])
+        slopes = np.zeros(len(x))
+        for j in range(len(x)):
+            aside = x.copy()
+            aside[j] += 1.0
+            slopes[j] = self.layout.values(t, aside)[k] - here
+        own = np.flatnonzero(np.abs(slopes) > 1e-12 * np.abs(slopes).max(initial=0.0))
+        if len(own) != 1:
+            raise NotAState(variable)
+        moved[own[0]] = x[own[0]] + (wanted - here) / slopes[own[0]]
+
+    # ---------------------------------------------------------------------------- roots
+
+    def signs(self) -> np.ndarray:
+        """Return the sides on which the root functions stand, ±1."""
+        layout = self.layout
+        value = self.v[layout.zero_target]
+        sign = np.where(value > 0, 1.0, -1.0)
+        return np.concatenate([np.where(layout.rounded, 1.0, sign), np.ones(int(layout.rounded.sum()))])
+
+    def roots(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return the functions whose change of sign is an event: the zero functions; of a rounded one both edges."""
+        layout = self.layout
+        zero = np.array([layout.zeros(float(t), x).copy() for t, x in zip(times, states, strict=True)])
+        if not layout.rounded.any():
+            return zero
+        step = np.where(layout.rounded, self.v[layout.zero_target], 0.0)
+        return np.concatenate([zero - step, (step + 1.0 - zero)[:, layout.rounded]], axis=1)
+
+
+def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return where two arrays differ; what is no number is like itself."""
+    return (a != b) & ~(np.isnan(a) & np.isnan(b))
+
+
+def decide(op: str, zero: np.ndarray) -> np.ndarray:
+    """Return the value of a relation from that of its function."""
+    if op == "floor":
+        return np.floor(zero)
+    return (zero > 0 if op == "gt" else zero >= 0).astype(float)
+
+
+def near_to(t: float) -> float:
+    """Return a distance in time that does not count: some units of the last digit."""
+    return 4e-15 * max(abs(t), 1e-300)

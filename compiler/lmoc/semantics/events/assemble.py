@@ -1,0 +1,158 @@
+"""The hybrid part of a flat model from its drafts, and its continuous equations without jumps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.expression import dag
+from lmoc.expression.dag import Expr
+from lmoc.ir.events import Assigned, Events, Reinits, Samples, Terminations, Whens
+from lmoc.ir.flat import FlatDAE, Group, Kind
+from lmoc.messages.diagnostics import Report
+from lmoc.semantics.assemble import Assembler
+from lmoc.semantics.draft import ActionDraft, Drafts
+from lmoc.semantics.events.relations import Extraction
+from lmoc.semantics.events.whens import ASSIGNED
+
+
+def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Report) -> FlatDAE:
+    """The flat model with what happens at instants in `FlatDAE.events`; itself where nothing does.
+
+    Parameters
+    ----------
+    flat : with all equations among its groups, and relations as they are written
+    report : collects E0251 (a discrete variable that would change between events), E0254 (determined twice)
+    """
+    if not _has_events(flat):
+        return flat
+    work = Extraction(flat.count, flat.variable_name)
+    continuous: list[Group] = []
+    equations: list[Assigned] = []
+    for group in flat.groups:
+        shapes, slots = work.without(
+            (group.left, group.right), group.slots, group.span, group.part, group.origin != ASSIGNED
+        )
+        (left, right), slots = _used(shapes, slots)
+        kinds = _kinds(flat, work, slots)
+        if group.origin == ASSIGNED or (Kind.DISCRETE in kinds and Kind.UNKNOWN not in kinds):
+            if group.origin != ASSIGNED and (Kind.INPUT in kinds or _timed(left, right)):
+                _report_continuous(flat, group, report)
+            fixed = group.origin == ASSIGNED
+            equations.append(Assigned(left, right, slots, group.span, group.part, fixed))
+        else:
+            if left.op == "slot" and kinds and kinds[left.value[0]] == Kind.DISCRETE:
+                _report_continuous(flat, group, report)
+            continuous.append(replace(group, left=left, right=right, slots=slots))
+    start, initial_groups = _start(flat)
+    reinits = _reinits(drafts.reinits, assembler, work)
+    changed = replace(
+        flat,
+        blocks=(*flat.blocks, *work.blocks),
+        groups=(*continuous, *work.groups),
+        initial_groups=initial_groups,
+    )
+    single = drafts.helpers.single
+    pairs = drafts.helpers.before.items()
+    before = [np.stack([v.offset + np.arange(v.size) for v in pair]) for pair in pairs]
+    events = Events(
+        discrete=np.setdiff1d(np.flatnonzero(changed.kind == Kind.DISCRETE), _of_laws(flat)),
+        before=np.concatenate(before, axis=1) if before else np.zeros((2, 0), np.int64),
+        relations=tuple(work.relations),
+        equations=tuple(equations),
+        start=start,
+        samples=tuple(_samples(d, assembler) for d in drafts.samples),
+        reinits=reinits,
+        whens=tuple(
+            Whens(assembler.slots((d.columns["active"],), d.rows)[:, 0], d.text, d.node.part, d.span)
+            for d in drafts.whens
+        ),
+        terminations=tuple(
+            Terminations(d.shape, assembler.slots(d.slots, d.rows), d.text, d.span) for d in drafts.terminations
+        ),
+        written=tuple(g for g in flat.groups if not _is_discrete(flat, g)) + tuple(work.groups),
+        initial=single["initial()"].offset if "initial()" in single else -1,
+        terminal=single["terminal()"].offset if "terminal()" in single else -1,
+    )
+    return replace(changed, events=events)
+
+
+def _has_events(flat: FlatDAE) -> bool:
+    if len(np.setdiff1d(np.flatnonzero(flat.kind == Kind.DISCRETE), _of_laws(flat))):
+        return True
+    return any(n.op == "event" for g in flat.groups for e in (g.left, g.right) for n in dag.postorder(e))
+
+
+def _of_laws(flat: FlatDAE) -> np.ndarray:
+    """The discrete variables that the laws determine."""
+    directions = [laws.direction for laws in flat.laws if laws.direction is not None]
+    return np.concatenate(directions) if directions else np.zeros(0, np.int64)
+
+
+def _is_discrete(flat: FlatDAE, group: Group) -> bool:
+    """Whether a group as it is written is an equation between discrete variables."""
+    if group.origin == ASSIGNED:
+        return True
+    leaves = [leaf for side in (group.left, group.right) for leaf in dag.outside_events(side) if leaf.op == "slot"]
+    kinds = {int(flat.kind[group.slots[0, leaf.value[0]]]) for leaf in leaves if group.rows}
+    return Kind.DISCRETE in kinds and Kind.UNKNOWN not in kinds
+
+
+def _used(shapes: list[Expr], slots: np.ndarray) -> tuple[list[Expr], np.ndarray]:
+    """Only the columns that the shapes use."""
+    columns = sorted({leaf.value[0] for shape in shapes for leaf in dag.slots(shape)})
+    if columns == list(range(slots.shape[1])):
+        return shapes, slots
+    new = {
+        leaf: dag.slot(columns.index(leaf.value[0]), leaf.value[1]) for shape in shapes for leaf in dag.slots(shape)
+    }
+    return [dag.substitute(shape, new) for shape in shapes], slots[:, columns]
+
+
+def _kinds(flat: FlatDAE, work: Extraction, slots: np.ndarray) -> list[int]:
+    added = {b.offset + k: b.kind for b in work.blocks for k in range(b.size)} if work.blocks else {}
+    if not len(slots):
+        return []
+    return [int(flat.kind[v] if v < flat.count else added[v]) for v in slots[0].tolist()]
+
+
+def _timed(*shapes: Expr) -> bool:
+    return any(dag.depends_on_time(shape) for shape in shapes)
+
+
+def _report_continuous(flat: FlatDAE, group: Group, report: Report) -> None:
+    names = (flat.variable_name(int(v)) for v in group.slots[0] if flat.kind[v] == Kind.DISCRETE)
+    report.error(
+        "E0251",
+        f"'{next(names, '')}' changes at events only, but this would change it between them",
+        group.span,
+        hint="assign it in a 'when', or leave out noEvent(…)",
+    )
+
+
+def _start(flat: FlatDAE) -> tuple[tuple[Assigned, ...], tuple[Group, ...]]:
+    """The initial equations between discrete variables, and the others."""
+    start, others = [], []
+    for g in flat.initial_groups:
+        kinds = {int(k) for k in flat.kind[g.slots[0]]} if g.rows else set()
+        if Kind.DISCRETE in kinds and Kind.UNKNOWN not in kinds:
+            start.append(Assigned(g.left, g.right, g.slots, g.span, g.part, False))
+        else:
+            others.append(g)
+    return tuple(start), tuple(others)
+
+
+def _samples(draft: ActionDraft, assembler: Assembler) -> Samples:
+    columns = [assembler.slots((draft.columns[name],), draft.rows)[:, 0] for name in ("target", "start", "interval")]
+    return Samples(*columns, draft.span)
+
+
+def _reinits(drafts: list[ActionDraft], assembler: Assembler, work: Extraction) -> tuple[Reinits, ...]:
+    result = []
+    for d in drafts:
+        guard, target = (assembler.slots((d.columns[name],), d.rows)[:, 0] for name in ("guard", "target"))
+        slots = assembler.slots(d.slots, d.rows)
+        (value,), slots = work.without((d.shape,), slots, d.span, d.node.part, jets=False)
+        result.append(Reinits(guard, target, value, slots, d.span))
+    return tuple(result)
