@@ -450,8 +450,9 @@ class DAE:
         if not parameters:
             return self, self.reduced, self.values, []
         clock = clock or Clock()
-        overrides = indexed(self.flat, parameters)
-        structural = {name: value for name, value in parameters.items() if self._reshapes(name, value)}
+        resized = {name: value for name, value in parameters.items() if self._resizes(name, value)}
+        overrides = indexed(self.flat, {n: v for n, v in parameters.items() if n not in resized})
+        structural = {n: v for n, v in parameters.items() if n in resized or self._reshapes(n, v)}
         if structural:
             scene = self._reshape(structural, clock)
             rest = {n: v for n, v in parameters.items() if n not in structural}
@@ -462,6 +463,14 @@ class DAE:
         values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})
         reduced, notes = self._reduction(values, clock)
         return self, reduced, values, notes
+
+    def _resizes(self, name: str, value: Value) -> bool:
+        """Whether an array is given that is longer or shorter than that of the model: its size may be open."""
+        variables = self.flat.find(name)
+        if variables is None or self.flat.kind[variables[0]] != Kind.PARAMETER or np.ndim(value) == 0:
+            return False
+        _, dims = self.flat.block_at(int(variables[0])).path[-1]
+        return bool(dims) and np.size(value) != len(variables)
 
     def _reshapes(self, name: str, value: Value) -> bool:
         """Whether a value shapes the flat model and differs from the one that has shaped it."""

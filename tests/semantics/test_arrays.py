@@ -313,3 +313,47 @@ def test_the_size_of_an_array_of_parts() -> None:
 def test_a_mistake_in_a_loop_is_said_once() -> None:
     assert codes("model A Real x[3]; equation for i in 1:3 loop x[i + 3] = nothing; end for; end A;") == ["E0215"]
     assert codes("model A Real x[3]; equation for i in 1:3 loop x[i] = nothing*i; end for; end A;") == ["E0201"]
+
+
+def test_enumerations_and_booleans_count_along_dimensions() -> None:
+    dae = flat("""type E = enumeration(lo, hi, mid);
+        function pick input Real t[E]; input E e; output Real y; protected Real c[E];
+          algorithm for k in E loop c[k] := 10*t[k]; end for; y := c[e]; end pick;
+        package P type F = enumeration(a, b); end P;
+        model M
+          parameter Real y[E] = {1, 2, 3};
+          parameter Real z = y[E.mid];
+          parameter Real s = sum(y[e] for e in E);
+          parameter Real w[P.F, E] = {{1, 2, 3}, {4, 5, 6}};
+          parameter Real v = w[P.F.b, E.hi];
+          parameter Real b[Boolean] = {7, 8};
+          parameter Real t = b[true] - b[false];
+          parameter Real p = pick(y, E.hi);
+          parameter Real r[E] = {y[e]^2 for e in E};
+          Real x[E];
+          Mass m[E](m = {1, 2, 3});
+        equation
+          for e in E loop
+            x[e] = y[e]*time;
+          end for;
+        end M;""", "M")
+    assert [value(dae, n) for n in ("z", "s", "v", "t", "p")] == [3, 6, 5, 1, 20]
+    assert value(dae, "r") == [1, 4, 9]
+    assert value(dae, "m.m") == [1, 2, 3]
+
+
+def test_matrices_are_built_from_blocks() -> None:
+    dae = flat("""model A
+        parameter Real a[2] = {1, 2}; parameter Real b[2] = {3, 4}; parameter Real m[2, 2] = [a, b];
+        parameter Real v[4, 1] = [a; b]; parameter Real w[2, 3] = [m, a]; parameter Real z[4, 2] = [m; m];
+        parameter Real s[1, 3] = [1, 2, 3]; parameter Real mm[2, 3] = [[1, 2; 3, 4], [5; 6]];
+        parameter Real c[2, 4] = cat(2, m, m); parameter Real d[2, 2, 2] = cat(3, {{{1}, {2}}, {{3}, {4}}}, {{{5}, {6}},
+          {{7}, {8}}}); end A;""")
+    assert value(dae, "m") == [1, 3, 2, 4]
+    assert value(dae, "v") == [1, 2, 3, 4]
+    assert value(dae, "w") == [1, 3, 1, 2, 4, 2]
+    assert value(dae, "z") == [1, 3, 2, 4, 1, 3, 2, 4]
+    assert value(dae, "mm") == [1, 2, 5, 3, 4, 6]
+    assert value(dae, "c") == [1, 3, 1, 3, 2, 4, 2, 4]
+    assert value(dae, "d") == [1, 5, 2, 6, 3, 7, 4, 8]
+    assert codes("model A Real a[2] = {1, 2}; Real x[2, 3] = [a, [1; 2; 3]]; end A;") == ["E0302"]

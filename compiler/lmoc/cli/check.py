@@ -56,6 +56,8 @@ def as_data(d: Diagnostic) -> dict[str, object]:
     """A diagnostic as plain data."""
     place = {}
     if d.span is not None:
+        end_line, end_column = d.span.source.position(d.span.end)  # of the character behind it
         place = {"file": d.span.source.name, "line": d.span.line, "column": d.span.column}
+        place |= {"end_line": end_line, "end_column": end_column}
     more = {key: getattr(d, key) for key in ("expected", "found", "hint") if getattr(d, key)}
     return {"code": d.code, "severity": d.severity, "message": d.message, **place, **more}

@@ -289,8 +289,10 @@ class EquationSection:
         try:
             located = locate(context, ref, start)
         except Wrong as wrong:
-            if wrong.diagnostic is not None and wrong.diagnostic.code == "E0218":
+            if wrong.code == "E0218":
                 return None
+            if wrong.code == "E0201" and not wrong.diagnostic.hint.startswith("did you mean"):
+                raise _no_such_port(context, ref, start, wrong) from None
             raise
         node = located.node
         signal = isinstance(node, Variable) and (node.connector or node.causality in ("input", "output"))
@@ -355,6 +357,16 @@ def _round(context: Context, row: int) -> str:
         index = context.leaves[value.expr.value[0]].index if value.expr.op == "slot" else value.expr.value
         told.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
     return ", ".join(told)
+
+
+def _no_such_port(context: Context, ref: tree.Ref, node: Node, wrong: Wrong) -> Wrong:
+    """As it was said, with the ports that there are."""
+    for part in ref.parts[1:]:
+        if not isinstance(node, Instance) or part.span == wrong.diagnostic.span:
+            break
+        node = context.model.child(node, part.name)
+    found = wrong.diagnostic
+    return Wrong(found.code, found.message, found.span, hint=_connectors_hint(node) or found.hint)
 
 
 def _connectors_hint(node: Node) -> str:

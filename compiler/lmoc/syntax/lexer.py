@@ -124,11 +124,17 @@ def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
     if "INDEX_END" not in tokens.symbols:
         return said
     depth = 0
-    for symbol, start, end in zip(tokens.symbols, tokens.starts, tokens.ends, strict=True):
+    before = ""
+    for at, (symbol, start, end) in enumerate(zip(tuple(tokens.symbols), tokens.starts, tokens.ends, strict=True)):
+        declared, before = before == "IDENT", symbol
         if symbol == "[":
             depth += 1
         elif symbol == "]":
             depth = max(0, depth - 1)
+        elif symbol == "INDEX_END" and declared:  # a word after a type: `Real end = 3`
+            tokens.symbols[at] = "IDENT"
+            message, hint = "'end' is a word of the language and cannot be a name", "take another name"
+            said.append(Diagnostic("E0110", message, Span(source, start, end), hint=hint))
         elif symbol == "INDEX_END" and not depth:
             hint = "as the last index it stands inside the brackets of an array: 'x[end]'"
             said.append(Diagnostic("E0101", "'end' cannot stand here", Span(source, start, end), hint=hint))

@@ -13,13 +13,14 @@ from collections.abc import Iterator, Sequence
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Source
 from lmoc.syntax.lexer import Tokens
-from lmoc.syntax.slips import slips, unexpected
+from lmoc.syntax.slips import WANT_OPERAND, slips, unexpected
 from lmoc.syntax.tables import Tables
 from lmoc.syntax.trouble import CERTAIN, CLASSES, FRESH, Edit, Node, Slip, Trouble, advance
 
 # So many tokens must make sense after a change that is a guess, and after a statement has been left out.
 _PLAUSIBLE = 2
 _CONVINCING = 3
+_BEFORE_NAME = WANT_OPERAND | {".", "IDENT"}
 
 
 def repair(
@@ -59,7 +60,16 @@ def repair(
         if slip is None or len(said) >= most:
             return said, False
         tokens.splice(*slip.edit)
+        if slip.edit.inserted == ("IDENT",) and slip.edit.name in tables.literals:
+            _take_as_name(tokens, slip.edit.name, slip.edit.at)
         del trail[slip.edit.at + 1 :]
+
+
+def _take_as_name(tokens: Tokens, word: str, start: int) -> None:
+    """Take a keyword for a name wherever a name is needed from a token on: once it is one, it is used."""
+    for at in range(start + 1, len(tokens.symbols)):
+        if tokens.symbols[at] == word and tokens.symbols[at - 1] in _BEFORE_NAME:
+            tokens.splice(at, 1, ("IDENT",), word)
 
 
 def _read(tables: Tables, tokens: Tokens, trail: list[Node]) -> None:

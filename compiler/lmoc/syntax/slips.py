@@ -13,7 +13,7 @@ from functools import partial
 from lmoc.expression.functions import CALLABLE
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.syntax.tables import END_OF_TEXT
-from lmoc.syntax.trouble import Edit, Slip, Trouble
+from lmoc.syntax.trouble import FRESH, Edit, Slip, Trouble
 from lmoc.syntax.unclosed import (
     BLOCKS,
     brackets,
@@ -27,7 +27,7 @@ from lmoc.syntax.words import completed, expectation, found, is_word
 
 _OPERAND_ENDS = {"IDENT", "NUMBER", "STRING", ")", "]", "}", "true", "false"}
 _OPERAND_STARTS = {"IDENT", "NUMBER", "(", "{", "der"}
-_WANT_OPERAND = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> = := and or not ( [ { , : if then else elseif in".split())
+WANT_OPERAND = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> = := and or not ( [ { , : if then else elseif in".split())
 _SIGNS = {"=": (":=", "in", "=="), ":=": ("=", "in"), "==": ("=", ":=")}
 _CONDITIONS = {"if", "elseif", "when", "elsewhen", "while", "("}
 _DECLARES = {"parameter", "constant", "discrete", "input", "output", "flow", "final", "inner", "outer", "replaceable"}
@@ -41,6 +41,9 @@ def slips(trouble: Trouble) -> Iterator[Slip]:
     """The changes that might repair a place, the most likely first."""
     for kind in (
         _capitalized_keyword,
+        _semicolon_after_section,
+        _decimal_comma,
+        _subscripts_of_a_number,
         _missing_semicolon_at_line_end,
         _missing_semicolon_before,
         _declaration_among_equations,
@@ -128,6 +131,41 @@ def _no_semicolon(trouble: Trouble, what: str, token: int) -> Diagnostic:
         expected=f"';' after {what}",
         found=found(trouble, token),
     )
+
+
+def _semicolon_after_section(trouble: Trouble) -> Iterator[Slip]:
+    """``equation;``"""
+    word = trouble.tokens.texts[trouble.at - 1] if trouble.at else ""
+    if trouble.found == ";" and trouble.before in FRESH | {"then", "else", "loop"} and trouble.before != "end":
+        explain = partial(Diagnostic, "E0101", f"no ';' stands after '{word}'", trouble.span(), hint="leave it out")
+        yield Slip(Edit(trouble.at, 1, ()), explain)
+
+
+# ----------------------------------------------------------------- numbers
+
+
+def _decimal_comma(trouble: Trouble) -> Iterator[Slip]:
+    """``k = 50,5``"""
+    symbols, at = trouble.tokens.symbols, trouble.at
+    if at > 1 and symbols[at - 2 : at + 1] == ["NUMBER", ",", "NUMBER"]:
+        whole, digits = _text(trouble, -2), _text(trouble, 0)
+        message, hint = f"'{whole},{digits}' is no number", f"a decimal number has a point: {whole}.{digits}"
+        place = trouble.span(at - 2, at)
+        yield Slip(Edit(at - 1, 2, ()), partial(Diagnostic, "E0101", message, place, hint=hint))
+
+
+def _subscripts_of_a_number(trouble: Trouble) -> Iterator[Slip]:
+    """``3[:]``"""
+    symbols, at = trouble.tokens.symbols, trouble.at
+    if trouble.found != "[" or trouble.before not in ("NUMBER", "STRING", "true", "false", ")", "}"):
+        return
+    depth, stop = 0, at
+    while symbols[stop] != END_OF_TEXT and (depth or stop == at):
+        depth += (symbols[stop] == "[") - (symbols[stop] == "]")
+        stop += 1
+    message = f"'{_text(trouble, -1)}' cannot have subscripts"
+    hint = "only names have subscripts" + (": name the array first" if trouble.before in ")}" else "")
+    yield Slip(Edit(at, stop - at, ()), partial(Diagnostic, "E0101", message, trouble.span(at, stop - 1), hint=hint))
 
 
 # ------------------------------------------------------------ declarations
@@ -292,7 +330,7 @@ def _bare_if(trouble: Trouble) -> Iterator[Slip]:
 
 
 def _missing_operand(trouble: Trouble) -> Iterator[Slip]:
-    if trouble.before in _WANT_OPERAND:
+    if trouble.before in WANT_OPERAND:
         where = trouble.tokens.texts[trouble.at - 1]
         yield Slip(
             _insert(trouble, "IDENT"),

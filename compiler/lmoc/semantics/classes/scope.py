@@ -17,7 +17,7 @@ from dataclasses import replace
 from lmoc.messages.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.elements import collect
-from lmoc.semantics.classes.hints import classes_hint, either, import_hint, modelica_hint, suggest
+from lmoc.semantics.classes.hints import classes_hint, either, import_hint, modelica_hint, suggest, visible
 from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import BUILTINS, Builtin
 from lmoc.semantics.classes.redeclare import constraint_of
@@ -318,6 +318,10 @@ class Scope:
         for path in paths:
             self._path(path, element.span)
 
+    def _classes(self) -> list[str]:
+        """The names of the classes that can be seen from here."""
+        return [name for name in dict.fromkeys(visible(self)) if not isinstance(self.find(name), Member)]
+
     def refuse_files(self, name: str) -> None:
         """Say what is wrong with the files that have the name of a class that is not found."""
         scope: Scope | None = self
@@ -352,7 +356,8 @@ class Scope:
             hint = modelica_hint(names) or suggest(self, names[-1])
             raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=hint)
         if isinstance(found, Member):
-            raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span)
+            raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span,
+                        hint=nearest(names[-1], self._classes()))  # fmt: skip
         return found
 
 def _clauses(definition: tree.Class | None) -> tuple[tree.Extends, ...]:

@@ -53,6 +53,7 @@ class _Count:
         self.equations = 0
         self.used: set[int] = set()  # ids of variables that its equations mention
         self.given_outside: list[Span] = []  # values that the part around gives to its variables
+        self.given_variables: list[Variable] = []  # those
         self.written: list[Span] = []  # its own equations
         self.inputs: list[Variable] = []  # of parts inside, which it has to give
 
@@ -95,8 +96,10 @@ def check_balance(
 
 
 def _is_input(variable: Variable) -> bool:
-    unknown = variable.kind in (Kind.UNKNOWN, Kind.DISCRETE)
-    return variable.causality == "input" and unknown and variable.parent.owner.parent is not None
+    """Whether an unknown is an input of a part; a protected one is its own affair."""
+    if variable.causality != "input" or variable.kind not in (Kind.UNKNOWN, Kind.DISCRETE):
+        return False
+    return variable.parent.owner.parent is not None and not variable.hidden
 
 
 def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
@@ -110,6 +113,7 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
             binding = draft.columns[0][0].value
             if binding.node is not None and binding.node is not draft.node:
                 count.given_outside.append(draft.span)
+                count.given_variables.append(draft.columns[0][0])
         if draft.origin == "equation" and draft.span is not None and draft.span not in count.written:
             count.written.append(draft.span)
         count.used.update(id(v) for v, _ in draft.columns if v is not None)
@@ -187,15 +191,25 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
         if not labels and len(count.written) <= 3:
             labels = tuple(Label(span, "an equation of its own") for span in count.written)
     what = "model" if part.parent is None else "part"
+    place = cls.definition.name_span
+    if cls.library and count.given_outside and count.equations > count.unknowns:
+        place, hint, labels = count.given_outside[0], _start_hint(count), labels[1:]
     report.error(
         "E0307",
         f"the {what} '{cls.name}' has {unknowns} unknown{'s' * (unknowns != '1')} "
         f"but {equations} equation{'s' * (equations != '1')}",
-        cls.definition.name_span,
+        place,
         expected="as many equations as unknowns",
         hint=hint,
         labels=labels,
     )
+
+
+def _start_hint(count: _Count) -> str:
+    """What was probably meant by a value for an unknown that has an equation already."""
+    variable, text = count.given_variables[0], count.given_outside[0].text
+    start = f"'{variable.name}(start = {text}, fixed = true)'"
+    return f"its own equations determine '{variable.name}': for a start write {start}"
 
 
 def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows: float) -> str:
@@ -210,4 +224,6 @@ def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows
         return f"the inputs of its parts are among the unknowns: {names}"
     if flows:
         return f"{flows:g} of the equations {'comes' if flows == 1 else 'come'} from its connections, one for each flow"
+    if 1 < len(own) <= 5:
+        return "the unknowns are " + ", ".join(f"'{v.name}'" for v in own)
     return ""

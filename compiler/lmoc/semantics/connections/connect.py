@@ -114,7 +114,7 @@ def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
 
 def _gives_signal(variable: Variable, inside: bool) -> bool:
     """Whether a signal comes from here: the output of a part, or an input of the class around (9.3)."""
-    return variable.causality == ("input" if inside else "output")
+    return variable.causality == ("input" if inside else "output") and not (inside and variable.hidden)
 
 
 def _pairs(a: Node, b: Node, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:

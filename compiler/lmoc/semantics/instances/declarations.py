@@ -187,7 +187,19 @@ def _limit(model: Elaboration, drafts: Drafts, variable: Variable, name: str, bi
         limit = getattr(binding.expression, "span", None)
         message = f"'{variable.label}' must be {words} {limit.text if limit else ''}".rstrip()
         rows = target.size if isinstance(target, np.ndarray) else 1
-        drafts.checks.append(CheckDraft(condition, message, True, ((variable, target), *columns), rows, variable.span))
+        place = _place(variable)
+        drafts.checks.append(CheckDraft(condition, message, True, ((variable, target), *columns), rows, place))
+
+
+def _place(variable: Variable) -> Span:
+    """Where a parameter got its value, in the user's text if it can be."""
+    value = variable.value
+    if value is not None and value.scope is not None and not value.scope.library and binding_span(value) is not None:
+        return binding_span(value)
+    around = variable.parent.owner
+    while around.parent is not None and around.parent.cls.library:
+        around = around.parent
+    return variable.span if around.parent is None or not variable.parent.cls.library else around.name_span
 
 
 def _behind_own(shape: dag.Expr) -> dag.Expr:

@@ -25,6 +25,7 @@ from lmoc.semantics.instances.known import ElementValues, KnownValues
 from lmoc.semantics.instances.records import record_fields
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.long_sums import LongSums
+from lmoc.semantics.values.reference import length
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.syntax import tree
@@ -255,7 +256,7 @@ class Elaboration:
                 dims.append(self._size_of_binding(component, modifier.value, axis))
                 continue
             what = f"the size of '{component.name}'"
-            dims.append(context.whole(context.value(expression), expression.span, what))
+            dims.append(length(context, expression, what))
             check_size(prod((*instance.total, *dims)), f"'{component.name}'", expression.span)
         return tuple(dims)
 

@@ -151,14 +151,17 @@ class Variable(Node):
     @property
     def flow_from_outside(self) -> bool:
         """A flow that connections outside its part give: that of a port, not of a protected connector."""
-        if not self.flow or self.kind != Kind.UNKNOWN:
-            return False
+        return self.flow and self.kind == Kind.UNKNOWN and not self.hidden
+
+    @property
+    def hidden(self) -> bool:
+        """Whether it is protected within its part, and belongs to no port of it."""
         node: Node = self
         while node is not self.parent.owner:
             if node.protected:
-                return False
+                return True
             node = node.parent
-        return True
+        return False
 
 
 class Instance(Node):

@@ -17,6 +17,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.reference import length
 from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import Wrong, check_size
@@ -109,7 +110,7 @@ class Algorithm:
         elif component.dimensions:
             what = f"the size of '{name}'"
             sizes = [d for d in component.dimensions if not isinstance(d, tree.Colon)]
-            dims = [self.context.whole(self.context.value(d), d.span, what) for d in sizes]
+            dims = [length(self.context, d, what) for d in sizes]
             check_size(math.prod(dims), f"'{name}'", component.span)
             value = number(float("nan"), variable.type)  # used before it is assigned: found where it is used
             for size in reversed(dims):
@@ -187,7 +188,11 @@ class Algorithm:
             raise Wrong("E0216", f"'{name}' is not an array that has been given a size", target.span)
         places = []
         for subscript in subscripts:
-            places.append(self.context.whole(self.context.value(subscript), subscript.span, "a subscript", 1) - 1)
+            index = self.context.value(subscript)
+            if index.type == "Boolean":
+                places.append(int(self.context.scalar(index, subscript.span, "a subscript")))
+            else:
+                places.append(self.context.whole(index, subscript.span, "a subscript", 1) - 1)
         self.values[name] = self._replaced(self.values[name], places, value, target)
 
     def _replaced(self, array: Value, places: list[int], value: Value, target: tree.Ref) -> Value:

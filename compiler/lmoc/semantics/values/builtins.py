@@ -11,7 +11,7 @@ from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
 from lmoc.semantics.instances.instance import Node
-from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, join
+from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, concatenated
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, locate
 from lmoc.semantics.values.translate import (
@@ -343,16 +343,13 @@ def _outer_product(context: Context, call: tree.Call) -> Value:
 @builtin("cat")
 def _cat(context: Context, call: tree.Call) -> Value:
     axis, *parts = arguments(context, call, 2, 99)
-    if context.scalar(axis, call.arguments[0].span, "an axis") != 1:
-        raise Wrong("E0230", "'cat' joins along the first axis so far", call.span)
+    along = context.whole(axis, call.arguments[0].span, "an axis", 1)
     for part, place in zip(parts, call.arguments[1:]):
         if not part.dims:
             raise Wrong("E0302", "'cat' joins arrays", place.span, expected="an array", found="a scalar")
-    items, spans = [], []
-    for part, place in zip(parts, call.arguments[1:]):
-        items += context.arrays.elements(part)
-        spans += [place.span] * part.dims[0]
-    return join(context, items, spans) if items else parts[0]
+        if along > len(part.dims):
+            raise Wrong("E0215", f"there is no axis {along}", place.span, expected=f"1 … {len(part.dims)}")
+    return concatenated(context, along - 1, parts, [place.span for place in call.arguments[1:]])
 
 
 # --------------------------------------------------------------------------- conversions

@@ -7,6 +7,7 @@ import numpy as np
 from lmoc.messages.source import Span
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.implied_range import implied_length
+from lmoc.semantics.values.reference import dimension_type
 from lmoc.semantics.values.translate import MAX_UNROLLED, sizes_differ
 from lmoc.semantics.values.value import Value, common_type, number, stack
 from lmoc.semantics.wrong import NotAlike, NotOneGroup, Wrong, check_size
@@ -44,13 +45,40 @@ def column_of_numbers(context: Context, numbers: np.ndarray, type_: str) -> Valu
 
 @translates(tree.Matrix)
 def _matrix(context: Context, e: tree.Matrix) -> Value:
-    rows = []
-    for row in e.rows:
-        items = [context.value(item) for item in row]
-        if any(item.dims for item in items):
-            raise Wrong("E0230", "matrices are built from single values so far", e.span, hint="use {{…}, {…}}")
-        rows.append(join(context, items, [item.span for item in row]))
-    return join(context, rows, [row[0].span for row in e.rows])
+    rows = [[context.value(item) for item in row] for row in e.rows]
+    if not any(item.dims for row in rows for item in row):
+        joined = [join(context, items, [x.span for x in row]) for items, row in zip(rows, e.rows)]
+        return join(context, joined, [row[0].span for row in e.rows])
+    rank = max(2, *(len(item.dims) for row in rows for item in row))
+    joined = [
+        concatenated(context, 1, [_promoted(context, item, rank) for item in items], [x.span for x in row])
+        for items, row in zip(rows, e.rows)
+    ]
+    return concatenated(context, 0, joined, [row[0].span for row in e.rows])
+
+
+def _promoted(context: Context, value: Value, rank: int) -> Value:
+    """The value with further dimensions of length 1 behind its own (10.4.2.1)."""
+    if rank == len(value.dims):
+        return value
+    if value.dims:
+        return stack([_promoted(context, item, rank - 1) for item in context.arrays.elements(value)])
+    return stack([_promoted(context, value, rank - 1)])
+
+
+def concatenated(context: Context, axis: int, parts: list[Value], spans: list[Span]) -> Value:
+    """Arrays joined along an axis, counted from 0; along the others they are equally long (10.4.2)."""
+    first = parts[0]
+    for part, span in zip(parts, spans):
+        fits = len(part.dims) == len(first.dims) > axis
+        if not fits or any(m != n for k, (m, n) in enumerate(zip(part.dims, first.dims)) if k != axis):
+            raise sizes_differ("the arrays that are joined", first.dims, part.dims, span)
+    if axis == 0:
+        items = [(item, span) for part, span in zip(parts, spans) for item in context.arrays.elements(part)]
+        return join(context, *map(list, zip(*items))) if items else first
+    along = zip(*(context.arrays.elements(part) for part in parts))
+    rows = [concatenated(context, axis - 1, list(row), spans) for row in along]
+    return stack(rows) if rows else first
 
 
 @translates(tree.Range)
@@ -86,6 +114,9 @@ def iteration(context: Context, index: tree.ForIndex, body: object) -> tuple[np.
         return 1.0 + np.arange(implied_length(context, index, body)), "Integer"
     if isinstance(index.range, tree.Range):
         return range_numbers(context, index.range)
+    literals = dimension_type(context, index.range)
+    if literals is not None:
+        return np.arange(literals.length) + literals.first, literals.name
     value = context.value(index.range)
     if len(value.dims) != 1:
         raise Wrong("E0301", f"'{index.name}' must go through a vector", index.range.span)

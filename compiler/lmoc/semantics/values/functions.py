@@ -16,6 +16,7 @@ from lmoc.semantics.instances.records import argument_fields, leaf_fields
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
+from lmoc.semantics.values.reference import length
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_check import has_unit
 from lmoc.semantics.values.value import Arrays, Value
@@ -223,7 +224,7 @@ class _Body:
         found = self.values[name].dims
         what = f"the size of '{name}'"
         expected = tuple(
-            n if isinstance(d, tree.Colon) else self.context.whole(self.context.value(d), d.span, what)
+            n if isinstance(d, tree.Colon) else length(self.context, d, what)
             for d, n in zip(declared, found)
         )
         if found != expected:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,7 +84,7 @@ def reference(context: Context, ref: tree.Ref) -> Value:
 def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     """What to say where the first name of a reference means nothing."""
     name = ref.parts[0].name
-    candidates = [*context.names, *visible(context.scope), "time"]
+    candidates = [*context.names, *_variables(context, len(ref.parts) > 1), "time"]
     owner = next((e for e, literals in ENUMERATIONS.items() if name in literals), "")
     hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
     plain = name.strip("'")  # the quotes around a name with other characters belong to it
@@ -93,6 +95,13 @@ def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     if name == "pi" or [part.name for part in ref.parts] == ["Modelica", "Constants", "pi"]:
         hint = "declare it: constant Real pi = 3.14159265358979;"
     return Wrong("E0201", f"there is no variable '{plain}' here", ref.parts[0].span, hint=hint)
+
+
+def _variables(context: Context, classes: bool) -> Iterator[str]:
+    """Names that can be seen and stand for variables or parts; for classes too, where a name inside is meant."""
+    for name in dict.fromkeys(visible(context.scope)):
+        if classes or isinstance(context.scope.find(name), Member):
+            yield name
 
 
 def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Builtin | None:
@@ -182,9 +191,11 @@ def subscript(context: Context, expression: tree.Expression, length: int, name: 
         value = context.value(expression)
     finally:
         context.end = before
-    if value.type not in ("Integer", "Boolean", "Real") or len(value.dims) > 1:
+    if value.type == "String" or len(value.dims) > 1:
         raise Wrong("E0301", "a subscript must be an integer", expression.span, found=value.type)
     numbers = context.known(value, expression.span, "a subscript")
+    if value.type == "Boolean":
+        numbers = numbers + 1.0  # `false` is the first
     if not np.isfinite(numbers).all():
         raise Wrong("E0301", "a subscript must be an integer", expression.span, found="a number that is not finite")
     if not isinstance(numbers, np.ndarray) or numbers.ndim == 0:
@@ -274,8 +285,40 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
             return subscripted(context, value, part) if part.subscripts else value
         if isinstance(found, Value):
             return found
-    name = found.name
-    raise Wrong("E0301", f"'{name}' is a class, not a variable", ref.span)
+    hint = nearest(ref.parts[-1].name, _variables(context, False))
+    raise Wrong("E0301", f"'{found.name}' is a class, not a variable", ref.span, hint=hint)
+
+
+class DimensionType(NamedTuple):
+    """A type whose values count along a dimension: an enumeration, or Boolean (10.5).
+
+    `first` is the number of its first value.
+    """
+
+    name: str
+    length: int
+    first: int
+
+
+def dimension_type(context: Context, expression: tree.Expression) -> DimensionType | None:
+    """The enumeration, or Boolean, that an expression names; None where it is a value."""
+    if not isinstance(expression, tree.Ref) or any(part.subscripts for part in expression.parts):
+        return None
+    if not expression.absolute and expression.parts[0].name in context.names:
+        return None
+    try:
+        base = resolve(context.scope.find_class(expression)).base
+    except Wrong:
+        return None  # no class: it is said where its value is needed
+    if not isinstance(base, Builtin) or not base.literals and base.name != "Boolean":
+        return None
+    return DimensionType(base.name, len(base.literals) or 2, 1 if base.literals else 0)
+
+
+def length(context: Context, size: tree.Expression, what: str) -> int:
+    """The number of elements along a dimension that is declared with this size."""
+    literals = dimension_type(context, size)
+    return literals.length if literals else context.whole(context.value(size), size.span, what)
 
 
 def _inside(found: Scope | Builtin, part: tree.RefPart) -> Member | Scope | Builtin | Value:

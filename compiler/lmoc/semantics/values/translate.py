@@ -229,9 +229,21 @@ def at_event(context: Context, value: Value) -> Value:
     return Value(dag.event(value.expr), value.dims, value.type)
 
 
+def _changes_with_variables(context: Context, *values: Value) -> bool:
+    """Whether a value depends on more than time: where time alone decides, a run stops at the kink."""
+    for value in values:
+        for _, piece in context.arrays.pieces(value):
+            if piece.expr is not None and any(
+                (v := context.leaves[leaf.value[0]].variable) is not None and not v.known
+                for leaf in dag.slots(piece.expr)
+            ):
+                return True
+    return False
+
+
 def warn_kink(context: Context, what: str, span: Span, *values: Value) -> None:
     """Say that this has a kink, if it depends on what changes, and nobody has said that it is intended."""
-    if context.quiet == 0 and changes(context, *values):
+    if context.quiet == 0 and _changes_with_variables(context, *values):
         context.model.say_once(
             "W0311",
             f"{what} has a kink: the solver goes over it without stopping there",

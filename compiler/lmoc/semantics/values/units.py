@@ -79,6 +79,18 @@ _PREFIX = {
     "Y": 1e24, "Z": 1e21, "E": 1e18, "P": 1e15, "T": 1e12, "G": 1e9, "M": 1e6, "k": 1e3, "h": 1e2, "da": 1e1,
     "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9, "p": 1e-12, "f": 1e-15, "a": 1e-18,
 }  # fmt: skip
+# what people write instead of a symbol
+_WRITTEN_OUT = {
+    **dict.fromkeys(("meter", "metre", "meters", "metres"), "m"), **dict.fromkeys(("second", "seconds", "sec"), "s"),
+    **dict.fromkeys(("kilogram", "kilograms", "kilo", "kgs"), "kg"), **dict.fromkeys(("gram", "grams"), "g"),
+    **dict.fromkeys(("newton", "newtons"), "N"), **dict.fromkeys(("joule", "joules"), "J"),
+    **dict.fromkeys(("watt", "watts"), "W"), **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("degree", "degrees"), "deg"), **dict.fromkeys(("hertz", "herz"), "Hz"),
+    **dict.fromkeys(("minute", "minutes"), "min"), **dict.fromkeys(("hour", "hours"), "h"),
+    **{"pascal": "Pa", "volt": "V", "volts": "V", "ampere": "A", "amp": "A", "amps": "A", "kelvin": "K", "ohm": "Ohm"},
+    **{"farad": "F", "henry": "H", "tesla": "T", "liter": "l", "litre": "l"},
+    **{"millimeter": "mm", "millimetre": "mm", "centimeter": "cm", "kilometer": "km", "celsius": "degC"},
+}  # fmt: skip
 SYMBOLS = tuple(_PREFIXED) + tuple(_PLAIN)
 _FACTOR = re.compile(r"([A-Za-z%]+)(?:\^?([+-]?\d+(?:/\d+)?|\([+-]?\d+/\d+\)))?")
 
@@ -163,6 +175,7 @@ def _symbol(symbol: str) -> Unit:
 
 def _suggestion(symbol: str) -> str:
     same = next((s for s in SYMBOLS if s.lower() == symbol.lower()), None)
+    same = same or _WRITTEN_OUT.get(symbol.lower())
     if same:
         return f"did you mean '{same}'?"
     for k in range(1, len(symbol)):  # Nm, Nms
