@@ -26,7 +26,7 @@ from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
 if TYPE_CHECKING:
     import sympy
 
-    from lmoc.numerics.evaluate.functions import Functions
+    from lmoc.numerics.evaluate.functions import Functions, StartValues
     from lmoc.numerics.simulate import Simulator
     from lmoc.report.run import Run
     from lmoc.symbolic.equations import EquationsOfMotion
@@ -303,16 +303,28 @@ class DAE:
 
     @cached_property
     def functions(self) -> Functions:
-        """The solved system as casadi functions: `ode`, `output`, `jacobian`, with the names of their arguments.
+        """The solved system as casadi functions: `ode`, `output`, `jacobian`, `dae`, with the names of their arguments.
 
         Raises
         ------
         ModelError
-            E0626 where the system is too large, or implicit and not linear.
+            E0626 where the system is too large.
         """
         from lmoc.numerics.evaluate.functions import casadi_functions
 
-        return casadi_functions(self.reduced, self.values)
+        return casadi_functions(self.reduced, self.values, self._start_values)
+
+    def _start_values(self, registers: np.ndarray) -> StartValues:
+        """Where a run with the default values starts, with the values of some registers."""
+        from lmoc.numerics.evaluate.functions import StartValues
+        from lmoc.numerics.observe.slices import slice_of
+
+        run = self.simulate(times=[self.flat.experiment.start or 0.0])
+        piece = run.trajectory.pieces[0]
+        observer, times, inputs = piece.observer, piece.time, piece.reduced.inputs[0]
+        part = slice_of(observer.plan, np.concatenate([registers, inputs])).bind(observer.base, observer.signals)
+        z, u = np.split(part(times, piece.table)[0], [len(registers)])
+        return StartValues(float(times[0]), piece.table[0, : len(self.states)], z, u)
 
     # ----------------------------------------------------------------- derivations
 
