@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 
+import numpy as np
 import pytest
 from conftest import ROOT
 
@@ -54,6 +55,16 @@ def _without_times(text: str) -> str:
 def test_the_lines_of_python_work(folder):
     exec(PYTHON, {})
     assert (folder / "first.csv").exists() and (folder / "first.png").exists()
+
+
+def test_the_optimal_control_swings_the_pole_up(monkeypatch, capfd):
+    """The optimum of 40 intervals, run by an integrator: upright and at rest to the accuracy of the rule."""
+    monkeypatch.chdir(ROOT)
+    found: dict = {}
+    exec(re.search(r"```python\n(import casadi, lmoc\n.*?)```", USE, re.DOTALL)[1], found)
+    end = {name: found["run"][name][-1] for name in found["f"].states}
+    assert end["pin.phi"] == pytest.approx(np.pi / 2, abs=0.1) and end["rail.s"] == pytest.approx(0, abs=0.05)
+    assert found["run"]["pin.phi"][0] == pytest.approx(-np.pi / 2)
 
 
 def test_all_verbs_are_shown():
