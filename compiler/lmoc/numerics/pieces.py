@@ -29,7 +29,7 @@ from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
 from lmoc.numerics.options import RunOptions, Span
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
-from lmoc.numerics.signals.activity import step_bounds
+from lmoc.numerics.signals.activity import Lookout, lookout
 from lmoc.numerics.signals.signals import Signal, break_times
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
@@ -138,6 +138,7 @@ class _Run:
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
         self.tolerances: np.ndarray | None = None
+        self.lookout: Lookout | None = None
 
     def go(self, initial: Mapping[str, float] | End) -> Trajectory:
         began, lowered = self.task.clock
@@ -302,8 +303,9 @@ class _Run:
         if len(breaks) == kinks.MOST:
             self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
         more = break_times(self.task.signals, begin, end, kinks.MOST // 10)
-        bounds = step_bounds(stretch.plan, stretch.base, self.task.signals, begin, end)
-        breaks = distinct(np.concatenate([breaks, more, bounds.edges[1:]]))
+        breaks = distinct(np.concatenate([breaks, more]))
+        whole = span.start, span.end
+        self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
         if self.tolerances is None:
             self.tolerances = self._absolute_tolerances(x)
         max_step = np.inf if options.max_step is None else options.max_step
@@ -320,7 +322,7 @@ class _Run:
             max_steps=options.max_steps,
             deadline=self.deadline,
             progress=self.progress,
-            bounds=bounds,
+            lookout=self.lookout,
             breaks=breaks,
             roots=roots,
         )

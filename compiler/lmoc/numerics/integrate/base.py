@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.status import Status
-from lmoc.numerics.signals.activity import FREE, StepBounds
+from lmoc.numerics.signals.activity import Lookout
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,7 +31,7 @@ class Problem:
     sink : callable (first, states)
         Takes the states at the output times ``times[first], …`` as an array (count, n).
     max_step : s, the longest step
-    bounds : longest steps that hold between some times
+    lookout : bounds the steps where something short happens in what depends on time alone
     max_steps : steps after which the run is given up
     deadline : value of ``time.monotonic()`` at which to stop, None for no limit
     progress : called with the time reached, a few times a second at the most
@@ -52,7 +52,7 @@ class Problem:
     atol: np.ndarray
     sink: Callable[[int, np.ndarray], None]
     max_step: float = np.inf
-    bounds: StepBounds = FREE
+    lookout: Lookout = field(default_factory=Lookout)
     max_steps: int = 5_000_000
     deadline: float | None = None
     progress: Callable[[float], None] | None = None

@@ -6,6 +6,7 @@ undamped motion). So it begins; it notices stiffness by itself, and a stiff meth
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
 
@@ -82,7 +83,13 @@ class _Used:
 def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
     outcome, used, method = Outcome(problem.t, problem.x, 0), None, solver
     begin = problem.t
-    for edge in (*problem.breaks.tolist(), np.inf):
+    edges = _edges(problem)
+    while True:
+        try:
+            edge = next(edges)
+        except KeyboardInterrupt:  # while a callable was looked at
+            outcome.status = Status.INTERRUPTED
+            return outcome, used or _Used((), "")
         if edge - _near(edge) / 2 <= begin:  # a kink at the start
             begin = edge + _near(edge) / 2
             continue
@@ -105,6 +112,15 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
     return outcome, used
 
 
+def _edges(problem: Problem) -> Iterator[float]:
+    """Yield the breaks of a problem, and where other bounds on the steps begin; infinity at last."""
+    begin = problem.t
+    for edge in (*problem.breaks.tolist(), np.inf):
+        yield from problem.lookout.edges(begin, min(edge, problem.end))
+        yield edge
+        begin = max(begin, edge)
+
+
 def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
     """What remains of a problem, from behind one edge to just before the next; an output on an edge is before it."""
     done, times = outcome.reached, problem.times
@@ -116,7 +132,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         x=outcome.x,
         end=end,
         times=np.clip(inside, begin, end),
-        max_step=min(problem.max_step, problem.bounds.within(begin, end)),
+        max_step=min(problem.max_step, problem.lookout.longest(begin, end)),
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
     )

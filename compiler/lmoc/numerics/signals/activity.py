@@ -8,7 +8,7 @@ there by a few times the finest such scale, which is no shorter than what a meth
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,8 @@ from lmoc.ir.program import Apply
 from lmoc.numerics.plan import Plan, walk
 from lmoc.numerics.signals.signals import Function, Signal, sample
 
-_FORMULA, _CALLABLE = 17, 14  # halvings of the run between two looks at a formula, and at a callable
+_FORMULA, _CALLABLE = 17, 14  # halvings of a run between two looks at a formula, and at a callable
+_CHUNKS = 4  # halvings into the parts in which callables are looked at
 _MOST = 4_000_000  # values of formulas looked at
 _DETAIL = 1e-3  # of a signal's range: what is missed by less does not count
 _LONG = 8  # longest step, in distances of points that miss something which points twice as dense show …
@@ -54,25 +55,74 @@ class StepBounds:
 FREE = StepBounds(np.zeros(0), np.zeros(0))
 
 
-def step_bounds(
-    plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], start: float, stop: float
-) -> StepBounds:
-    """Return bounds on the steps that follow from what depends on time alone.
+class Lookout:
+    """Looks at formulas for a whole run at once, and at callables shortly before the integration comes there."""
+
+    def __init__(self, formulas: StepBounds = FREE, callables: Sequence[tuple[Signal, int]] = (), span=(0.0, 0.0), key=()):
+        self.key = key  # of what it has been made from
+        self._formulas, self._callables = formulas, tuple(callables)
+        self._start, self._chunk = span[0], (span[1] - span[0]) / 2**_CHUNKS
+        self._seen: dict[int, StepBounds] = {}  # of the callables, by parts of the run
+        self._ranges = [(np.inf, -np.inf)] * len(self._callables)  # of each, as far as it has been seen
+
+    def edges(self, begin: float, end: float) -> Iterator[float]:
+        """Yield the times between two where other bounds begin; by then it is known what follows each."""
+        if not self._callables:
+            yield from _between(self._formulas.edges, begin, end)
+            return
+        for k in range(self._part(begin), self._part(end) + 1):
+            first, last = max(begin, self._start + k * self._chunk), min(end, self._start + (k + 1) * self._chunk)
+            if last - first > 1e-6 * self._chunk:
+                if first > begin:
+                    yield first
+                if k not in self._seen:
+                    self._seen[k] = self._look(k)
+                yield from _between(np.union1d(self._formulas.edges, self._seen[k].edges), first, last)
+
+    def longest(self, begin: float, end: float) -> float:
+        """Return the longest step allowed between two times that lie between two of the edges."""
+        seen = self._seen.get(self._part((begin + end) / 2), FREE) if self._callables else FREE
+        return min(self._formulas.within(begin, end), seen.within(begin, end))
+
+    def _part(self, time: float) -> int:
+        return min(max(0, int((time - self._start) / self._chunk)), 2**_CHUNKS - 1)
+
+    def _look(self, part: int) -> StepBounds:
+        begin, end = self._start + part * self._chunk, self._start + (part + 1) * self._chunk
+        times = np.linspace(begin, end, 2 ** (_CALLABLE - _CHUNKS) + 1)
+        scales = []
+        for k, (signal, order) in enumerate(self._callables):
+            values = sample(signal, order, times)
+            finite = values[np.isfinite(values)]
+            low, high = self._ranges[k]
+            low, high = min(low, finite.min(initial=np.inf)), max(high, finite.max(initial=-np.inf))
+            self._ranges[k] = low, high
+            scales.append(finest_scales(values, high - low))
+        return _regions(np.minimum.reduce(scales) * (end - begin), begin, end)
+
+
+def _between(edges: np.ndarray, begin: float, end: float) -> list[float]:
+    return edges[(edges > begin) & (edges < end)].tolist()
+
+
+def lookout(
+    plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], span: tuple[float, float], known: Lookout | None = None
+) -> Lookout:
+    """Return what bounds the steps of a run by what depends on time alone.
 
     Parameters
     ----------
-    base : registers that do not change during the run (`Plan.base`)
+    base : registers that do not change until the next event (`Plan.base`)
+    span : s, the start and the end of the run
+    known : of the piece of the run before; returned where it holds on
     """
-    formulas = _formula_values(plan.once(pulsing), base, start, stop)
-    samples = formulas + _callable_values(plan, signals, start, stop)
-    if not samples:
-        return FREE
-    scales = [finest_scales(values) for values in samples]
-    fine = max(map(len, scales))
-    scale = np.full(fine, np.inf)
-    for own in scales:
-        np.minimum(scale, np.repeat(own, fine // len(own)), out=scale)
-    return _regions(scale * (stop - start), start, stop)
+    found, callables = plan.once(pulsing), _callables(plan, signals)
+    key = (*((e, base[rows].tobytes()) for e, rows in found), *((id(s), order) for s, order in callables))
+    if known is not None and known.key == key:
+        return known
+    scales = [finest_scales(v, float(np.ptp(v))) for v in _formula_values(found, base, *span)]
+    formulas = _regions(np.minimum.reduce(scales) * (span[1] - span[0]), *span) if scales else FREE
+    return Lookout(formulas, callables, span, key)
 
 
 def pulsing(plan: Plan) -> list[tuple[Expr, np.ndarray]]:
@@ -130,28 +180,27 @@ def _formula_values(found: list[tuple[Expr, np.ndarray]], base: np.ndarray, star
         return [np.broadcast_to(np.asarray(v, float), times.shape) for v in values]
 
 
-def _callable_values(plan: Plan, signals: Mapping[int, Signal], start: float, stop: float) -> list:
-    """Values of each callable, and of its highest derivative in use."""
+def _callables(plan: Plan, signals: Mapping[int, Signal]) -> list[tuple[Signal, int]]:
+    """The callables, each with the order of its highest derivative in use."""
     orders: dict[int, int] = {}
     for variable, order in plan.samplers:
         if isinstance(signals[variable], Function):
             orders[variable] = max(order, orders.get(variable, 0))
-    chosen = {(id(signals[v]), n): (v, n) for v, n in orders.items()}.values()
-    times = np.linspace(start, stop, 2**_CALLABLE + 1)
-    return [sample(signals[v], n, times) for v, n in chosen]
+    return list({(id(signals[v]), n): (signals[v], n) for v, n in orders.items()}.values())
 
 
-def finest_scales(values: np.ndarray) -> np.ndarray:
+def finest_scales(values: np.ndarray, size: float) -> np.ndarray:
     """Return the finest scale on which a signal does something, (n,) on n even parts of its span, as a fraction of it.
 
     Parameters
     ----------
     values : (n + 1,) at even points, n a power of two; infinity in the result where nothing happens
+    size : range of the signal, of which what happens is a part
     """
     values = np.where(np.isfinite(values), values, 0.0)
-    n, least = len(values) - 1, _DETAIL * np.ptp(values)
+    n, least = len(values) - 1, _DETAIL * size
     finest = np.full(n, np.inf)
-    if least <= 0:
+    if not 0 < least < np.inf:
         return finest
     step = n // 8
     while step >= 1:  # points 2·step apart, and what is missed in their middle
