@@ -58,7 +58,13 @@ FREE = StepBounds(np.zeros(0), np.zeros(0))
 class Lookout:
     """Looks at formulas for a whole run at once, and at callables shortly before the integration comes there."""
 
-    def __init__(self, formulas: StepBounds = FREE, callables: Sequence[tuple[Signal, int]] = (), span=(0.0, 0.0), key=()):
+    def __init__(
+        self,
+        formulas: StepBounds = FREE,
+        callables: Sequence[tuple[Signal, int]] = (),
+        span: tuple[float, float] = (0.0, 0.0),
+        key: tuple = (),
+    ) -> None:
         self.key = key  # of what it has been made from
         self._formulas, self._callables = formulas, tuple(callables)
         self._start, self._chunk = span[0], (span[1] - span[0]) / 2**_CHUNKS
