@@ -9,32 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from oracles.jets import Jet
 from scipy.integrate import solve_ivp
 
 import lmoc
 
 TIMES = np.linspace(0, 1, 6)
-
-
-@dataclass(frozen=True)
-class Jet:
-    """A function of the coordinates at one point: value, gradient, Hessian."""
-
-    value: float
-    slope: np.ndarray
-    bend: np.ndarray
-
-    def __add__(self, other):
-        if not isinstance(other, Jet):
-            return Jet(self.value + other, self.slope, self.bend)
-        return Jet(self.value + other.value, self.slope + other.slope, self.bend + other.bend)
-
-    def __rmul__(self, factor: float):
-        return Jet(factor * self.value, factor * self.slope, factor * self.bend)
-
-    def sin(self):
-        s, c = np.sin(self.value), np.cos(self.value)
-        return Jet(s, c * self.slope, c * self.bend - s * np.outer(self.slope, self.slope))
 
 
 @dataclass
@@ -68,8 +48,7 @@ class Linkage:
         return "\n".join(["model Linkage", *lines, "end Linkage;"])
 
     def at(self, x: np.ndarray) -> list[Jet]:
-        n, places = len(x), []
-        free = [Jet(x[i], np.eye(n)[i], np.zeros((n, n))) for i in range(n)]
+        places, free = [], Jet.coordinates(x)
         for place in self.places:
             places.append(place(places, free))
         return places

@@ -1,0 +1,77 @@
+"""Random trees and loops of the plane against Lagrange's equations with multipliers."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from oracles.jets import Jet
+from oracles.planar import GRAVITY, Mechanism, Spot
+
+import lmoc
+
+EXACT = 1e-11  # times the condition of the oracle's matrix
+
+
+def values_of(s: Mechanism, q: np.ndarray, v: np.ndarray) -> dict[str, float]:
+    """Places and velocities by the compiler's names, and the coordinates of joints."""
+    jets = Jet.coordinates(q)
+    known: dict[str, float] = {}
+    for solid in s.solids:
+        if solid.first < 0:
+            continue
+        width = 2 if solid.name[0] == "p" else 3
+        for i, (place, rate) in enumerate((("x", "vx"), ("y", "vy"), ("theta", "omega"))[:width]):
+            known[f"{solid.name}.{place}"] = q[solid.first + i]
+            known[f"{solid.name}.{rate}"] = v[solid.first + i]
+    for place, rate, function in s.relative:
+        jet = function(jets)
+        known[place], known[rate] = jet.value, float(jet.slope @ v)
+    return known
+
+
+def check(s: Mechanism) -> None:
+    """Accelerations, forces and reactions at the start; the ledger and the constraints on the way."""
+    q = s.start()
+    v = s.admissible(q, np.random.default_rng(s.seed).uniform(-1, 1, s.count))
+    known = values_of(s, q, v)
+    dae = lmoc.compile_text(s.text)
+    freedom = s.count - len(s.constraints(q))
+    assert len(dae.states) == 2 * freedom, dae.states
+    initial = {name: float(known[name]) for name in dae.states}
+    run = dae.simulate(stop=0.1, points=3, rtol=1e-9, initial=initial)
+    a, multipliers, condition = s.motion(q, v)
+    for name, value in known.items():
+        if name.startswith("der(") and name not in dae.states:
+            continue  # not kept
+        assert abs(run[name][0] - value) < 1e-9 * max(1, abs(value)), name
+    size = max(1.0, np.abs(a).max(), np.abs(multipliers).max(initial=0))
+    tolerance = EXACT * max(condition, 100) * size
+    for solid in s.solids:
+        if solid.first >= 0:
+            assert_forces(run, s, solid, q, v, a, tolerance)
+    at = 0
+    for tie in s.ties:
+        for name, row, sign in tie.reactions:
+            assert abs(run[name][0] - sign * multipliers[at + row]) < tolerance, name
+        at += len(tie.residuals(Jet.coordinates(q)))
+    assert run.energy.balance < 1e-5
+
+
+def assert_forces(run, s: Mechanism, solid, q, v, a, tolerance: float) -> None:
+    """The sum of what connections exert on a solid is its mass times acceleration, and its weight."""
+    ports = {"b": ("frame",), "r": ("a", "b"), "p": ("point",)}[solid.name[0]]
+    for axis, flow, centre in zip((0, 1), ("fx", "fy"), s.spot(Jet.coordinates(q), Spot(solid, *solid.c)), strict=True):
+        expected = solid.m * (centre.slope @ a + v @ centre.bend @ v + GRAVITY * axis)
+        found = sum(run[f"{solid.name}.{port}.{flow}"][0] for port in ports)
+        assert abs(found - expected) < tolerance, (solid.name, flow)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_fixed_mechanism(seed):
+    check(Mechanism(seed, loops=seed % 2 == 1))
+
+
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.integers(1000, 10**6))
+def test_mechanism(seed):
+    check(Mechanism(seed))
