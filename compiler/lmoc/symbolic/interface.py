@@ -43,7 +43,8 @@ def equilibria(prepared: Prepared, inputs: Point | None = None) -> Equilibria:
     """
     from lmoc.symbolic.equilibria import equilibria
     from lmoc.symbolic.motion import balances
-    from lmoc.symbolic.numeric import equilibria_numerically, linearize_numerically
+    from lmoc.symbolic.numeric import linearize_numerically
+    from lmoc.symbolic.rests import equilibria_numerically
 
     places.check_names(inputs or {}, prepared.inputs)
     given = read_values(inputs or {}, prepared.flat)

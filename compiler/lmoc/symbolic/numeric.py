@@ -3,28 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from lmoc.expression.dag import postorder
 from lmoc.ir.flat import Kind
-from lmoc.ir.program import Apply, Program, Solve, needed_steps, read, written
+from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, written
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.options import RunOptions
+from lmoc.numerics.simulate import Simulator
 from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.messages.equations import listed
 from lmoc.symbolic.linearize import LinearModel
-from lmoc.symbolic.system import coordinates_of, time_stands_in_it
+from lmoc.symbolic.system import coordinates_of
 from lmoc.symbolic.values import no_value
 
-if TYPE_CHECKING:
-    from lmoc.symbolic.equilibria import Equilibria
-
 NEWTON_STEPS = 60
-STARTS = 10  # of a search where none is found from zero
+APPROACH = 25  # points on the way from the start to where implicit equations are wanted
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A point at which the implicit equations are fulfilled: states, and the registers they are solved for."""
+
+    states: np.ndarray
+    registers: np.ndarray
+    values: np.ndarray
+
+
+def _is_nonlinear(step: Step) -> bool:
+    return isinstance(step, Solve) and not step.linear
 
 
 class NumericSystem:
@@ -59,6 +72,7 @@ class NumericSystem:
         self._interpreter = Interpreter(program, count)
         self._sources = np.concatenate([reduced.states, self.jets[0]]).astype(int)
         self._jacobian = Jacobian(program, self._sources, self.targets, count)
+        self._values = values
         self._w = np.full(count, np.nan)
         self._filled = np.concatenate([np.zeros(0, int), *(written(step) for step in program)])
         self._w[reduced.known[0]] = values[reduced.known[1]]
@@ -125,6 +139,32 @@ class NumericSystem:
         self._interpreter.reset()
         self._w[self._filled] = np.nan
 
+    @cached_property
+    def pose(self) -> Pose | None:
+        """Where the scene starts with inputs of zero; None where that does not matter, or where it cannot start."""
+        unknowns = [step.unknowns.ravel() for step in self._interpreter.program if _is_nonlinear(step)]
+        if not unknowns:
+            return None
+        try:
+            options = RunOptions(times=[self.reduced.flat.experiment.start or 0.0])
+            found = Simulator(self.reduced).run(self._values, options, dict.fromkeys(self.inputs, 0.0))
+        except (ModelError, SimulationError):
+            return None
+        registers, table = np.concatenate(unknowns), self.reduced.registers
+        registers = registers[(table.order[registers] == 0) & (table.variable[registers] >= 0)]
+        return Pose(found.states[0], registers, found.of(table.variable[registers])[0])
+
+    def approach(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> None:
+        """Follow the implicit equations from the start to a point, so that they stay on the branch of the start."""
+        if self.pose is None:
+            return
+        self._forget()
+        self._w[self.pose.registers] = self.pose.values
+        for share in np.linspace(0.0, 1.0, APPROACH):
+            at = self.pose.states + share * (x - self.pose.states)
+            if not np.isfinite(self.rates(at, share * u, time)).all():
+                break
+
     def rest(self, u: np.ndarray, start: np.ndarray | None = None) -> np.ndarray | None:
         """A state of rest by Newton's method, the shortest step where there is a choice; None where none is found."""
         x = np.zeros(len(self.states)) if start is None else start.copy()
@@ -179,6 +219,7 @@ def linearize_numerically(
     n, p = len(system.states), len(outputs)
     x = np.array([float(point.get(name, 0.0)) for name in system.states])
     u = np.array([float(point.get(name, 0.0)) for name in system.inputs])
+    system.approach(x, u, time)
     found, jacobian = system.matrices(x, u, time)
     _check_derivatives(system, outputs, jacobian)
     orders = system.jets[2]
@@ -218,55 +259,13 @@ def _check_derivatives(system: NumericSystem, outputs: Sequence[str], jacobian: 
         raise ModelError([Diagnostic("E0663", message, hint=hint)])
 
 
-def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> Equilibria:
-    """The state of rest that Newton's method finds from the state zero or, failing that, from random ones, if any.
-
-    Inputs not given are zero.
-    """
-    import sympy as sp
-
-    from lmoc.symbolic.equilibria import Equilibria, Equilibrium
-
-    if _contains_time(reduced.rhs):
-        raise time_stands_in_it()
-    system = NumericSystem(reduced, values, ())
-    u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
-    found, how = system.rest(u), "Newton's method from the state zero"
-    generator = np.random.default_rng(1)
-    for _ in range(0 if system.is_linear() else STARTS):
-        if found is not None:
-            break
-        found = system.rest(u, generator.uniform(-1, 1, len(system.states)))
-        how = f"Newton's method from the state zero and {STARTS} others"
-    if found is None:
-        return Equilibria((), how)
-    model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)) | dict(inputs), ())
-    linear = system.is_linear()
-    how += "" if linear else "; there may be others"
-    symbols = [sp.Symbol(name) for name in system.states]
-    free = _free(model.A) if linear else set()
-    at = {s: s if i in free else sp.Float(v) for i, (s, v) in enumerate(zip(symbols, found.tolist(), strict=True))}
-    given = {sp.Symbol(name): sp.Float(value) for name, value in zip(system.inputs, u.tolist(), strict=True)}
-    members = tuple(symbols[i] for i in sorted(free))
-    return Equilibria([Equilibrium(at, members, how=how, model=model, nonlinear=not linear, inputs=given)], how)
-
-
-def _contains_time(program: Program) -> bool:
+def contains_time(program: Program) -> bool:
     return any(
         any(node.op == "time" for node in postorder(step.shape))
         if isinstance(step, Apply)
-        else isinstance(step, Solve) and _contains_time(step.inner)
+        else isinstance(step, Solve) and contains_time(step.inner)
         for step in program
     )
-
-
-def _free(A: np.ndarray) -> set[int]:
-    """States along which there is rest everywhere: those with a part in the null space of A."""
-    if not len(A):
-        return set()
-    _, singular, right = np.linalg.svd(A)
-    null = right[singular <= 1e-10 * singular.max(initial=1.0)]
-    return set(np.flatnonzero(np.abs(null).max(axis=0, initial=0.0) > 1e-8).tolist())
 
 
 def variable(reduced: Reduced, name: str) -> int:

@@ -89,7 +89,7 @@ def _family(f: Functions, jacobian: Functions, root: np.ndarray) -> Rest:
     _, singular, right = np.linalg.svd(np.atleast_2d(np.asarray(jacobian(root), float)))
     rank = int(np.sum(singular > SINGULAR * singular.max(initial=0.0)))
     null = right[rank:].T
-    free = _largest_rows(null)
+    free = largest_rows(null)
     held = list(free)
     for aside in ASIDE if held else ():
         moved = root + null @ np.linalg.solve(null[held], np.full(len(held), aside))
@@ -106,8 +106,8 @@ def _family(f: Functions, jacobian: Functions, root: np.ndarray) -> Rest:
     return Rest(at_zero, free, np.round(along, 12) + 0.0, straight)
 
 
-def _largest_rows(null: np.ndarray) -> tuple[int, ...]:
-    """As many rows of a basis as it has columns, linearly independent, the largest first (pivoted Gram–Schmidt)."""
+def largest_rows(null: np.ndarray) -> tuple[int, ...]:
+    """Return as many independent rows of a basis as it has columns, the largest first (pivoted Gram–Schmidt)."""
     rest, chosen = null.copy(), []
     for _ in range(null.shape[1]):
         sizes = np.linalg.norm(rest, axis=1)

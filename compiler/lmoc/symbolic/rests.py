@@ -1,0 +1,168 @@
+"""States of rest in numbers, for scenes that have no short equations in symbols: large ones, and mechanisms with loops.
+
+A linear scene is one linear system. A mechanism is sought from where it starts: with one coordinate by walking along it
+both ways, which finds every state of rest on its branch; with several by Newton's method from many places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.reduced import Reduced
+from lmoc.symbolic.equilibria import Equilibria, Equilibrium
+from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
+from lmoc.symbolic.search import Rest, largest_rows, rests, values_at
+from lmoc.symbolic.system import coordinates_of, time_stands_in_it
+
+if TYPE_CHECKING:
+    import sympy
+
+STARTS = 40  # of Newton's method with several coordinates
+WALK = 720  # points along one coordinate, each way
+REACH = 10.0  # m, how far along a coordinate that is no angle
+
+
+def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> Equilibria:
+    """Return the states of rest in numbers, for constant inputs; inputs not given are zero.
+
+    Raises
+    ------
+    ModelError
+        E0660 where time itself stands in the equations, E0662 a parameter without a value.
+    """
+    if contains_time(reduced.rhs):
+        raise time_stands_in_it()
+    system = NumericSystem(reduced, values, ())
+    u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
+    if system.is_linear():
+        return _linear(reduced, values, system, u)
+    still = _AtRest(system, u)
+    if len(still.places) == 1 and system.pose is not None:
+        found, how = _along(still)
+    else:
+        found = rests(still.rates, still.jacobian, still.turning, STARTS)
+        how = f"Newton's method from {STARTS} starts; there may be others"
+    return Equilibria((_finished(reduced, values, system, still, u, rest, how) for rest in found), how)
+
+
+def _linear(reduced: Reduced, values: np.ndarray, system: NumericSystem, u: np.ndarray) -> Equilibria:
+    """The one state of rest, or the family, of a linear scene."""
+    how = "a linear system in numbers"
+    found = system.rest(u)
+    if found is None:
+        return Equilibria((), how)
+    model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)), ())
+    rest = Rest(found, *_null_space(model.A))
+    symbols = _symbols(system.states)
+    at = values_at(Rest(found - rest.along @ found[list(rest.free)], rest.free, rest.along), symbols)
+    free = tuple(symbols[i] for i in rest.free)
+    given = dict(zip(_symbols(system.inputs), _floats(u), strict=True))
+    return Equilibria([Equilibrium(at, free, how=how, model=model, inputs=given)], how)
+
+
+def _null_space(A: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
+    """The states that may have any value, and how the others follow them."""
+    if not len(A):
+        return (), np.zeros((0, 0))
+    _, singular, right = np.linalg.svd(A)
+    null = right[singular <= 1e-10 * singular.max(initial=1.0)].T
+    free = largest_rows(null)
+    along = null @ np.linalg.inv(null[list(free)]) if free else np.zeros((len(A), 0))
+    return free, np.round(along, 12) + 0.0
+
+
+class _AtRest:
+    """Rates as functions of the places alone, with velocities zero."""
+
+    def __init__(self, system: NumericSystem, u: np.ndarray):
+        pairs = coordinates_of(system.reduced)
+        self.system, self.u = system, u
+        self.places = np.array([q for q, _ in pairs], int)
+        self.targets = np.array([v if v >= 0 else q for q, v in pairs], int)
+        flat, registers = system.reduced.flat, system.reduced.registers
+        variables = registers.variable[system.reduced.states[self.places]]
+        self.turning = np.array([flat.block_at(int(v)).unit in ("rad", "deg") for v in variables], bool)
+
+    def state(self, y: np.ndarray) -> np.ndarray:
+        x = np.zeros(len(self.system.states))
+        x[self.places] = y
+        return x
+
+    def rates(self, y: np.ndarray) -> np.ndarray:
+        return self.system.rates(self.state(y), self.u)[self.targets]
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        return self.system.matrices(self.state(y), self.u)[1][np.ix_(self.targets, self.places)]
+
+    def start(self) -> float:
+        """Go to where the scene starts; the place there."""
+        x = self.system.pose.states
+        self.system.approach(self.state(x[self.places]), self.u)
+        return float(x[self.places][0])
+
+
+def _along(still: _AtRest) -> tuple[list[Rest], str]:
+    """The states of rest along the only coordinate, both ways from the start as far as the mechanism goes."""
+    turning = bool(still.turning[0])
+    reach = np.linspace(0, 2 * np.pi, WALK) if turning else REACH * np.sinh(np.linspace(0, 12, WALK)) / np.sinh(12)
+    found: list[float] = []
+    for way in (1.0, -1.0):
+        begin = still.start()
+        last, before = begin, still.rates(np.array([begin]))[0]
+        for far in reach[1:]:
+            y = begin + way * far
+            value = still.rates(np.array([y]))[0]
+            if not np.isfinite(value):
+                break
+            if before == 0 or np.signbit(value) != np.signbit(before):
+                found.append(last if before == 0 else _refined(still, last, y, before))
+            last, before = y, value
+    unique: list[float] = []
+    for y in sorted(found, key=abs):
+        apart = [y - other for other in unique]
+        apart = [a - 2 * np.pi * round(a / (2 * np.pi)) if turning else a for a in apart]
+        if not any(abs(a) < 1e-6 for a in apart):
+            unique.append(y)
+    where = "a turn each way" if turning else f"{REACH:g} m each way"
+    how = f"sign changes at {WALK} points along the coordinate, {where} from the start as far as the mechanism goes"
+    return [Rest(np.array([y]), (), np.zeros((1, 0))) for y in sorted(unique)], how
+
+
+def _refined(still: _AtRest, low: float, high: float, below: float) -> float:
+    """A zero between two places by bisection."""
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if np.signbit(still.rates(np.array([middle]))[0]) == np.signbit(below):
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _finished(
+    reduced: Reduced, values: np.ndarray, system: NumericSystem, still: _AtRest, u: np.ndarray, rest: Rest, how: str
+) -> Equilibrium:
+    symbols = _symbols(system.states)
+    places = [symbols[i] for i in still.places]
+    at = dict.fromkeys(symbols, _floats([0.0])[0]) | values_at(rest, places)
+    x = still.state(np.where(np.isin(np.arange(len(places)), rest.free), 0.0, rest.at))
+    point = dict(zip(system.states, x.tolist(), strict=True)) | dict(zip(system.inputs, u.tolist(), strict=True))
+    model = linearize_numerically(reduced, values, point, ())
+    given = dict(zip(_symbols(system.inputs), _floats(u), strict=True))
+    free = tuple(places[i] for i in rest.free)
+    return Equilibrium(at, free, how=how, model=model, nonlinear=True, inputs=given)
+
+
+def _symbols(names: list[str]) -> list[sympy.Symbol]:
+    import sympy as sp
+
+    return [sp.Symbol(name) for name in names]
+
+
+def _floats(values: np.ndarray | list[float]) -> list[sympy.Expr]:
+    import sympy as sp
+
+    return [sp.Integer(0) if v == 0 else sp.Float(float(v)) for v in values]
