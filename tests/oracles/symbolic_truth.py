@@ -12,6 +12,10 @@ NOTES = json.loads((ROOT / "tests/data/notes.json").read_text())
 TRUTH = json.loads((ROOT / "tests/data/notes_symbolic.json").read_text())
 
 
+# Models whose coordinates follow from each other by iteration only: there are no symbols for them.
+IMPLICIT = {"h01_cartesian_pendulum", "h03_four_bar", "h04_slider_crank", "h26_andrews"}
+
+
 def names_of(name: str) -> dict[str, sp.Symbol]:
     """Symbols behind the names of one system: parameters, states, inputs and ``du`` for an input's derivative."""
     truth = TRUTH[name]

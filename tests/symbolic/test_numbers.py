@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from oracles.symbolic_truth import IMPLICIT
 
 import lmoc
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.linearize import linearize
 from lmoc.symbolic.numeric import NumericSystem, linearize_numerically
+from lmoc.symbolic.system import NoSymbolsError
 
 ROOT = Path(__file__).parents[2]
 MODELS = sorted(f"{folder}/{p.stem}" for folder in ("notes", "hard") for p in (ROOT / "models" / folder).glob("*.lmo"))
@@ -52,6 +54,10 @@ def test_numbers_equal_symbols(name):
     dae = compiled(name)
     if len(dae.states) > MOST_STATES:
         with pytest.raises(ModelError, match="too many"):
+            dae.symbolic()
+        return
+    if name.removeprefix("hard/") in IMPLICIT:
+        with pytest.raises(NoSymbolsError, match="no solution in closed form"):
             dae.symbolic()
         return
     system = dae.symbolic()

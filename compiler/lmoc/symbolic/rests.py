@@ -50,7 +50,7 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
 
 def _linear(reduced: Reduced, values: np.ndarray, system: NumericSystem, u: np.ndarray) -> Equilibria:
     """The one state of rest, or the family, of a linear scene."""
-    how = "a linear system in numbers"
+    how = "Newton's method in numbers, one step of a linear system"
     found = system.rest(u)
     if found is None:
         return Equilibria((), how)
