@@ -54,7 +54,7 @@ def test_a_double_pendulum_against_lagrange():
     found = dae.equations()
     assert [q for q in found.coordinates] == ["shoulder.phi", "elbow.phi"]
     assert all(len(line) < 450 for line in found.lines())
-    l1, l2, m1, m2 = sp.symbols("l_upper l_lower m_upper m_lower")
+    l1, l2, m1, m2 = (sp.Symbol(name) for name in ("upper.l", "lower.l", "upper.m", "lower.m"))
     w1, w2 = sp.Symbol("der(shoulder.phi)"), sp.Symbol("der(elbow.phi)")
     a, w = phi1 + phi2, w1 + w2
     kinetic = m1 * l1**2 * w1**2 / 6 + m2 * l2**2 * w**2 / 24
