@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -31,6 +31,7 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import Lookout, lookout
 from lmoc.numerics.signals.signals import Signal, break_times
+from lmoc.numerics.sizes import Sizes, assumed_sizes
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
 from lmoc.support.distinct import distinct
@@ -58,6 +59,7 @@ class Task:
     signals : by flat variable
     report : collects what there is to say
     others : the model with other coordinates, where there may be some
+    sizes : how large the motion is, as far as it is known
     clock : values of `time.perf_counter` when the run was asked for, and when its system stood
     """
 
@@ -69,6 +71,7 @@ class Task:
     progress: Progress | None
     others: Coordinates | None
     clock: tuple[float, float]
+    sizes: Sizes = field(default_factory=dict)
 
 
 def run_pieces(task: Task, plan: Plan, system: System, initial: Mapping[str, float] | End) -> Trajectory:
@@ -333,7 +336,10 @@ class _Run:
     def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:
         """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
         plan, atol, rtol = self.stretch.plan, self.task.options.atol, self.rtol
-        result = np.full(len(x), atol, float) if atol is not None else rtol * 1e-3 * plan.nominal(self.task.values)
+        if atol is not None:
+            result = np.full(len(x), atol, float)
+        else:
+            result = rtol * 1e-3 * assumed_sizes(plan, self.task.values, x, self.task.sizes)
         if plan.ledger.any():
             observer, begin = self.stretch.observer, np.array([self.stretch.begin])
             stored = observer(find(observer.flat, "ledger.stored"), begin, x[None])

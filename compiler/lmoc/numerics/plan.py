@@ -134,14 +134,14 @@ class Plan:
         return w
 
     def nominal(self, values: np.ndarray) -> np.ndarray:
-        """Nominal values of the integrated components; 1 where the model gives none."""
+        """Return the nominal values (n,) of the integrated components; NaN where the model gives none."""
         flat, table = self.reduced.flat, self.reduced.registers
-        given = np.ones(flat.count)
+        given = np.full(flat.count, np.nan)
         for a in flat.nominals:
             given[a.target] = np.abs(a.values(values))
         variable = table.variable[self.states]
-        found = np.where((variable >= 0) & (table.order[self.states] == 0), given[variable], 1.0)
-        return np.where(np.isfinite(found) & (found > 0), found, 1.0)
+        found = np.where((variable >= 0) & (table.order[self.states] == 0), given[variable], np.nan)
+        return np.where(np.isfinite(found) & (found > 0), found, np.nan)
 
 
 def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, report: Report) -> Plan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +19,11 @@ from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions, Span, solve
 from lmoc.numerics.pieces import Coordinates, Progress, Task, run_pieces
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
+from lmoc.numerics.sizes import too_loose
 from lmoc.numerics.start.parameters import check_derived, check_parameters
 from lmoc.structure.messages.equations import SHOWN
+
+_PASSES = 4  # runs of a motion whose size is not known beforehand
 
 
 class Simulator:
@@ -100,7 +104,19 @@ class Simulator:
         report.check()
         check_derived(plan, base, report)
         task = Task(values, signals, options, span, report, progress, others, (began, lowered))
-        return run_pieces(task, plan, system, initial or {})
+        return _run_at_its_size(task, plan, system, initial or {})
+
+
+def _run_at_its_size(task: Task, plan: Plan, system: System, initial: Mapping[str, float] | End) -> Trajectory:
+    """Run; where the motion is much smaller than its tolerances were chosen for, again with tolerances of its size."""
+    said = list(task.report.diagnostics)
+    for _ in range(_PASSES):
+        run = run_pieces(task, plan, system, initial)
+        sizes = too_loose(run, task.values, task.sizes) if task.options.atol is None else None
+        if sizes is None:
+            break
+        task = replace(task, sizes=sizes, report=Report(list(said)))
+    return run
 
 
 def simulate(

@@ -1,0 +1,81 @@
+"""Tolerances follow the size of the motion: from 1e-12 to 1e12 a run is as accurate as at 1."""
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.numerics.options import SOLVERS
+
+SCENE = """
+model M
+  input Real u(unit = "N") = 0;
+  Mass m(m = 1, q(start = {start}, fixed = true), v(fixed = true));
+  Spring s(k = 4);
+  Fixed f;
+  Force push(f = u);
+equation
+  connect(f.flange, s.a);
+  connect(s.b, m.flange);
+  connect(push.flange, m.flange);
+end M;
+"""
+SIZES = [1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9, 1e12]
+
+
+def error(run: lmoc.Run, exact: np.ndarray) -> float:
+    return float(np.abs(run["m.q"] - exact).max() / np.abs(exact).max())
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_swing_of_any_amplitude(size):
+    run = lmoc.compile_text(SCENE.format(start=size)).simulate()
+    assert error(run, size * np.cos(2 * run.time)) < 2e-5
+    assert run.energy.balance < 1e-4
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_force_of_any_size_from_rest(size):
+    run = lmoc.compile_text(SCENE.format(start=0)).simulate(inputs={"u": f"{size!r}*sin(time)"})
+    assert error(run, size * (np.sin(run.time) / 3 - np.sin(2 * run.time) / 6)) < 2e-5
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_every_solver_at_a_nanometre(solver):
+    normal, small = (lmoc.compile_text(SCENE.format(start=a)).simulate(solver=solver) for a in (1, 1e-9))
+    assert error(small, 1e-9 * np.cos(2 * small.time)) < 3 * error(normal, np.cos(2 * normal.time)) + 1e-6
+
+
+@pytest.mark.parametrize("keep", [None, ["m.q"]])
+def test_a_run_that_keeps_little_is_as_accurate(keep):
+    run = lmoc.compile_text(SCENE.format(start=1e-9)).simulate(keep=keep, points=7)
+    assert error(run, 1e-9 * np.cos(2 * run.time)) < 2e-5
+
+
+def test_a_declared_nominal_and_atol_are_kept():
+    text = SCENE.format(start=1e-9)
+    declared = text.replace("fixed = true), v(fixed", "fixed = true, nominal = 1), v(nominal = 1, fixed")
+    loose = [lmoc.compile_text(declared).simulate(), lmoc.compile_text(text).simulate(atol=1e-9)]
+    assert [error(run, 1e-9 * np.cos(2 * run.time)) > 1e-3 for run in loose] == [True, True]
+
+
+def test_rounding_beside_a_motion_is_not_followed():
+    """What rests but for rounding makes no run longer, and a motion that dies away is followed from its beginning."""
+    text = """model M Real x(start = 1, fixed = true), y(fixed = true), z(start = 1, fixed = true); equation
+        der(x) = -x; der(y) = 1e-18*x; der(z) = -30*z; end M;"""
+    run = lmoc.compile_text(text).simulate(stop=20)
+    assert run["x"] == pytest.approx(np.exp(-run.time), abs=1e-5) and np.abs(run["y"]).max() < 1e-15
+    alone = lmoc.compile_text(text.replace("1e-18*x", "0")).simulate(stop=20)
+    assert run.stats["steps"] <= alone.stats["steps"] + 5
+
+
+def test_a_scene_at_rest_is_run_once(monkeypatch):
+    from lmoc.numerics import simulate
+
+    calls = []
+    monkeypatch.setattr(simulate, "run_pieces", lambda *a, own=simulate.run_pieces: calls.append(1) or own(*a))
+    lmoc.compile_text(SCENE.format(start=0)).simulate()
+    assert len(calls) == 1
+    lmoc.compile_text(SCENE.format(start=1)).simulate()
+    assert len(calls) == 2
+    lmoc.compile_text(SCENE.format(start=1e-9)).simulate()
+    assert len(calls) == 4
