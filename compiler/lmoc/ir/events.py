@@ -128,3 +128,10 @@ class Events:
     written: tuple = field(default=(), repr=False)
     initial: int = -1
     terminal: int = -1
+
+    @property
+    def read(self) -> np.ndarray:
+        """The variables that discrete equations and relations read, and that `reinit` sets."""
+        tables = [r.slots for r in (*self.relations, *self.equations, *self.reinits, *self.terminations)]
+        found = [self.before[0], *(t.ravel() for t in tables), *(r.target for r in self.reinits)]
+        return np.unique(np.concatenate(found)).astype(int)

@@ -193,7 +193,10 @@ class _Run:
         signals = self.task.signals
 
         def states(base: np.ndarray) -> np.ndarray:
-            return initial_state(plan, base, signals, observer.values, span.start, wanted, report)
+            x = initial_state(plan, base, signals, observer.values, span.start, wanted, report)
+            if isinstance(initial, End):
+                _go_on(plan, x, initial)
+            return x
 
         if plan.reduced.switched is None and plan.reduced.flat.events is None:
             x = states(stretch.base)
@@ -426,6 +429,13 @@ class _Run:
             found = lost_ahead(stretch.observer, stretch.system, outcome.time, outcome.x, end)
         detail = f": {found}" if found else ""
         return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
+
+
+def _go_on(plan: Plan, x: np.ndarray, end: End) -> None:
+    """Let quadratures go on from where a run has ended; the ledger begins anew."""
+    table, at = plan.reduced.registers, plan.states[plan.state_count :]
+    known = (table.variable[at] >= 0) & (table.order[at] == 0) & ~plan.ledger[plan.state_count :]
+    x[plan.state_count :][known] = end.values[table.variable[at[known]]]
 
 
 def _ledger_names(observer: Observer) -> tuple[str, ...]:

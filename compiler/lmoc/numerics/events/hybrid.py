@@ -22,8 +22,8 @@ from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
-_CHATTER = 100  # events in a row …
-_MOMENT = 1e-10  # … within this part of the run, which is chattering
+_CHATTER = 12  # changes of one condition …
+_MOMENT = 1e-9  # … within this part of the run, which is chattering
 _ROUNDS = 50  # of finding states and discrete values at the start that agree
 _LOOKS = 1000  # steps at least in a run with relations of time that are not linear in it
 
@@ -68,8 +68,7 @@ class Hybrid:
         self.report = report
         self.records: list[Event] = []
         self.next = np.inf
-        self._times: deque[float] = deque(maxlen=_CHATTER)
-        self._crossed: deque[int] = deque(maxlen=_CHATTER)
+        self._times: dict[int, deque[float]] = {}  # when each zero function has last crossed zero
         self._stored = self._ledger_row("ledger.stored")
         self._lost = self._ledger_row("ledger.heat")
 
@@ -183,14 +182,15 @@ class Hybrid:
         t, x = outcome.time, outcome.x
         if outcome.status is Status.ROOT:
             crossed = np.flatnonzero(outcome.roots)
+            crossed = crossed[crossed < self.layout.zero_count]
             self._notice_chatter(t, crossed)
-            return self._event(t, x, "when")
+            behind = self._event(t, x, "when")
+            self.machine.crossed(crossed)
+            return behind
         if t >= self.next - near_to(t):
-            self._notice_chatter(t, np.zeros(0, int))
             return self._event(t, x, "time")
         if self.layout.events.terminal >= 0 and self.machine.v[self.layout.events.terminal] == 0:
-            self._flag(self.layout.events.terminal, 1.0)
-            return self._event(t, x, "when")
+            return self._event(t, x, "terminal")
         return None
 
     def settle(self, t: float, x: np.ndarray) -> np.ndarray:
@@ -201,15 +201,20 @@ class Hybrid:
         machine, events = self.machine, self.layout.events
         held = machine.v[self._told].copy()
         machine.time = t
-        due = kind == "time"
-        happened = self._guarded(lambda: machine.event(t, x, lambda: due and ring(machine, t)), t)
+
+        def begin() -> None:
+            if kind == "time":
+                ring(machine, t)
+            elif kind == "terminal":
+                self._flag(events.terminal, 1.0)
+
+        happened = self._guarded(lambda: machine.event(t, x, begin), t)
         self.next = next_time(machine, t)
         lost = self._energy(t, x, happened)
         self._tell(t, kind, happened, held, lost)
-        self._judge(t)
-        for termination in events.terminations:
-            if machine.values(termination.guard, termination.slots).any():
-                raise Stopped(Status.OK, termination.message)
+        self._judge(t, happened)
+        for k in happened.terminations:
+            raise Stopped(Status.OK, events.terminations[k].message)
         return happened.x
 
     def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
@@ -245,8 +250,12 @@ class Hybrid:
 
     @property
     def _told(self) -> np.ndarray:
-        """Relations that decide about continuous equations: their changes are worth a record of their own."""
-        return self.layout.plan.once(_deciding)
+        """Discrete variables whose changes are told.
+
+        Relations that decide about continuous equations, and the model's own that are counted or true; these where no
+        `when` tells of the event.
+        """
+        return self.layout.plan.once(_told)
 
     def _tell(self, t: float, kind: str, happened: Happened, held: np.ndarray, lost: float) -> None:
         flat, events = self.layout.flat, self.layout.events
@@ -254,32 +263,37 @@ class Hybrid:
             when = events.whens[k]
             name = flat.parts[when.part].pattern or flat.name
             text = when.text if len(when.active) == 1 else f"{when.text} [{row + 1}]"
-            self.records.append(Event(t, name, kind, "", text, 0.0, lost))
+            self.records.append(Event(t, name, "when" if kind == "terminal" else kind, "", text, 0.0, lost))
             lost = 0.0
         for variable, before, after in zip(self._told, held, self.machine.v[self._told], strict=True):
-            if before != after:
-                name = flat.variable_name(int(variable))
-                values = (_shown(flat.block_at(int(variable)).quantity, value) for value in (before, after))
-                self.records.append(Event(t, name, "relation", *values))
+            block = flat.block_at(int(variable))
+            if before != after and (block.protected or not happened.whens):
+                values = (_shown(block.quantity, value) for value in (before, after))
+                kind = "relation" if block.protected else "change"
+                self.records.append(Event(t, flat.variable_name(int(variable)), kind, *values))
 
-    def _judge(self, t: float) -> None:
+    def _judge(self, t: float, happened: Happened) -> None:
         """Assertions that belong to events."""
-        for check in self.layout.flat.checks:
-            if check.at_events and not self.machine.values(check.condition, check.slots).all():
-                if check.error:
-                    raise Stopped(Status.ASSERTION, check.message)
-                self.report.warning("W0551", f"{check.message} (t = {t:g} s)", check.span)
+        for k in happened.broken:
+            check = self.layout.flat.checks[k]
+            if check.error:
+                raise Stopped(Status.ASSERTION, f"an assertion does not hold: {_where(check.message, check.span)}")
+            self.report.warning("W0551", f"{check.message} (t = {t:.6g} s)", check.span)
 
     def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:
-        """Raise `Stopped` where events follow each other without getting on."""
-        self._times.append(t)
-        self._crossed.extend(crossed[crossed < self.layout.zero_count].tolist())
-        if len(self._times) < _CHATTER or t - self._times[0] > _MOMENT * max(self.end - self.begin, near_to(t)):
+        """Raise `Stopped` where a condition switches again and again without the run getting on."""
+        moment = _MOMENT * max(self.end - self.begin, near_to(t))
+        busy = []
+        for k in crossed.tolist():
+            times = self._times.setdefault(k, deque(maxlen=_CHATTER))
+            times.append(t)
+            if len(times) == _CHATTER and t - times[0] <= moment:
+                busy.append(k)
+        if not busy:
             return
-        often = sorted(set(self._crossed), key=lambda k: -self._crossed.count(k))
-        texts = dict.fromkeys(_where(self.layout.relation_at(k).text, self.layout.relation_at(k).span) for k in often)
-        many = f"switches back and forth: {_CHATTER} events within {t - self._times[0]:.1g} s"
-        what = " and ".join(list(texts)[:2]) or "a condition of time"
+        relations = [self.layout.relation_at(k) for k in self._times if t - self._times[k][-1] <= moment]
+        what = " and ".join(list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2])
+        many = f"switches back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
         hint = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
         raise Stopped(Status.CHATTERING, f"{what} {many} ({hint})")
 
@@ -292,17 +306,16 @@ class Hybrid:
         return Stopped(Status.UNSETTLED, reason)
 
 
-def _deciding(plan: Plan) -> np.ndarray:
+def _told(plan: Plan) -> np.ndarray:
     flat = plan.reduced.flat
+    own = [b for b in flat.blocks if b.kind == Kind.DISCRETE and not b.protected and b.quantity != "Real"]
     targets = [r.target for r in flat.events.relations]
-    if not targets:
-        return np.zeros(0, int)
     used = np.zeros(flat.count, bool)
     for group in flat.groups:
         columns = sorted({leaf.value[0] for side in (group.left, group.right) for leaf in slots(side)})
         used[group.slots[:, columns]] = True
-    every = np.concatenate(targets)
-    return every[used[every]]
+    every = np.concatenate([*targets, np.zeros(0, int)])
+    return np.concatenate([every[used[every]], *(b.offset + np.arange(b.size) for b in own)]).astype(int)
 
 
 def _where(name: str, span: Place | None) -> str:

@@ -18,6 +18,7 @@ from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import Layout
 from lmoc.numerics.signals.signals import Signal
 
+ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
 _ROUNDS = 100  # of solving at one instant, and of events that follow each other at it
 
 
@@ -50,10 +51,14 @@ class Happened:
     ----------
     x : states behind it
     whens : (when-clause, row) of each branch that was carried out, in order
+    terminations : those whose guard was true
+    broken : checks of the flat model that belong to events and did not hold
     """
 
     x: np.ndarray
     whens: tuple[tuple[int, int], ...]
+    terminations: tuple[int, ...]
+    broken: tuple[int, ...]
 
 
 class Machine:
@@ -78,6 +83,8 @@ class Machine:
                 self.v[a.target[own]] = a.values(values)[own]
         self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
         self.zero = np.zeros(layout.zero_count)
+        # what a function that has just crossed zero may come back by rounding, and its largest magnitude since
+        self.margin, self.largest = np.zeros(layout.zero_count), np.zeros(layout.zero_count)
         self.literal = True  # relations of time are taken as they are written, not as what they are right behind
         self.remember()
 
@@ -116,8 +123,9 @@ class Machine:
     def _relation(self, step: DiscreteStep) -> np.ndarray:
         rows = self.layout.zero_row[self.layout.first[step.relation] + step.rows]
         if len(rows) and rows[0] >= 0:
-            zero = self.zero[rows]
-        elif self.literal:
+            rounding = np.abs(self.zero[rows]) < self.margin[rows]
+            return np.where(rounding, self.v[step.target], decide(step.op, self.zero[rows]))
+        if self.literal:
             zero = self.values(step.value, step.slots)
         else:
             return self._timed(step)
@@ -170,6 +178,8 @@ class Machine:
         """
         events = self.layout.events
         whens: list[tuple[int, int]] = []
+        ended: list[int] = []
+        broken: list[int] = []
         now, before = events.before
         held = np.isin(now, events.discrete)
         self.push()
@@ -181,12 +191,18 @@ class Machine:
             self.solve(t, x)
             for number, when in enumerate(events.whens):
                 whens += [(number, row) for row in np.flatnonzero(self.v[when.active]).tolist()]
+            ended += [k for k, e in enumerate(events.terminations) if self.values(e.guard, e.slots).any()]
+            broken += [
+                k
+                for k, check in enumerate(self.layout.flat.checks)
+                if check.at_events and not self.values(check.condition, check.slots).all()
+            ]
             moved = self._reinit(t, x)
             for samples in events.samples:
                 self.v[samples.target] = 0.0
             changed = held & differ(self.v[now], self.v[before])
             if moved is None and not changed.any():
-                return Happened(x, tuple(dict.fromkeys(whens)))
+                return Happened(x, tuple(dict.fromkeys(whens)), tuple(ended), tuple(dict.fromkeys(broken)))
             x = x if moved is None else moved
             self.push()
             self.look(t, x)
@@ -228,19 +244,26 @@ class Machine:
 
     # ---------------------------------------------------------------------------- roots
 
+    def crossed(self, zeros: np.ndarray) -> None:
+        """Take note that functions have crossed zero: until they have left it, rounding does not bring them back."""
+        self.margin[np.abs(self.zero) > self.margin] = 0.0
+        self.margin[zeros] = ROUNDING * self.largest[zeros]
+        self.largest[zeros] = 0.0
+
     def signs(self) -> np.ndarray:
         """Return the sides on which the root functions stand, ±1."""
         layout = self.layout
         value = self.v[layout.zero_target]
-        sign = np.where(value > 0, 1.0, -1.0)
+        sign = self._side = np.where(value > 0, 1.0, -1.0)
         return np.concatenate([np.where(layout.rounded, 1.0, sign), np.ones(int(layout.rounded.sum()))])
 
     def roots(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the functions whose change of sign is an event: the zero functions; of a rounded one both edges."""
         layout = self.layout
         zero = np.array([layout.zeros(float(t), x).copy() for t, x in zip(times, states, strict=True)])
+        self.largest = np.fmax(self.largest, np.abs(zero).max(axis=0))
         if not layout.rounded.any():
-            return zero
+            return zero + self._side * self.margin
         step = np.where(layout.rounded, self.v[layout.zero_target], 0.0)
         return np.concatenate([zero - step, (step + 1.0 - zero)[:, layout.rounded]], axis=1)
 

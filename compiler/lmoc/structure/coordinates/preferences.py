@@ -157,11 +157,14 @@ def _among_positions(system: System, batch: Batch, rows: np.ndarray) -> bool:
 
 
 def declared(system: System) -> np.ndarray:
-    """(columns,) roots behind a declared output or a marked variable: states even if no equation reads them."""
+    """(columns,) roots behind outputs, marked variables and what events read: states even if no equation reads them."""
     flat = system.flat
     marked = flat.per_variable(
         lambda b: (b.output or b.state_select > StateSelect.default) and b.kind == Kind.UNKNOWN, bool
     )
+    if flat.events is not None:
+        marked[flat.events.read] = True
+        marked &= flat.kind == Kind.UNKNOWN
     column = system.column[system.normalized.root[marked]]
     mask = np.zeros(len(system.variable), bool)
     mask[column[column >= 0]] = True

@@ -1,0 +1,260 @@
+"""Events against closed forms: bounces, samples, edges, roots that start at zero, terminations, starts."""
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+
+import lmoc
+
+G = 9.81
+BALL = """model Ball "a ball that bounces, with restitution"
+  parameter Real e = 0.7;
+  Real h(start = 1, fixed = true), v(start = 0, fixed = true);
+  Integer n(start = 0, fixed = true) "bounces";
+  discrete Real fastest(start = 0, fixed = true);
+equation
+  der(h) = v;
+  der(v) = -9.81;
+  when h <= 0 then
+    reinit(v, -e*pre(v));
+    n = pre(n) + 1;
+    fastest = max(pre(fastest), -pre(v));
+  end when;
+end Ball;"""
+
+
+def run(text: str, **options) -> lmoc.Run:
+    return lmoc.compile_text(text).simulate(**{"rtol": 1e-10, "points": 11} | options)
+
+
+def times_of(result, kind: str = "when") -> list[float]:
+    return [e.time for e in result.events if e.kind == kind]
+
+
+def test_a_ball_bounces_until_near_the_end_of_all_bounces() -> None:
+    result = run(BALL, stop=2.5, points=26)
+    first, e = sqrt(2 / G), 0.7
+    exact = [first]
+    while exact[-1] + 2 * first * e ** len(exact) < 2.5:
+        exact.append(exact[-1] + 2 * first * e ** len(exact))
+    found = times_of(result)
+    assert len(found) == len(exact) == 11 == result["n"][-1]
+    assert np.abs(np.array(found) - exact).max() < 1e-10
+    # between bounces k and k + 1 the height is a parabola
+    k = np.searchsorted(exact, result.time, "right")
+    since = result.time - np.append(exact, 0.0)[k - 1]
+    height = np.where(k == 0, 1 - G * result.time**2 / 2, sqrt(2 * G) * e**k * since - G * since**2 / 2)
+    assert np.abs(result["h"] - height).max() < 1e-9
+    assert result["fastest"][-1] == pytest.approx(sqrt(2 * G), abs=1e-9)
+
+
+def test_bounces_without_end_are_recognized() -> None:
+    with pytest.raises(lmoc.SimulationError, match=r"'h <= 0' .*line 9.* switches back and forth") as failed:
+        run(BALL, stop=5)
+    assert failed.value.time == pytest.approx(sqrt(2 / G) * 1.7 / 0.3, abs=1e-6)  # Zeno's time
+
+
+def test_a_chattering_condition_is_named_with_its_line() -> None:
+    text = "model M Real x(start = 1, fixed = true);\nequation\n  der(x) = -1e9*(if x > 0.5 then 1 else -1);\nend M;"
+    with pytest.raises(lmoc.SimulationError, match=r"'x > 0.5' \(.*, line 3\) switches back and forth"):
+        run(text)
+
+
+# ------------------------------------------------------------------------- time events
+
+
+def test_samples_come_at_their_instants() -> None:
+    result = run(
+        """model S parameter Real T = 0.3; Real x(start = 0, fixed = true); discrete Real held(start = -1);
+          Integer n(start = 0);
+        equation
+          der(x) = 2;
+          when sample(0.1, T) then held = x; n = pre(n) + 1; end when;
+        end S;""",
+        stop=1,
+    )
+    assert times_of(result, "time") == [0.1 + k * 0.3 for k in range(3)] + [0.1 + 3 * 0.3]
+    assert result["n"].tolist() == [0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4]  # at an event, the value behind it
+    held = [-1] + [2 * (0.1 + k * 0.3) for k in (0, 0, 0, 1, 1, 1, 2, 2, 2, 3)]
+    assert result["held"] == pytest.approx(held, abs=1e-12)
+
+
+def test_conditions_in_time_alone_are_exact() -> None:
+    result = run(
+        """model T parameter Real d = 0.1;
+          Real x(start = 0, fixed = true); discrete Real next(start = 0.25, fixed = true);
+        equation
+          der(x) = if time < 3*d then 1 else if time > 0.7 then -1 else 0;
+          when time >= pre(next) then next = pre(next)*2; end when;
+        end T;""",
+        stop=1,
+        points=21,
+    )
+    t = result.time
+    exact = np.where(t < 0.3, t, np.where(t < 0.7, 0.3, 1.0 - t))
+    assert np.abs(result["x"] - exact).max() < 1e-14
+    assert times_of(result, "time") == [0.25, 0.5, 1.0]
+    assert result["next"].tolist() == [0.25] * 5 + [0.5] * 5 + [1.0] * 10 + [2.0]
+
+
+def test_whole_numbers_of_time_change_at_their_instants() -> None:
+    text = """model F Real x(start = 0, fixed = true); Integer n = integer(10*time);
+      equation der(x) = n + mod(time, 0.25); end F;"""
+    result = run(text, stop=0.5, points=6)
+    assert result["n"].tolist() == [0, 1, 2, 3, 4, 5]
+    assert result["x"][-1] == pytest.approx(0.1 * (1 + 2 + 3 + 4) + 2 * 0.25**2 / 2, abs=1e-13)
+
+
+def test_formulas_of_time_that_are_not_linear_are_found() -> None:
+    text = "model W Integer n(start = 0); equation when sin(40*time) > 0.99 then n = pre(n) + 1; end when; end W;"
+    result = run(text, stop=3)
+    first = np.arcsin(0.99) / 40
+    assert times_of(result) == pytest.approx(np.arange(first, 3, 2 * pi / 40), abs=1e-12)
+
+
+# ------------------------------------------------------------------------- roots at zero
+
+FALLING = "model Z Real x(start = 0, fixed = true); Integer n(start = 0); equation der(x) = {}; {} end Z;"
+
+
+@pytest.mark.parametrize(
+    ("rate", "condition", "times"),
+    [
+        ("-1", "x < 0", [0.0]),  # leaves zero for the side where it is true: at once
+        ("1", "x < 0", []),  # … for the other side: never
+        ("-1", "x <= 0", []),  # true from the start on: it does not become true
+        ("1", "x <= 0", []),
+        ("1", "x > 0", [0.0]),
+        ("cos(time)", "x > 0", [0.0, 2 * pi]),
+        ("3*time^2", "x > 0", [0.0]),  # a triple zero
+        ("-3*time^2", "x < 0", [0.0]),
+        ("3*time^2 - 2*time", "x > 0", [1.0]),  # leaves zero downwards with no slope, and comes back
+        ("3*time^2 - 2*time", "x < 0", [0.0]),
+        ("3*(time - 1)^2", "x > 1", [1.0]),  # a triple zero on the way
+        ("2*time - 2", "x > 0", [2.0]),
+    ],
+)
+def test_roots_at_the_start(rate: str, condition: str, times: list[float]) -> None:
+    body = f"when {condition} then n = pre(n) + 1; end when;"
+    result = run(FALLING.format(rate, body), stop=7, rtol=1e-10)
+    assert times_of(result) == pytest.approx(times, abs=2e-4 if "^2" in rate else 1e-9)
+    assert result["n"][-1] == len(times)
+
+
+def test_several_roots_of_one_step_come_in_order() -> None:
+    result = run(
+        """model O Real x(start = 0, fixed = true); Integer order[3](each start = 0, each fixed = true);
+        equation
+          der(x) = 1;
+          when x > 1/3 then order[1] = max(pre(order)) + 1; end when;
+          when x > 0.3 then order[2] = max(pre(order)) + 1; end when;
+          when x > 1/3 + 1e-9 then order[3] = max(pre(order)) + 1; end when;
+        end O;""",
+        stop=1,
+    )
+    assert times_of(result) == pytest.approx([0.3, 1 / 3, 1 / 3 + 1e-9], abs=1e-12)
+    assert [result[f"order[{k}]"][-1] for k in (1, 2, 3)] == [2, 1, 3]
+
+
+# ------------------------------------------------------------------------ the iteration
+
+
+def test_events_follow_each_other_at_one_instant() -> None:
+    result = run(
+        """model C Real x(start = 1, fixed = true);
+          Integer a(start = 0), b(start = 0), c(start = 0); Boolean late = a > 1;
+        equation
+          der(x) = -1;
+          when x < 0.5 then a = pre(a) + 2; end when;
+          when {late, change(b)} then c = pre(c) + 1; end when;
+          when edge(late) then b = 7; end when;
+        end C;""",
+        stop=1,
+    )
+    assert [result[name][-1] for name in "abc"] == [2, 7, 1]  # late and b change together
+    assert times_of(result) == pytest.approx([0.5] * 3, abs=1e-12)
+
+
+def test_what_is_true_from_the_start_does_not_rise() -> None:
+    result = run(
+        """model I Real x(start = 1, fixed = true);
+          Integer n(start = 3), k(start = 0), m(start = 0); Boolean begun = initial();
+        equation
+          der(x) = -1;
+          when x > 0.5 then k = 1; end when;
+          when {initial(), x < 0.5} then n = pre(n) + 1; end when;
+          when initial() then m = 5; end when;
+        end I;""",
+        stop=1,
+    )
+    assert result["k"].tolist() == [0.0] * 11
+    assert result["m"].tolist() == [5.0] * 11
+    assert result["n"].tolist() == [4.0] * 5 + [4.0] + [5.0] * 5 or result["n"].tolist() == [4.0] * 5 + [5.0] * 6
+    assert not result["begun"].any()
+
+
+def test_the_end_is_an_event_of_its_own() -> None:
+    result = run(
+        """model E Real x(start = 1, fixed = true); discrete Real last(start = 0);
+        equation der(x) = -x; when terminal() then last = x; end when; end E;""",
+        stop=2,
+    )
+    assert result["last"][:-1].tolist() == [0.0] * 10
+    assert result["last"][-1] == pytest.approx(np.exp(-2), rel=1e-9)
+
+
+def test_terminate_ends_a_run() -> None:
+    result = run(
+        """model T Real x(start = 1, fixed = true); equation der(x) = -x;
+          when x < 0.5 then terminate("half"); end when; end T;""",
+        stop=2,
+        points=21,
+    )
+    assert result.time[-1] <= np.log(2) < result.time[-1] + 0.1
+    assert any("half" in note.message for note in result.notes)
+
+
+def test_elsewhen_comes_second() -> None:
+    result = run(
+        """model P Real x(start = 1, fixed = true); Integer n(start = 0);
+        equation der(x) = -1;
+          when x < 0.5 then n = 1; elsewhen x < 0.5 then n = 2; elsewhen x < 0.25 then n = 3; end when; end P;""",
+        stop=1,
+    )
+    assert result["n"].tolist()[::5] == [0, 1, 3] or result["n"][-1] == 3
+
+
+def test_an_assertion_in_a_when_belongs_to_its_instant() -> None:
+    text = """model Q Real x(start = 1, fixed = true); equation der(x) = -1;
+      when x < 0.5 then assert(time > {}, "too early"); end when; end Q;"""
+    run(text.format(0.4), stop=1)
+    with pytest.raises(lmoc.SimulationError, match="too early") as failed:
+        run(text.format(0.6), stop=1)
+    assert failed.value.time == pytest.approx(0.5, abs=1e-9)
+
+
+def test_reinit_of_a_variable_that_follows_from_a_state() -> None:
+    text = """model R Inertia J(J = 1, theta(fixed = true), omega(start = 1, fixed = true));
+      Gear g(N = 4); Inertia K(J = 16);
+      equation connect(J.shaft, g.a); connect(g.b, K.shaft);
+      when time > 0.5 then reinit(K.omega, -pre(K.omega)); end when;
+      end R;"""
+    result = run(text, stop=1)
+    assert result["J.theta"] == pytest.approx(np.where(result.time <= 0.5, result.time, 1 - result.time), abs=1e-12)
+
+
+def test_an_iteration_without_end_is_an_error() -> None:
+    text = """model U Real x(start = 1, fixed = true), y; Boolean b = y > 0; equation der(x) = -1;
+      y = if b then x - 1.5 else 2 - x; end U;"""
+    with pytest.raises((lmoc.SimulationError, lmoc.ModelError), match="no values satisfy all equations"):
+        run(text, stop=3)
+
+
+def test_a_run_goes_on_from_where_another_has_ended() -> None:
+    model = lmoc.compile_text(BALL)
+    whole = model.simulate(stop=2, rtol=1e-10, points=5)
+    half = model.simulate(stop=1, rtol=1e-10, points=3)
+    rest = model.simulate(initial=half.trajectory.end, stop=2, rtol=1e-10, points=3)
+    assert rest["n"][-1] == whole["n"][-1] == 4
+    assert rest["h"][-1] == pytest.approx(whole["h"][-1], abs=1e-9)
