@@ -96,13 +96,6 @@ def compile_source(
     return DAE(scene, pipeline.flatten(scene, clock), clock)
 
 
-def _ends_at_start(failure: ModelError | SimulationError) -> bool:
-    """Whether a run has failed before it has left its start."""
-    if isinstance(failure, ModelError):
-        return any(d.code == "E0535" for d in failure.diagnostics)
-    return failure.partial is not None and len(failure.partial.time) == 1
-
-
 class DAE:
     """A compiled scene. Made by `lmoc.compile`; parameters can be changed from run to run without compiling again.
 
@@ -222,6 +215,7 @@ class DAE:
             A KeyboardInterrupt with the same attributes.
         """
         from lmoc.numerics.options import RunOptions
+        from lmoc.numerics.start.singular import StartSingular
 
         check_mappings(parameters=parameters, initial=None if isinstance(initial, str) else initial, inputs=inputs)
         if initial is not None and initial != {}:
@@ -237,8 +231,8 @@ class DAE:
         options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step)
         try:
             return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
-        except (ModelError, SimulationError) as failure:
-            other = scene._reduced_at(initial, reduced, values, clock) if _ends_at_start(failure) else None
+        except StartSingular:
+            other = scene._reduced_at(initial, reduced, values, clock)
             if other is None:
                 raise
         lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
@@ -266,6 +260,7 @@ class DAE:
         report.check()
         with clock.stage("lower"):
             from lmoc.numerics.simulate import Simulator
+            from lmoc.numerics.start.singular import StartSingular
             from lmoc.report.run import Run
 
             simulator = self._simulators.setdefault(id(reduced), Simulator(reduced))
@@ -279,7 +274,10 @@ class DAE:
 
         try:
             with self._busy, clock.stage("simulate"):
-                trajectory = simulator.run(values, options, inputs, initial, progress)
+                others = _OtherCoordinates(self, values)
+                trajectory = simulator.run(values, options, inputs, initial, progress, others)
+        except StartSingular as error:
+            raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
         except ModelError as error:
             raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
         except (SimulationError, RunInterrupted) as failure:
@@ -528,3 +526,27 @@ class DAE:
 
         names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
         return named_lists(repr(self).strip("<>"), names)
+
+
+class _OtherCoordinates:
+    """Simulators of a scene with other variables as states."""
+
+    def __init__(self, scene: DAE, values: np.ndarray) -> None:
+        self.scene, self.values = scene, values
+
+    def system(self, states: Sequence[str], signals: Mapping, energy: bool):
+        """Return the plan and the system with some variables as states; None where they cannot be."""
+        scene, key = self.scene, ("states", *sorted(states))
+        kept = scene._elsewhere.get(key)
+        if key not in scene._elsewhere or kept is not None and kept.broken_guard(self.values) is not None:
+            try:
+                kept = pipeline.reduce(scene.flat, self.values, states, Clock())
+            except ModelError:  # some of them cannot be states
+                kept = None
+            scene._elsewhere[key] = kept
+        if kept is None:
+            return None
+        from lmoc.numerics.simulate import Simulator
+
+        simulator = scene._simulators.setdefault(id(kept), Simulator(kept))
+        return simulator.system(signals, energy, Report())

@@ -49,6 +49,37 @@ class DiscreteStep:
 
 
 @dataclass(frozen=True, eq=False)
+class Constraints:
+    """The matrix ∂g/∂q of the constraints behind those dependent coordinates that are divided by along the motion.
+
+    Its rows with their dependent coordinates, a square matrix, and the coordinates that could take their place.
+
+    Attributes
+    ----------
+    program : Program
+        Fills the entries from registers of the right-hand side.
+    count : registers, those of the entries included
+    row, column, register : (nnz,) places and registers of the entries; columns below the number of rows are dependent
+        coordinates, the others are states
+    watched : (rows,) dependent coordinates whose rows change along the motion; the others follow by constant pivots
+    variable : (columns,) the flat variable of each coordinate
+    """
+
+    program: Program
+    count: int
+    row: np.ndarray
+    column: np.ndarray
+    register: np.ndarray
+    watched: np.ndarray
+    variable: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        """Number of rows, and of dependent coordinates."""
+        return int(self.row.max()) + 1
+
+
+@dataclass(frozen=True, eq=False)
 class Reduced:
     """What reduction leaves.
 
@@ -83,6 +114,7 @@ class Reduced:
         where there are no nonlinear constraints
     switched : where the laws are, whose modes are values of the equations; None without laws
     discrete : the discrete equations in their order, carried out at events
+    constraints : what the choice of coordinates divides by; None where that never changes
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 
@@ -105,6 +137,7 @@ class Reduced:
     counts: dict[str, int] = field(default_factory=dict)
     nearby: np.ndarray | None = None
     switched: Switched | None = None
+    constraints: Constraints | None = None
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     discrete: tuple[DiscreteStep, ...] = ()
 

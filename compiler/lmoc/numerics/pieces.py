@@ -7,79 +7,49 @@ says what the next one is; states pass from one to the next by the variables the
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.messages.diagnostics import Diagnostic, Report, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
+from lmoc.numerics.coordinates.changes import Changes, singular_start
+from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects
-from lmoc.numerics.failures.singular import singular_end, singular_place
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.standing import standing
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer, find
-from lmoc.numerics.observe.recorder import Recorder, kept_variables
+from lmoc.numerics.observe.recorder import kept_variables
 from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
-from lmoc.numerics.options import RunOptions, Span
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import Lookout, lookout
-from lmoc.numerics.signals.signals import Signal, break_times
-from lmoc.numerics.sizes import Sizes, assumed_sizes
+from lmoc.numerics.signals.signals import break_times
+from lmoc.numerics.sizes import assumed_sizes
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
+from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.start.targets import targets
+from lmoc.numerics.task import Cost, Stretch, Task
 from lmoc.support.distinct import distinct
 
 if TYPE_CHECKING:
     from lmoc.numerics.events.happenings import Happenings
 
-Progress = Callable[[float, float], None]  # (time reached, stop time)
-
-
-class Coordinates(Protocol):
-    """The same model with other coordinates."""
-
-    def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
-        """Return the plan and the system with some variables as states; None where they cannot be."""
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """What all pieces of a run have in common.
-
-    Attributes
-    ----------
-    values : (flat.count,) parameter values
-    signals : by flat variable
-    report : collects what there is to say
-    others : the model with other coordinates, where there may be some
-    sizes : how large the motion is, as far as it is known
-    clock : values of `time.perf_counter` when the run was asked for, and when its system stood
-    """
-
-    values: np.ndarray
-    signals: Mapping[int, Signal]
-    options: RunOptions
-    span: Span
-    report: Report
-    progress: Progress | None
-    others: Coordinates | None
-    clock: tuple[float, float]
-    sizes: Sizes = field(default_factory=dict)
-
-
-def run_pieces(task: Task, plan: Plan, system: System, initial: Mapping[str, float] | End) -> Trajectory:
+def run_pieces(
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
+) -> Trajectory:
     """Run from the start to the end.
 
     Parameters
     ----------
-    plan, system : of the first piece
+    plan, system, base : of the first piece; base as from `Plan.base`
     initial : {name: value}, fixed at the start, or where another run has ended
 
     Raises
@@ -89,94 +59,62 @@ def run_pieces(task: Task, plan: Plan, system: System, initial: Mapping[str, flo
     SimulationError, RunInterrupted
         The run failed on its way.
     """
-    return _Run(task, plan, system).go(initial)
-
-
-class _Stretch:
-    """A piece under way."""
-
-    def __init__(
-        self,
-        task: Task,
-        plan: Plan,
-        system: System,
-        begin: float,
-        variables: np.ndarray | None,
-        base: np.ndarray | None = None,
-    ) -> None:
-        self.task, self.plan, self.system, self.begin = task, plan, system, begin
-        self.base = plan.base(task.values, task.signals) if base is None else base
-        self.observer = Observer(plan, task.values, self.base, task.signals)
-        times = task.span.times
-        self.first = int(np.searchsorted(times, begin, "left"))
-        self.recorder = Recorder(self.observer, times[self.first :], variables)
-
-    def piece(self, outcome: Outcome | None = None) -> Piece:
-        """Return what it has given; where it failed behind its last output time, with the place reached."""
-        times, table = self.recorder.taken()
-        failed = outcome is not None and outcome.status.failed and np.isfinite(outcome.x).all()
-        if failed and outcome.time > (times[-1] if len(times) else -np.inf):
-            times = np.append(times, outcome.time)
-            table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
-        return Piece(self.observer, self.begin, times, table, self.recorder.sampled())
+    return _Run(task, plan, system, base).go(initial)
 
 
 class _Run:
     """One run on its way."""
 
-    def __init__(self, task: Task, plan: Plan, system: System) -> None:
+    def __init__(self, task: Task, plan: Plan, system: System, base: np.ndarray) -> None:
         self.task, self.report = task, task.report
         options, span = task.options, task.span
-        observer = Observer(plan, task.values, np.zeros(0), task.signals)
+        observer = Observer(plan, task.values, base, task.signals)
         ledger = _ledger_names(observer) if options.energy else ()
         keep = None if options.keep is None else (*options.keep, *ledger)
         self.variables = None if keep is None else kept_variables(observer.flat, keep)
         self.rtol = options.tolerance(observer.flat.experiment)
         self.deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
         self.progress = None if task.progress is None else lambda t: task.progress(t, span.end)
-        self.stretch = _Stretch(task, plan, system, span.start, self.variables)
+        self.stretch = Stretch(observer, system, span.start, span.times, 0, self.variables)
         self.pieces: list[Piece] = []
         self.ended: Status | None = None  # an event has ended the run
-        self.stats: dict[str, object] = {}
+        self.cost = Cost()
+        self.changes = Changes(task, self.variables)
+        self.longest = self.changes.longest
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
-        self.tolerances: np.ndarray | None = None
+        self.tolerances: tuple[Plan, np.ndarray] | None = None
         self.lookout: Lookout | None = None
 
     def go(self, initial: Mapping[str, float] | End) -> Trajectory:
         began, lowered = self.task.clock
         x = self._start(initial)
         started = clock.perf_counter()
-        outcome, method = self._integrate(x)
-        counts = self._counted({}, outcome)
-        while self.happenings is not None and not outcome.status.failed:
-            outcome = self._up_to_a_singular_place(outcome)
+        outcome = self._integrate(x, self.stretch.begin)
+        while True:
+            if outcome.status is Status.COORDINATES:
+                outcome = self._with_other_coordinates(outcome)
+                continue
+            if self.happenings is None or outcome.status.failed:
+                break
             x = self._behind(outcome)
             if x is None:
                 break
-            later, own = self._integrate(x)
-            method = own if method["solver"] == "none" else method
-            outcome, counts = later, self._counted(counts, later)
+            outcome = self._integrate(x, self.stretch.begin)
         if self.ended is not None:
             outcome = replace(outcome, status=self.ended)
-        if not outcome.status.failed:
-            self._check_way(outcome)
-            outcome = self._up_to_a_singular_place(outcome)
-        elif outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
-            outcome = self._look_for_a_singular_end(outcome)
-        self.pieces.append(self.stretch.piece(outcome))
-        self.stats |= method | counts | {
-            "evaluation": outcome.evaluation or self.stretch.system.description,
-            "matrix": outcome.matrix,
+        self._finish(outcome)
+        stats = self.cost.stats | {
             "seconds": clock.perf_counter() - began,
             "lower_seconds": lowered - began,
             "start_seconds": started - lowered,
-            "states": self.stretch.plan.state_count,
+            "states": self.pieces[0].observer.plan.state_count,
             "rtol": self.rtol,
         }
-        notes = tuple(dict.fromkeys((*self.stretch.plan.notes, *self.report.diagnostics)))
+        self._note_changes()
+        notes = tuple(dict.fromkeys((*self.pieces[0].observer.plan.notes, *self.report.diagnostics)))
         last = outcome.time, outcome.x
-        run = Trajectory(tuple(self.pieces), self.variables, last, self.stats, self._records(), notes)
+        run = Trajectory(tuple(self.pieces), self.variables, last, stats, self._records(), notes)
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             raise failure(self._explain(outcome), outcome.time, run)
@@ -203,7 +141,7 @@ class _Run:
         else:
             x = self._start_of_events(states, initial)
         report.check()
-        system.prepare(self.stretch.base, self.stretch.task.signals)
+        system.prepare(self.stretch.base, self.stretch.observer.signals)
         self._check_start(x)
         self._record_start(x)
         return x
@@ -235,9 +173,9 @@ class _Run:
     def _begin(self, time: float) -> None:
         """Begin a piece with the values that hold now between events."""
         old, now = self.stretch, self.happenings
-        task = replace(self.task, signals=now.signals)
-        self.stretch = _Stretch(task, old.plan, old.system, time, self.variables, now.base())
-        old.system.prepare(self.stretch.base, task.signals)
+        observer = Observer(old.plan, self.task.values, now.base(), now.signals)
+        self.stretch = Stretch(observer, old.system, time, self.task.span.times, old.reached, self.variables)
+        old.system.prepare(observer.base, now.signals)
 
     def _behind(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state behind what has ended a piece, and begin the next one; None at the end of the run."""
@@ -265,11 +203,6 @@ class _Run:
     def _records(self) -> tuple[Event, ...]:
         return () if self.happenings is None else tuple(self.happenings.records)
 
-    def _counted(self, counts: dict[str, int], outcome: Outcome) -> dict[str, int]:
-        """Return the costs so far, with those of one more piece."""
-        own = {"evaluations": self.stretch.system.evaluations, **outcome.counts}
-        return {k: counts.get(k, 0) + own.get(k, 0) for k in counts | own}
-
     def _check_start(self, x: np.ndarray) -> None:
         """All derivatives must be finite at the start, else the run says what is not.
 
@@ -285,16 +218,16 @@ class _Run:
         found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
         if needed or nonlinear:
             self.report.error("E0535", f"{found} at the start", span, hint=hint)
-            self.report.check()
+            raise StartSingular(self.report.diagnostics, stretch.plan.reduced.state_names, span)
         elif found:
             self.report.warning("W0537", f"{found} at the start", span, hint=hint)
 
     # ------------------------------------------------------------------ the way
 
-    def _integrate(self, x: np.ndarray) -> tuple[Outcome, dict[str, object]]:
-        """Integrate the piece under way, from its state at the beginning."""
+    def _integrate(self, x: np.ndarray, begin: float) -> Outcome:
+        """Integrate the piece under way, from a state to its end."""
         stretch, span = self.stretch, self.task.span
-        recorder, begin, options = stretch.recorder, stretch.begin, self.task.options
+        recorder, options = stretch.recorder, self.task.options
         now = self.happenings
         end = span.end if now is None else now.until
         done = recorder.reached
@@ -302,9 +235,12 @@ class _Run:
         roots = None if now is None else now.roots(begin, x)
         if not len(x) and roots is None:
             recorder(done, np.zeros((len(times), 0)))
-            return Outcome(end, x, len(times)), {"solver": "none", "reason": "no states"}
+            return self.cost.add(Outcome(end, x, len(times)), stretch.system, "none", "no states")
         if begin == end:
-            return Outcome(begin, x, 0), {"solver": "none", "reason": "only the start"}
+            return self.cost.add(Outcome(begin, x, 0), stretch.system, "none", "only the start")
+        status = self._judge_the_beginning(begin, x)
+        if status is not Status.OK:
+            return Outcome(begin, x, 0, status)
         breaks = kinks.break_times(stretch.plan, stretch.base, begin, end)
         if len(breaks) == kinks.MOST:
             self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
@@ -312,9 +248,8 @@ class _Run:
         breaks = distinct(np.concatenate([breaks, more]))
         whole = span.start, span.end
         self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
-        if self.tolerances is None:
-            self.tolerances = self._absolute_tolerances(x)
-        max_step = np.inf if options.max_step is None else options.max_step
+        if self.tolerances is None or self.tolerances[0] is not stretch.plan:
+            self.tolerances = stretch.plan, self._absolute_tolerances(x)
         problem = Problem(
             stretch.system,
             begin,
@@ -322,19 +257,45 @@ class _Run:
             end,
             times,
             self.rtol,
-            self.tolerances,
+            self.tolerances[1],
             lambda first, states: recorder(first + done, states),
-            max_step=max_step if now is None else min(max_step, now.longest_step),
+            max_step=self.longest if now is None else min(self.longest, now.longest_step),
             max_steps=options.max_steps,
             deadline=self.deadline,
             progress=self.progress,
             lookout=self.lookout,
             breaks=breaks,
+            guard=stretch.watch,
             roots=roots,
         )
         if not len(x):
-            return standing(problem), {"solver": "none", "reason": "no states"}
-        return choice.run(problem, options.solver)
+            return self.cost.add(standing(problem), stretch.system, "none", "no states")
+        outcome, method = choice.run(problem, options.solver)
+        return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
+
+    def _judge_the_beginning(self, begin: float, x: np.ndarray) -> Status:
+        """Judge the coordinates where the piece begins, if what they divide by changes along the motion."""
+        stretch = self.stretch
+        if stretch.plan.reduced.constraints is None or stretch.watch is not None or not len(x):
+            return Status.OK
+        stretch.watch = CoordinateWatch(stretch.system, stretch.base)
+        self.changes.bar(stretch)
+        status = stretch.watch.begin(begin, x)
+        if status is not Status.OK and not self.pieces:
+            raise singular_start(stretch, self.report)
+        return status
+
+    def _with_other_coordinates(self, outcome: Outcome) -> Outcome:
+        """Go on from where the coordinates have ceased to be good."""
+        way = self.changes.onward(self.stretch, outcome)
+        if way is None:
+            self.lost = self.changes.reason
+            return replace(outcome, status=Status.SINGULAR)
+        if way.stretch is not self.stretch:
+            self._finish(outcome)
+            self.stretch = way.stretch
+        self.longest = way.longest
+        return self._integrate(way.x, outcome.time)
 
     def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:
         """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
@@ -382,45 +343,23 @@ class _Run:
         system.evaluations = count
         return system.registers if np.isfinite(rate).all() else None
 
-    def _up_to_a_singular_place(self, outcome: Outcome) -> Outcome:
-        """End the run before a place where the coordinates do not determine the rest: it may have gone on wrongly."""
-        system, recorder = self.stretch.system, self.stretch.recorder
-        if not len(system.unknowns):
-            return outcome
-        count = system.evaluations
-        times, states = recorder.sampled()
-        found = singular_place(system, times, states)
-        system.evaluations = count
-        if found is None:
-            return outcome
-        time, lost = found
-        recorder.reached = int(np.searchsorted(recorder.times, time, "right"))
-        self.lost = self._not_determined(lost)
-        return replace(outcome, time=time, x=states[np.searchsorted(times, time)], status=Status.SINGULAR)
+    def _finish(self, outcome: Outcome) -> None:
+        """Close the piece under way; one without extent leaves nothing behind."""
+        if not outcome.status.failed:
+            self._check_way(outcome)
+        piece = self.stretch.piece(outcome)
+        if len(piece.time) or outcome.time > piece.begin or outcome.status is not Status.COORDINATES:
+            self.pieces.append(piece)
 
-    def _look_for_a_singular_end(self, outcome: Outcome) -> Outcome:
-        """Where the equations have no solution further on, it may be the coordinates that end there.
-
-        The last steps before it are as wrong as they are short: what counts is up to the output time before.
-        """
-        times, states = self.stretch.recorder.sampled()
-        if not len(times):
-            return outcome
-        ends = np.append(times, outcome.time), np.vstack([states, outcome.x[None]])
-        lost = singular_end(self.stretch.system, *ends)
-        if lost is None:
-            return outcome
-        self.lost = self._not_determined(lost)
-        recorder = self.stretch.recorder
-        recorder.reached = int(np.searchsorted(recorder.times, times[-1], "right"))
-        return replace(outcome, time=float(times[-1]), x=states[-1], status=Status.SINGULAR)
-
-    def _not_determined(self, register: int) -> str:
-        reduced = self.stretch.plan.reduced
-        return (
-            f"the coordinates {', '.join(reduced.state_names)} do not determine {reduced.register_name(register)} "
-            "shortly after; choose some that determine the rest all the way, by states=[…] (--states) or stateSelect"
-        )
+    def _note_changes(self) -> None:
+        """Say how often coordinates have changed, and between which."""
+        names = [tuple(p.coordinates) for p in self.pieces]
+        changes = sum(a != b for a, b in pairwise(names))
+        if changes:
+            sets = "; ".join(", ".join(n) for n in dict.fromkeys(names))
+            often = "once" if changes == 1 else f"{changes} times"
+            self.report.note("N0632", f"coordinates changed {often}, between {sets}")
+            self.cost.stats["coordinate_changes"] = changes
 
     def _explain(self, outcome: Outcome) -> str:
         stretch, end = self.stretch, self.task.span.end

@@ -16,11 +16,12 @@ from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.observe.trajectory import End, Trajectory
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions, Span, solver_hint
-from lmoc.numerics.pieces import Coordinates, Progress, Task, run_pieces
+from lmoc.numerics.pieces import run_pieces
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
 from lmoc.numerics.sizes import too_loose
 from lmoc.numerics.start.parameters import check_derived, check_parameters
+from lmoc.numerics.task import Coordinates, Progress, Task
 from lmoc.structure.messages.equations import SHOWN
 
 _PASSES = 4  # runs of a motion whose size is not known beforehand
@@ -104,18 +105,21 @@ class Simulator:
         report.check()
         check_derived(plan, base, report)
         task = Task(values, signals, options, span, report, progress, others, (began, lowered))
-        return _run_at_its_size(task, plan, system, initial or {})
+        return _run_at_its_size(task, plan, system, base, initial or {})
 
 
-def _run_at_its_size(task: Task, plan: Plan, system: System, initial: Mapping[str, float] | End) -> Trajectory:
+def _run_at_its_size(
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
+) -> Trajectory:
     """Run; where the motion is much smaller than its tolerances were chosen for, again with tolerances of its size."""
     said = list(task.report.diagnostics)
     for _ in range(_PASSES):
-        run = run_pieces(task, plan, system, initial)
+        run = run_pieces(task, plan, system, base, initial)
         sizes = too_loose(run, task.values, task.sizes) if task.options.atol is None else None
         if sizes is None:
             break
         task = replace(task, sizes=sizes, report=Report(list(said)))
+        base = plan.base(task.values, task.signals)
     return run
 
 

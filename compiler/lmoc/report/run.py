@@ -17,7 +17,7 @@ from lmoc.report.units import unit_of
 
 if TYPE_CHECKING:
     from lmoc.numerics.observe.energy import Energy
-    from lmoc.numerics.observe.trajectory import Trajectory
+    from lmoc.numerics.observe.trajectory import End, Trajectory
 
 MANY = 2000  # variables: tables of larger scenes hold outputs and states unless names are given
 
@@ -108,8 +108,23 @@ class Run:
         return values
 
     @property
+    def coordinates(self) -> list[tuple[float, list[str]]]:
+        """From when on which states have been integrated: one entry, or more where coordinates changed on the way."""
+        return self.trajectory.coordinates
+
+    @property
+    def modes(self) -> list[tuple[float, object]]:
+        """From when on which laws have been active: one entry, or more where they switched."""
+        return self.trajectory.modes
+
+    @property
+    def end(self) -> End:
+        """Where the run has ended, in full: ``simulate(initial=run.end)`` goes on as if it had never stopped."""
+        return self.trajectory.end
+
+    @property
     def states(self) -> list[str]:
-        """Names of the solved states."""
+        """Names of the solved states, of those at the start where coordinates changed."""
         return self.reduced.state_names
 
     @cached_property

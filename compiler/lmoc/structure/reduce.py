@@ -20,6 +20,7 @@ from lmoc.ir.reduced import Guard, Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
+from lmoc.structure.coordinates.constraints import changing_constraints
 from lmoc.structure.coordinates.mobility import immobile
 from lmoc.structure.coordinates.selection import Selection, select
 from lmoc.structure.discrete.order import discrete_steps
@@ -102,6 +103,7 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
         guards=guards,
         notes=(*normalized.notes, *notes),
         nearby=_nearby(selection, registers),
+        constraints=partial(changing_constraints, selection),
     )
 
 

@@ -107,4 +107,11 @@ CATALOGUE: dict[str, Entry] = {
         "The smallest system of equations rested on an assumption about parameter values, such as `J = 0`, which does\n"
         "not hold for the values of this run. The reduction has been redone, and is kept for further runs.",
     ),
+    "N0632": Entry(
+        "coordinates changed",
+        "No choice of coordinates serves a mechanism in all its positions: the height of a pendulum does not tell its\n"
+        "side at the lowest point. The choice is judged at every step of the integrator and replaced where another is\n"
+        "better by a margin; `run.coordinates` lists which held when. Each choice is reduced once and kept. With\n"
+        "`stateSelect` or `states=[…]` an angle that runs through all positions can be preferred, where there is one.",
+    ),
 }

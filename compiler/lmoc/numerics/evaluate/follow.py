@@ -31,8 +31,15 @@ class Follower:
         self.newtons = newtons
         self.before: tuple[np.ndarray, float] | None = None  # where all blocks have been solved last
 
+        self._marked: tuple[tuple[np.ndarray, float], list[np.ndarray | None]] | None = None
+
     def forget(self) -> None:
-        self.before = None
+        self.before = self._marked = None
+
+    def mark(self) -> None:
+        """Take the last solutions for some to go back to, where the way from later ones fails."""
+        if self.before is not None:
+            self._marked = self.before, self._solutions()
 
     def __call__(self, w: np.ndarray, times: np.ndarray) -> None:
         """Fill w (registers, times)."""
@@ -47,7 +54,11 @@ class Follower:
         self._seek(w, time, self.before is None)
         if self.before is not None and not self._near():
             self._restore(solutions)
-            solutions = self._approach(*self.before, given, time)
+            solutions, arrived = self._approach(*self.before, given, time)
+            if not arrived and self._marked is not None:  # the last solutions may stand at an attempt that led astray
+                self.before, marked = self._marked
+                self._restore(marked)
+                solutions, arrived = self._approach(*self.before, given, time)
             w[:] = given
             self._seek(w, time, True)
         if all(np.isfinite(newton.target).all() for newton in self.newtons):
@@ -55,8 +66,13 @@ class Follower:
         else:
             self._restore(solutions)
 
-    def _approach(self, old: np.ndarray, old_time: float, new: np.ndarray, time: float) -> list[np.ndarray | None]:
-        """The solutions at `time`, or where the way to it ends: at a singular place, or where there are none."""
+    def _approach(
+        self, old: np.ndarray, old_time: float, new: np.ndarray, time: float
+    ) -> tuple[list[np.ndarray | None], bool]:
+        """The solutions at `time`, or where the way to it ends: at a singular place, or where there are none.
+
+        The second result tells whether it has led all the way.
+        """
         reached, step, solutions = 0.0, 0.5, self._solutions()
         while reached < 1.0 and step >= _SHORTEST:
             goal = min(1.0, reached + step)
@@ -67,7 +83,7 @@ class Follower:
             else:
                 self._restore(solutions)
                 step /= 2.0
-        return solutions
+        return solutions, reached >= 1.0
 
     def _seek(self, w: np.ndarray, time: float, patient: bool) -> None:
         for newton in self.newtons:

@@ -131,6 +131,10 @@ class System(ABC):
 
     # ------------------------------------------------------------------ what only some have
 
+    def mark(self) -> None:
+        """Take the last evaluation for a place to go back to: that of an accepted step."""
+        return
+
     @property
     def unknowns(self) -> np.ndarray:
         """One register of each instance of the nonlinear blocks whose determinants are at hand."""

@@ -74,6 +74,9 @@ class VectorSystem(System):
         self.interpreter = interpreter
         self.follower = Follower(interpreter.run, interpreter.newtons)
 
+    def mark(self) -> None:
+        self.follower.mark()
+
     def opened(self) -> OpenedSystem | None:
         if not len(open_blocks(self.plan.program)[1]):
             return None

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -37,9 +38,7 @@ class Problem:
     progress : called with the time reached, a few times a second at the most
     patience : steps that an explicit method may still need where it finds the problem stiff; beyond, it gives up
     breaks : times within at which the right-hand side jumps or has a kink
-    guard : callable (t, x) -> Status
-        Looks at every accepted step before its output is passed on; anything but OK ends the integration where the
-        step has begun.
+    guard : Guard, or None where nobody looks at the steps
     roots : Roots, or None where nothing switches
     """
 
@@ -58,13 +57,23 @@ class Problem:
     progress: Callable[[float], None] | None = None
     patience: float = np.inf
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    guard: Callable[[float, np.ndarray], Status] | None = None
+    guard: Guard | None = None
     roots: Roots | None = None
 
     @property
     def needs_steps(self) -> bool:
         """Whether somebody looks at every accepted step."""
         return self.guard is not None or self.roots is not None
+
+
+class Guard(Protocol):
+    """Looks at every accepted step before its output is passed on."""
+
+    def __call__(self, t: float, x: np.ndarray) -> Status:
+        """Judge the end of a step; anything but OK ends the integration where the step has begun."""
+
+    def stuck(self, status: Status) -> Status:
+        """Return why there are no more steps, where the method has found the step size collapsed or values lost."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,8 @@ class Multistep(Integration):
         self._watch = Watch(problem)
         self._calls = 0
         self.t = self.before = problem.t
-        self.x = problem.x
+        self._x: np.ndarray | None = problem.x  # None while it is what the session has
+        self._good = problem.x  # the last state that was looked at
         self._counts: dict[str, int] = {}
 
     def given(self, y: np.ndarray, atol: np.ndarray, fill) -> Given:
@@ -113,9 +114,22 @@ class Multistep(Integration):
 
     def _moved(self, status: Status) -> Status:
         session = self.session
-        if np.isfinite(session.x).all():  # a failed step may leave such values behind
-            self.before, self.t, self.x = self.t, session.t, self.states(session.x)
+        if status is Status.OK:
+            self.before, self.t, self._x = self.t, session.t, None
+        elif np.isfinite(session.x).all():  # a failed step may leave such values behind
+            self.t, self._x = session.t, self.states(session.x)
+        else:
+            self._x = self._good
         return status
+
+    @property
+    def x(self) -> np.ndarray:
+        if self._x is None:
+            self._x = self._good = self.states(self.session.x)
+        return self._x
+
+    def collect_here(self) -> None:
+        self._collected.append(self.x[None])
 
     def interpolate(self, times: np.ndarray) -> np.ndarray:
         return np.array([self.states(self.session.at(t)) for t in times.tolist()])
@@ -146,5 +160,5 @@ class Cvode(Multistep):
         self.session = cvode.CvodeSession(given, compiled or self.rhs, method)
 
     def jump(self, x: np.ndarray) -> None:
-        self.before, self.x = self.t, x
+        self.before, self._x = self.t, x
         self.session.restart(self.t, self.arrange(x))

@@ -59,7 +59,7 @@ class Ida(Multistep):
         self.fill(t, y, target, -1.0, cj * self.mass)
 
     def jump(self, x: np.ndarray) -> None:
-        self.before, self.x = self.t, x
+        self.before, self._x = self.t, x
         self.session.restart(self.t, *self._consistent(self._whole(x)))
 
     def counts(self) -> dict[str, int]:

@@ -47,6 +47,8 @@ class _Loop:
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
         self.flush()
+        if status in (Status.COLLAPSED, Status.NOT_FINITE) and self.problem.guard is not None:
+            status = self.problem.guard.stuck(status)
         time, x = self.place or (run.t, run.x.copy())
         found = None if status is not Status.ROOT else self.finder.which
         return Outcome(

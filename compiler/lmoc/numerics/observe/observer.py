@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
-from lmoc.numerics.observe.slices import signal_values, slice_of
+from lmoc.numerics.observe.slices import Slice, signal_values, slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(eq=False, repr=False)
 class Observer:
-    """What is needed to compute variables from states: the plan, and the parameter values and signals of the run."""
+    """What is needed to compute variables from states: the plan, and the parameter values and signals of the run.
+
+    Attributes
+    ----------
+    path : times (s,) and states (s, n) of the integrator's steps, along which nonlinear equations are followed: their
+        solutions at the output times are then those of the motion, however far apart these are
+    """
 
     plan: Plan
     values: np.ndarray
     base: np.ndarray
     signals: Mapping[int, Signal]
+    path: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def flat(self) -> FlatDAE:
@@ -47,7 +54,26 @@ class Observer:
 
     def register(self, register: int, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the values (times,) of one register."""
-        return slice_of(self.plan, np.array([register])).bind(self.base, self.signals)(times, states)[:, 0]
+        return self._followed(slice_of(self.plan, np.array([register])))(times, states)[:, 0]
+
+    def _followed(self, part: Slice) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """Return ``(times, states) -> values`` of a slice, nonlinear equations followed along the path."""
+        evaluate = part.bind(self.base, self.signals)
+        if not part.implicit:
+            return evaluate
+
+        def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            if self.path is None or not len(times):
+                return evaluate(times, states)
+            own = self.path[0] <= times[-1]
+            every = np.concatenate([self.path[0][own], times])
+            order = np.argsort(every, kind="stable")
+            found = evaluate(every[order], np.concatenate([self.path[1][own], states])[order])
+            back = np.empty(len(order), int)
+            back[order] = np.arange(len(order))
+            return found[back[len(every) - len(times) :]]
+
+        return values
 
     def __call__(self, variables: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Values of variables of the flat model, (times, variables); NaN for what the model leaves open."""
@@ -64,7 +90,7 @@ class Observer:
         computed = np.flatnonzero(~constant & (kinds != Kind.INPUT) & (registers >= 0))
         # what is not determined stays NaN, whatever one of its possible values the solution has taken
         computed = computed[~np.isin(variables[computed], reduced.undetermined)]
-        part = slice_of(self.plan, registers[computed]).bind(self.base, self.signals)
+        part = self._followed(slice_of(self.plan, registers[computed]))
 
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
             result = np.full((len(times), len(variables)), np.nan)

@@ -49,6 +49,7 @@ class Slice:
         used = np.flatnonzero(touched[plan.sampled])
         self.sampled = new[plan.sampled[used]]
         self.samplers = [plan.samplers[k] for k in used]
+        self.implicit = any(isinstance(s, Solve) and not s.linear for s in walk(self._program))
 
     def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
         """``(times, states (times, n)) -> (times, registers)`` for the parameter values and signals of a run."""

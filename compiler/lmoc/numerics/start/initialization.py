@@ -17,6 +17,7 @@ from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.start.gauss_newton import Start, descend, elsewhere, straight_rows
 from lmoc.numerics.start.lexicographic import split
+from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.numerics.start.targets import Targets
 from lmoc.structure.messages.equations import SHOWN, listed
@@ -113,7 +114,7 @@ def _solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report
         system.evaluate(start.x)
         found, span = system.lost(int(lost[0]))
         report.error("E0535", f"{found} at the start", span, hint="look at the start values, and at divisions by zero")
-        return
+        raise StartSingular(report.diagnostics, system.plan.reduced.state_names, span)
     groups, found = components.connected(np.flatnonzero(start.hard)), Report()
     order = np.argsort(start.jacobian[0], kind="stable")
     by_row = tuple(column[order] for column in start.jacobian)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import prod
 
@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.expression.dag import slots
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import Apply, Program, Registers, Role, Solve, Step, read
-from lmoc.ir.reduced import Guard, Reduced
+from lmoc.ir.reduced import Constraints, Guard, Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.structure.index.system import System
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
@@ -29,7 +29,7 @@ class Solved:
     ----------
     rhs, rest : the programs, over the layout's registers and `helpers` more
     states, quadratures : registers of jets
-    guards, notes, nearby : as in `Reduced`
+    guards, notes, nearby, constraints : as in `Reduced`
     """
 
     system: System
@@ -42,6 +42,7 @@ class Solved:
     guards: tuple[Guard, ...]
     notes: tuple[Diagnostic, ...]
     nearby: np.ndarray | None
+    constraints: Callable[[int], Constraints | None]  # from the number of registers
 
 
 def assemble(solved: Solved) -> Reduced:
@@ -75,6 +76,7 @@ def assemble(solved: Solved) -> Reduced:
         guards=solved.guards,
         notes=solved.notes,
         nearby=solved.nearby,
+        constraints=solved.constraints(count),
         counts={
             "parts": _part_count(flat),
             "equations": flat.equation_count,

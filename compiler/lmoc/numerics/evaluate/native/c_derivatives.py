@@ -174,8 +174,7 @@ class Looped:
         if stage.single:
             writer.add(
                 "#pragma GCC ivdep",
-                f"  for (int64_t k = 0; k < {count}; k++)"
-                f" {v}[{first} + k] = {factors}[which[k]] * {v}[source[k]];",
+                f"  for (int64_t k = 0; k < {count}; k++) {v}[{first} + k] = {factors}[which[k]] * {v}[source[k]];",
                 "}",
             )
             return

@@ -87,6 +87,9 @@ class CompiledLater(System):
     def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.current.jacobian_values(t, x, out)
 
+    def mark(self) -> None:
+        self.current.mark()
+
     def opened(self):
         return self.current.opened()
 

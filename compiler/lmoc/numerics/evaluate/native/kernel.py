@@ -46,6 +46,8 @@ class Call(ctypes.Structure):
         ("x", ctypes.c_void_p),
         ("time", ctypes.c_double),
         ("rescue", RESCUE),
+        ("marked_time", ctypes.c_double),
+        ("marked", ctypes.c_int64),
     ]
 
 
@@ -123,6 +125,8 @@ class Kernel:
         self._evaluate = library.lmoc_evaluate
         self._evaluate.restype = ctypes.c_int
         self._evaluate.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
+        self._mark = library.lmoc_mark
+        self._mark.restype, self._mark.argtypes = None, [ctypes.c_void_p]
         self.w = np.zeros(registers + function.scratch)
         self.nonlinear = [s for s in walk(program) if isinstance(s, Solve) and not s.linear]
         self.unknowns = np.concatenate([np.zeros(0, int), *(s.unknowns.ravel() for s in self.nonlinear)])
@@ -149,7 +153,7 @@ class Kernel:
         for factors in self._matrices:
             factors.forget()
         for call in self._calls.values():
-            call.solved = 0
+            call.solved = call.marked = 0
         self.seed()
 
     def seed(self) -> None:
@@ -203,7 +207,7 @@ class Kernel:
 
     def _new_call(self, states: np.ndarray, derivatives: np.ndarray, rescue) -> Call:
         tables = [np.ascontiguousarray(r, np.int32) for r in (states, derivatives, self.unknowns)]
-        memory = np.zeros(2 * (len(self.unknowns) + len(states)))
+        memory = np.zeros(3 * (len(self.unknowns) + len(states)))
         contiguous = len(states) > 0 and (np.diff(states) == 1).all()
         call = Call(
             self.w.ctypes.data,
@@ -217,12 +221,16 @@ class Kernel:
             0,
             tables[2].ctypes.data,
             memory.ctypes.data,
-            memory[2 * len(self.unknowns) :].ctypes.data,
+            memory[3 * len(self.unknowns) :].ctypes.data,
             0.0,
             RESCUE() if rescue is None else RESCUE(rescue),
         )
         call.tables, call.reference = (tables, memory), ctypes.byref(call)  # kept alive with it
         return call
+
+    def mark(self, call: Call) -> None:
+        """Mark the last solution of nonlinear blocks as one to go back to where the way from a later one fails."""
+        self._mark(ctypes.byref(call))
 
     def callback(self, call: Call):
         """The right-hand side as SUNDIALS calls it, and what to hand it as user data."""

@@ -286,6 +286,8 @@ typedef struct {
   const int32_t *unknowns;
   double *solution, *x, time;   /* … and how, with which states, and when */
   int (*rescue)(double time);
+  double marked_time;
+  int64_t marked;               /* whether a solution has been marked; it stands behind the others */
 } lmoc_call;
 
 static void lmoc_given(lmoc_call *c, const double *x) {
@@ -299,6 +301,21 @@ static void lmoc_restore(lmoc_call *c, const double *solution) {
 
 static void lmoc_remember(lmoc_call *c, double *solution) {
   for (int64_t k = 0; k < c->remembered; k++) solution[k] = c->w[c->unknowns[k]];
+}
+
+/* Mark the last solution as one to go back to: that of an accepted step. */
+void lmoc_mark(lmoc_call *c) {
+  if (!c->solved) return;
+  memcpy(c->solution + 2*c->remembered, c->solution, c->remembered * sizeof(double));
+  memcpy(c->x + 2*c->n, c->x, c->n * sizeof(double));
+  c->marked_time = c->time;
+  c->marked = 1;
+}
+
+static void lmoc_go_back(lmoc_call *c) {
+  memcpy(c->solution, c->solution + 2*c->remembered, c->remembered * sizeof(double));
+  memcpy(c->x, c->x + 2*c->n, c->n * sizeof(double));
+  c->time = c->marked_time;
 }
 
 /* The way from the last solution in shorter steps along the straight line between the states: continuation with step
@@ -334,6 +351,10 @@ int lmoc_evaluate(lmoc_call *c, double time, const double *x) {
   if (c->solved) lmoc_restore(c, c->solution);
   int status = lmoc_program(time, c->w, c->m, c->tab);
   if (status && c->solved) status = lmoc_approach(c, time, x);
+  if (status & LMOC_FAILED && c->solved && c->marked) {  /* the last one may stand at an attempt that led astray */
+    lmoc_go_back(c);
+    status = lmoc_approach(c, time, x);
+  }
   if (status & LMOC_FAILED && c->rescue && c->rescue(time)) status = lmoc_program(time, c->w, c->m, c->tab);
   if (status & LMOC_FAILED) return status;
   lmoc_remember(c, c->solution);

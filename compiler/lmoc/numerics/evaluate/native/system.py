@@ -113,6 +113,9 @@ class NativeSystem(VectorSystem):
         self.interpreter.run(w, time)
         return bool(np.isfinite(w[unknowns]).all())
 
+    def mark(self) -> None:
+        self.kernel.mark(self._own)
+
     def callback(self, order: np.ndarray | None):
         """The right-hand side as SUNDIALS calls it, for states in a new order; None if inputs are asked from Python."""
         if self.samplers:

@@ -139,9 +139,7 @@ class Session(ABC):
 
     def advance(self, t: float) -> Status:
         """Integrate up to a time; raises what a callback has raised."""
-        if t - self.t <= self.least:
-            return Status.OK
-        return self._judged(self.solve(t, sun.NORMAL))
+        return self._judged(self.solve(t, sun.NORMAL)) if t - self.reached.value > self.least else Status.OK
 
     def _judged(self, flag: int) -> Status:
         if self.error is not None:

@@ -1,0 +1,210 @@
+"""The watch over the choice of coordinates: at every accepted step, by the condition of what it divides by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+
+from lmoc.ir.program import needed_steps, read, written
+from lmoc.ir.reduced import Constraints
+from lmoc.numerics.coordinates.tableau import Tableau, exchanged, is_rank_deficient, tableau
+from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate.status import Status
+
+# by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
+# the largest entry that a choice may have from the beginning and still count as good
+_MARGIN, _TOLERATED = 2.0, 25.0
+
+
+class CoordinateWatch:
+    """Judges the coordinates of one piece; called with every accepted step.
+
+    Attributes
+    ----------
+    constraints : those of the reduction
+    barred : (watched,) mask of dependent coordinates that cannot be states
+    at : s, the time of the last step judged
+    path : (times, states) of all steps judged well
+    """
+
+    def __init__(self, system: System, base: np.ndarray) -> None:
+        self.system = system
+        self.constraints: Constraints = system.plan.reduced.constraints
+        self.barred = np.zeros(len(self.constraints.watched), bool)
+        self._entries = _entries(system, base, self.constraints)
+        self._size = np.zeros(0)
+        self.at = np.nan
+        self._last: tuple[np.ndarray, Tableau] | None = None
+        self._before: tuple[np.ndarray, Tableau] | None = None
+        self.path: tuple[list[float], list[np.ndarray]] = ([], [])
+
+    def begin(self, t: float, x: np.ndarray) -> Status:
+        """Judge the place where the piece begins; its coordinates are compared with what they are there."""
+        matrix = self._matrix(t, x)
+        self._size = np.zeros(matrix.shape)
+        found = self._look(matrix)
+        worst = found.worst(~self.barred)
+        self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
+        self._last, self.at = (matrix, found), t
+        self._note(t, x)
+        return Status.COORDINATES if worst > self.limit else Status.OK
+
+    def __call__(self, t: float, x: np.ndarray) -> Status:
+        """Judge an accepted step: COORDINATES where others have become better by a margin."""
+        matrix = self._matrix(t, x)
+        found = self._look(matrix)
+        self.at = t
+        self._before, self._last = self._last, (matrix, found)
+        if found.worst(~self.barred) > self.limit or found.sign != self._before[1].sign:
+            return Status.COORDINATES
+        self._note(t, x)
+        return Status.OK
+
+    def stuck(self, status: Status) -> Status:
+        """Return COORDINATES where no step was short enough and others would be better here."""
+        return Status.COORDINATES if self.better() else status
+
+    def better(self) -> list[list[int]]:
+        """Return choices of coordinates (columns to be the states) that are better than the present one, best first.
+
+        Those that are good where the step rejected has led to, as long as it has passed no singular place; otherwise
+        those that are best where it began.
+        """
+        places = [p for p in (self._last, self._before) if p is not None]
+        passed = len(places) == 2 and places[0][1].sign != places[1][1].sign
+        matrix, found = places[-1] if passed else places[0]
+        if found.sign == 0.0:
+            held = self._by_pivots(matrix)
+            return [held] if held else []
+        exchanges = exchanged(found, self.barred)
+        some = [exchanges, exchanges[:1]] if len(exchanges) > 1 else [exchanges] if exchanges else []
+        return [self._states(e) for e in some]
+
+    def bar(self, refused: Collection[int]) -> None:
+        """Take note of flat variables that cannot be states."""
+        self.barred |= np.isin(self.constraints.variable[self.constraints.watched], list(refused))
+
+    @property
+    def passed_a_singular_place(self) -> bool:
+        """Whether the last step judged has led over a place where the coordinates do not determine the rest."""
+        before, last = self._before, self._last
+        return last[1].sign == 0.0 or (before is not None and before[1].sign != last[1].sign)
+
+    def tolerate(self) -> None:
+        """Take the last step's coordinates for as good as they can be."""
+        self.limit = _MARGIN * max(self.limit, self._last[1].worst(~self.barred))
+
+    @property
+    def bifurcation(self) -> bool:
+        """Whether no choice of coordinates serves about here."""
+        places = [self._last[0]] if self._before is None else [self._before[0], self._last[0]]
+        return any(is_rank_deficient(matrix) for matrix in places)
+
+    def lost(self) -> int:
+        """Return the flat variable that follows least from the states."""
+        table = self._last[1].table
+        worst = np.where(np.isfinite(table), np.abs(table), np.inf)
+        row = int(np.argmax(worst.max(axis=1, initial=0.0)))
+        return int(self.constraints.variable[self.constraints.watched[row]])
+
+    # ------------------------------------------------------------------ behind it
+
+    def _note(self, t: float, x: np.ndarray) -> None:
+        self.system.mark()
+        self.path[0].append(t)
+        self.path[1].append(x.copy())
+
+    def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
+        own = self.constraints
+        count = int(own.row.max()) + 1
+        matrix = np.zeros((count, len(own.variable)))
+        np.add.at(matrix, (own.row, own.column), self._entries(t, x))
+        return matrix
+
+    def _look(self, matrix: np.ndarray) -> Tableau:
+        """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
+        with np.errstate(invalid="ignore"):
+            self._size = np.fmax(self._size, np.abs(matrix))
+        row = self._size.max(axis=1, keepdims=True)
+        scale = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
+        return tableau(matrix, self.constraints.watched, np.where(scale > 0, scale, 1.0))
+
+    def _states(self, exchanges: list[tuple[int, int]]) -> list[int]:
+        """The columns that are states after some exchanges."""
+        own = self.constraints
+        rows = int(own.row.max()) + 1
+        held, dependent = list(range(rows, len(own.variable))), own.watched.tolist()
+        for i, j in exchanges:
+            dependent[i], held[j] = held[j], dependent[i]
+        return held
+
+    def _by_pivots(self, matrix: np.ndarray) -> list[int]:
+        """The states left where the dependent coordinates are chosen anew, by elimination with full pivoting."""
+        rows = len(matrix)
+        a = matrix / np.where((size := np.abs(self._size).max(axis=1, keepdims=True)) > 0, size, 1.0)
+        chosen: list[int] = []
+        left = list(range(rows))
+        for _ in range(rows):
+            block = np.abs(a[left])
+            block[:, chosen] = 0.0
+            i, j = np.unravel_index(int(np.argmax(block)), block.shape)
+            if not block[i, j] > 1e-12:
+                return []
+            r = left.pop(int(i))
+            chosen.append(int(j))
+            a[left] -= np.outer(a[left, j] / a[r, j], a[r])
+        held = [k for k in range(matrix.shape[1]) if k not in chosen]
+        return held if held != list(range(rows, matrix.shape[1])) else []
+
+
+def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Return ``(t, x) -> entries``, from the registers of a system that keeps them, else by a function of its own."""
+    plan, none = system.plan, np.zeros(0, int)
+    kept = system.registers is not None
+    program = own.program if kept else needed_steps((*plan.program, *own.program), own.register, own.count)
+    inside = np.zeros(own.count, bool)
+    for registers in (*map(written, program), *(() if kept else (plan.states, plan.sampled))):
+        inside[registers] = True
+    used = np.zeros(own.count, bool)
+    for step in program:
+        used[read(step)] = True
+    used = np.flatnonzero(used & ~inside)
+    out, sampled = np.empty(system.n), np.zeros(len(plan.sampled))
+    small = can_lower(program) and sum(len(written(s)) for s in program) <= CASADI_ROWS
+    if not small:
+        w, interpreter = np.zeros(own.count), Interpreter(program, own.count)
+
+        def by_numpy(t: float, x: np.ndarray) -> np.ndarray:
+            _evaluate(system, t, x, out)
+            w[: plan.count] = system.registers[: plan.count]
+            interpreter.run(w, t)
+            return w[own.register]
+
+        return by_numpy
+    states, signals = (none, none) if kept else (plan.states, plan.sampled)
+    function = Lowered(program, own.count, states, used, signals, own.register).function("constraints")
+    time, at, known = np.zeros(1), np.zeros(len(states)), base[used].copy()
+    call = Buffered(function, (time, at, known, sampled if len(signals) else none.astype(float)))
+
+    def entries(t: float, x: np.ndarray) -> np.ndarray:
+        time[0] = t
+        if kept:
+            _evaluate(system, t, x, out)
+            np.take(system.registers, used, out=known)
+        else:
+            at[:] = x
+            system.sample(t, sampled)
+        call()
+        return call.results[0].copy()
+
+    return entries
+
+
+def _evaluate(system: System, t: float, x: np.ndarray, out: np.ndarray) -> None:
+    """Fill the system's registers; the look does not count as one of the method's evaluations."""
+    count = system.evaluations
+    system.rhs(t, x, out)
+    system.evaluations = count

@@ -1,0 +1,116 @@
+"""What all pieces of a run have in common, and one piece under way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.coordinates.watch import CoordinateWatch
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate.base import Outcome
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.recorder import Recorder
+from lmoc.numerics.observe.trajectory import Piece
+from lmoc.numerics.options import RunOptions, Span
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.sizes import Sizes
+
+Progress = Callable[[float, float], None]  # (time reached, stop time)
+
+
+class Coordinates(Protocol):
+    """The same model with other coordinates."""
+
+    def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
+        """Return the plan and the system with some variables as states; None where they cannot be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What all pieces of a run have in common.
+
+    Attributes
+    ----------
+    values : (flat.count,) parameter values
+    signals : by flat variable
+    report : collects what there is to say
+    others : the model with other coordinates, where there may be some
+    sizes : how large the motion is, as far as it is known
+    clock : values of `time.perf_counter` when the run was asked for, and when its system stood
+    """
+
+    values: np.ndarray
+    signals: Mapping[int, Signal]
+    options: RunOptions
+    span: Span
+    report: Report
+    progress: Progress | None
+    others: Coordinates | None
+    clock: tuple[float, float]
+    sizes: Sizes = field(default_factory=dict)
+
+
+class Stretch:
+    """A piece under way.
+
+    Attributes
+    ----------
+    begin : s
+    first : number of output times that lie before it
+    watch : judges its coordinates; None where their choice never divides by anything that changes
+    """
+
+    def __init__(
+        self, observer: Observer, system: System, begin: float, times: np.ndarray, first: int, variables
+    ) -> None:
+        self.observer, self.system, self.begin, self.first = observer, system, begin, first
+        self.plan, self.base = observer.plan, observer.base
+        self.recorder = Recorder(observer, times[first:], variables)
+        self.watch: CoordinateWatch | None = None
+
+    @property
+    def reached(self) -> int:
+        """Number of output times behind."""
+        return self.first + self.recorder.reached
+
+    def piece(self, outcome: Outcome | None = None) -> Piece:
+        """Return what it has given; where it failed behind its last output time, with the place reached."""
+        times, table = self.recorder.taken()
+        failed = outcome is not None and outcome.status.failed and np.isfinite(outcome.x).all()
+        if failed and outcome.time > (times[-1] if len(times) else -np.inf):
+            times = np.append(times, outcome.time)
+            table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
+        if self.watch is not None:
+            times_, states = self.watch.path
+            self.observer.path = np.array(times_), np.array(states)
+        return Piece(self.observer, self.begin, times, table, self.recorder.sampled())
+
+
+class Cost:
+    """What the pieces of a run have cost, added up.
+
+    Attributes
+    ----------
+    stats : for the statistics of the run
+    """
+
+    def __init__(self) -> None:
+        self.stats: dict[str, object] = {"solver": "", "reason": "", "evaluations": 0}
+
+    def add(self, outcome: Outcome, system: System, solver: str, reason: str) -> Outcome:
+        """Count an integration; returns its outcome."""
+        stats = self.stats
+        counts = {"evaluations": system.evaluations} | outcome.counts
+        system.evaluations = 0
+        stats |= {key: stats.get(key, 0) + value for key, value in counts.items()}
+        used = [*filter(None, str(stats["solver"]).split(", ")), *solver.split(", ")]
+        stats["solver"] = ", ".join(dict.fromkeys(used))
+        stats["reason"] = stats["reason"] or reason
+        stats["evaluation"] = outcome.evaluation or stats.get("evaluation") or system.description
+        stats["matrix"] = outcome.matrix or stats.get("matrix", "")
+        return outcome
