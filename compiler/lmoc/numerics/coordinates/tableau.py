@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _GOOD = 1.5  # the largest entry with which exchanges end
+_VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
 _SINGULAR = 1e-7  # the smallest singular value of all constraints, in rows of one size, below which they are dependent
 
 
@@ -74,6 +75,13 @@ def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
         table[i], table[:, j] = row, -column / pivot
         table[i, j] = 1.0 / pivot
     return exchanges
+
+
+def vanishes(matrix: np.ndarray) -> bool:
+    """Whether the dependent coordinates do not follow, in rows of one size."""
+    size = np.abs(matrix).max(axis=1, keepdims=True)
+    a = (matrix / np.where(size > 0, size, 1.0))[:, : len(matrix)]
+    return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < _VANISHING)
 
 
 def is_rank_deficient(matrix: np.ndarray) -> bool:

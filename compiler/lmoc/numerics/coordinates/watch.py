@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.ir.program import needed_steps, read, written
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.tableau import Tableau, exchanged, is_rank_deficient, tableau
+from lmoc.numerics.coordinates.tableau import Tableau, exchanged, is_rank_deficient, tableau, vanishes
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
@@ -50,7 +50,7 @@ class CoordinateWatch:
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
         self._last, self.at = (matrix, found), t
         self._note(t, x)
-        return Status.COORDINATES if worst > self.limit else Status.OK
+        return Status.COORDINATES if worst > self.limit or vanishes(matrix) else Status.OK
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others have become better by a margin."""

@@ -90,7 +90,7 @@ class _Loop:
     def step(self) -> Status:
         """One step, looked at by whoever is concerned, and its output."""
         run = self.run
-        run.wanted = self.next if self.finder is None else -math.inf
+        run.wanted = self.next if self.finder is None and self.problem.guard is None else -math.inf
         start = (run.t, run.x.copy()) if self.problem.guard is not None else None
         status = run.step()
         if status not in (Status.OK, Status.STIFF):
