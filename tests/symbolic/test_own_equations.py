@@ -150,3 +150,17 @@ def test_a_family_that_no_equation_shows():
         x = float(difference) - 0.4
         assert abs(3 * np.sinh(x) + 5 * np.sin(3 * x) ** 3) < 1e-6
     assert min(abs(d - 0.4) for d in differences) < 1e-4
+
+
+def test_an_output_that_is_nothing_by_nothing():
+    """A family of rests is one place to be linear about; a ratio of speeds has no value there."""
+    text = """
+model Ratio
+  Inertia a(J = 1), b(J = 2); TorsionDamper d(c = 3);
+  output Real i = a.omega/b.omega;
+equation
+  connect(a.shaft, d.a); connect(d.b, b.shaft);
+end Ratio;
+"""
+    with pytest.raises(ModelError, match=r"no linear model of 'i': at this point it has no value \(0/0"):
+        lmoc.compile_text(text).linearize()

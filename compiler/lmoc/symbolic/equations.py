@@ -13,7 +13,7 @@ from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.symbolic.notation import Formula, Notation, told
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
-from lmoc.symbolic.system import jet_symbol, symbolic_system
+from lmoc.symbolic.system import jet_symbol, no_symbols, symbolic_system
 from lmoc.symbolic.values import exactly
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.motion import Motion
 
 
+MOST_OPERATIONS = 1_200  # of one equation before it is sorted; a longer one is for machines
 MOST_SOLVED = 3  # coordinates; with more, forces are not tried with the accelerations solved
 
 
@@ -259,6 +260,9 @@ def equations_of_motion(
 
     values = reduced.values if values is None else values
     motion, outline = derive(reduced, values, forces, solved)
+    if max((r.count_ops() for r in motion.residuals), default=0) > MOST_OPERATIONS:
+        hint = "`lmoc linearize` works in numbers"
+        raise no_symbols(f"the equations of motion of {outline.name} are too long to be read", hint)
     late = [*(u.name for u in outline.inputs), *(q.name for q in motion.coordinates)]
     drivers = _drivers(reduced.flat, motion)
     equations = tuple(

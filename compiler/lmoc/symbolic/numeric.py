@@ -124,6 +124,11 @@ class NumericSystem:
         values[:n], values[n + self._shown] = self._w[self.targets[:n]], self._w[self.targets[n:]]
         return values, full
 
+    def finite(self, shown: np.ndarray) -> bool:
+        """Whether the outputs of a mask have values where the programs have run last."""
+        seen = self.reduced.register_of[self.outputs[shown]]
+        return bool(np.isfinite(self._w[seen[seen >= 0]]).all())
+
     def is_linear(self) -> bool:
         """The Jacobians at two points are the same."""
         generator = np.random.default_rng(3)
@@ -255,6 +260,10 @@ def _check_derivatives(system: NumericSystem, outputs: Sequence[str], jacobian: 
     if lost.any():
         who = listed([f"'{names[k]}'" for k in np.flatnonzero(lost)[:6].tolist()])
         message = f"no linear model of {who}: there is no derivative at this point"
+        if not system.finite(lost[n:]):
+            message = f"no linear model of {who}: at this point it has no value (0/0, or the root or logarithm of zero)"
+            hint = "take a point where it has one, as `--at name=value`, or other outputs: linearize(outputs=[…])"
+            raise ModelError([Diagnostic("E0663", message, hint=hint)])
         hint = "the implicit equations are singular there: take another point, or other outputs"
         raise ModelError([Diagnostic("E0663", message, hint=hint)])
 

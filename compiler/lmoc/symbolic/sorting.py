@@ -20,6 +20,7 @@ from lmoc.symbolic.system import jet_symbol
 if TYPE_CHECKING:
     import sympy
 
+MOST_SIMPLIFIED = 300  # operations of a sum in which sines and cosines are put together
 MOST_FACTORED = 12  # terms of a coefficient that is tried to be factored
 
 Term = tuple["sympy.Expr", "sympy.Expr"]  # coefficient, what it multiplies
@@ -199,7 +200,7 @@ def _with_trigonometry(terms: list[Term]) -> list[Term]:
     result = []
     for rate, members in groups.items():
         rest = sp.Add(*(c * f / rate for c, f in members))
-        if len(members) > 1 and rest.has(sp.sin) and rest.has(sp.cos):
+        if len(members) > 1 and rest.has(sp.sin) and rest.has(sp.cos) and rest.count_ops() <= MOST_SIMPLIFIED:
             simpler = sp.trigsimp(rest)
             if simpler.count_ops() < rest.count_ops():
                 members = _split(simpler, rate, members)
