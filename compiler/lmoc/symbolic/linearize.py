@@ -61,6 +61,7 @@ class LinearModel:
     drift: Matrix
     output_values: Matrix
     coordinates: tuple[tuple[int, int], ...] = ()
+    time: float | None = None  # s, where time itself stands in the equations
 
     @property
     def symbolic(self) -> bool:

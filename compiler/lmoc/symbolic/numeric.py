@@ -124,6 +124,11 @@ class NumericSystem:
         values[:n], values[n + self._shown] = self._w[self.targets[:n]], self._w[self.targets[n:]]
         return values, full
 
+    @property
+    def program(self) -> Program:
+        """What gives the rates and the outputs."""
+        return self._interpreter.program
+
     def finite(self, shown: np.ndarray) -> bool:
         """Whether the outputs of a mask have values where the programs have run last."""
         seen = self.reduced.register_of[self.outputs[shown]]
@@ -249,6 +254,7 @@ def linearize_numerically(
         drift=found[:n],
         output_values=found[n:],
         coordinates=coordinates_of(reduced),
+        time=time if contains_time(system.program) else None,
     )
 
 
