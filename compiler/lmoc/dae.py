@@ -419,11 +419,13 @@ class DAE:
             at = self._until(float(at), parameters)
         if isinstance(at, Run):
             reduced = at.reduced
-            prepared = (
-                self.prepare(parameters)
-                if parameters
-                else Prepared(reduced.flat, reduced, at.trajectory.observer.values)
-            )
+            values = at.trajectory.observer.values
+            if parameters:
+                prepared = self.prepare(parameters)
+            elif reduced.flat.events is not None:
+                prepared = self._without_events(reduced.flat, values, at.trajectory.end.values)
+            else:
+                prepared = Prepared(reduced.flat, reduced, values)
             names = (*reduced.state_names, *prepared.inputs)
             from lmoc.symbolic.places import Moment
 
@@ -448,7 +450,24 @@ class DAE:
         A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
         """
         scene, reduced, values, notes = self.prepared(parameters or {}, clock)
+        if scene.flat.events is not None:
+            return self._without_events(scene.flat, values, None, tuple(notes), clock)
         return Prepared(scene.flat, reduced, values, tuple(notes))
+
+    def _without_events(
+        self,
+        flat: FlatDAE,
+        values: np.ndarray,
+        held: np.ndarray | None,
+        notes: tuple[Diagnostic, ...] = (),
+        clock: Clock | None = None,
+    ) -> Prepared:
+        """The scene for derivations, its discrete variables as they are at the start or at a place of a run."""
+        from lmoc.ir.written import as_written
+
+        flat, values = as_written(flat, values, held)
+        reduced = pipeline.reduce(flat, values, self._scene.states, clock or Clock())
+        return Prepared(flat, reduced, values, notes)
 
     def prepared(
         self, parameters: Mapping[str, Value], clock: Clock | None = None
