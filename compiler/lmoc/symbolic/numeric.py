@@ -20,7 +20,7 @@ from lmoc.numerics.simulate import Simulator
 from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.messages.equations import listed
 from lmoc.symbolic.linearize import LinearModel
-from lmoc.symbolic.system import coordinates_of
+from lmoc.symbolic.system import coordinates_of, refuse
 from lmoc.symbolic.values import no_value
 
 NEWTON_STEPS = 60
@@ -65,6 +65,10 @@ class NumericSystem:
         self.input_variables = np.flatnonzero(flat.kind == Kind.INPUT)
         self.inputs = [flat.variable_name(int(v)) for v in self.input_variables]
         self.jets = reduced.inputs
+        switched = np.setdiff1d(self.jets[1], self.input_variables)
+        if len(switched):
+            names = listed([f"'{flat.variable_name(int(v))}'" for v in switched[:4]])
+            raise refuse(f"the equations switch with {names}: there is no linear model of them yet")
         seen = reduced.register_of[self.outputs]
         self.targets = np.concatenate([reduced.derivatives, seen[seen >= 0]]).astype(int)
         self._shown = np.flatnonzero(seen >= 0)
