@@ -22,7 +22,7 @@ from lmoc.semantics.values.functions import call_all
 from lmoc.semantics.values.reference import element_index, find_start, locate, unknown_name
 from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
 from lmoc.semantics.values.value import Value, number
-from lmoc.semantics.wrong import NotAlike, NotOneGroup, RowsDiffer, Wrong
+from lmoc.semantics.wrong import Exhausted, NotAlike, NotOneGroup, RowsDiffer, Wrong, check_size
 from lmoc.syntax import tree
 
 
@@ -45,6 +45,8 @@ class EquationSection:
             if self.trying:
                 raise
             wrong.put_into(context.model.report)
+        except Exhausted:
+            raise
         except Wrong as wrong:
             wrong.put_into(context.model.report)
 
@@ -157,6 +159,7 @@ class EquationSection:
             self._loop(self._selected(context, np.array([row])), e, k)
 
     def _unrolled(self, context: Context, e: tree.For, k: int, numbers: np.ndarray, type_: str) -> None:
+        context.model.rounds.spend(len(numbers), e.indices[k].span)
         for x in numbers:
             self._loop(context.within(context.space, {e.indices[k].name: number(x, type_)}), e, k + 1)
 
@@ -168,6 +171,7 @@ class EquationSection:
         lists += [drafts.laws, drafts.helpers.variables, drafts.branches]
         lists += [drafts.whens, drafts.samples, drafts.reinits, drafts.terminations, drafts.bindings]
         before = [len(items) for items in lists]
+        check_size(prod(context.space.shape) * len(numbers), "this loop", e.indices[k].span)
         axis = numbers.reshape((1,) * context.space.rank + numbers.shape)
         value = Value(context.leaves.slot(None, axis), (), type_)
         self.trying += 1

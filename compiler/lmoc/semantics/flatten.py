@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from lmoc.semantics.classes.overrides import Overrides
 from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
 from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
-from lmoc.semantics.draft import Drafts, without_ones
+from lmoc.semantics.draft import Drafts, GroupDraft, without_ones
 from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.events import functions as _events  # noqa: F401  registers pre, edge, …
 from lmoc.semantics.events.assemble import with_events
@@ -36,6 +37,8 @@ from lmoc.semantics.values.unit_check import check_units, report_unknown_units
 from lmoc.semantics.wrong import Wrong
 from lmoc.sources.packages import Folder
 from lmoc.syntax import tree
+
+MANY_ALONE = 1000  # so many parts of an array are not left without connection on purpose
 
 
 def flatten(
@@ -193,8 +196,29 @@ class _Flattening:
             part = variable.parent.owner.part
             groups.append(Group(dag.slot(0), dag.ZERO, slots, variable.component.span, part, "unconnected"))
             self._unconnected.setdefault(variable.parent, (variable, positions))
+        self._refuse_unconnected()
         self._warn_unconnected()
         return groups
+
+    def _refuse_unconnected(self) -> None:
+        """Thousands of parts without any connection are a wrong number: it is said before they are reduced."""
+        moving = {id(v.parent.owner) for d in self.drafts.groups for v in _derived(d)}
+        ports: dict[Instance, list[np.ndarray]] = {}
+        for port, (variable, positions) in self._unconnected.items():
+            elements = np.unique(positions // (variable.size // port.owner.size))
+            ports.setdefault(port.owner, []).append(elements)
+        for part, open_ends in ports.items():
+            own = [c for c in part.children.values() if isinstance(c, Instance) and c.connector and c.parent is part]
+            if len(own) < 2 or len(open_ends) < len(own) or id(part) in moving:
+                continue
+            alone = reduce(np.intersect1d, open_ends)
+            if len(alone) >= MANY_ALONE:
+                self.report.error(
+                    "E0402",
+                    f"{len(alone)} elements of '{part.label}' are connected to nothing: nothing fixes where they are",
+                    part.name_span,
+                    hint="connect them, or declare fewer",
+                )
 
     def _warn_unconnected(self) -> None:
         """Ports to which nothing is connected: said once for each, at the declaration of its part."""
@@ -224,6 +248,15 @@ def _may_be_open(port: Instance) -> bool:
     """Whether ``annotation(__lmoc(open = true))`` says that a port works unconnected as well."""
     value = vendor_entry(port.component.annotation, "open")
     return isinstance(value, tree.Boolean) and value.value
+
+
+def _derived(draft: GroupDraft) -> Iterator[Variable]:
+    """The variables of whose derivatives a group speaks."""
+    for side in (draft.left, draft.right):
+        for leaf in dag.slots(side):
+            variable = draft.columns[leaf.value[0]][0]
+            if leaf.value[1] and variable is not None:
+                yield variable
 
 
 def _zeros(drafts: Drafts, count: int) -> np.ndarray:

@@ -2,12 +2,44 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import dataclass
+
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Span
 
 MAX_ELEMENTS = 50_000_000  # of one array of parts or numbers, or rounds of a loop
+
+
+@dataclass
+class Budget:
+    """What the making of one model may cost, so that nobody waits for one that no machine could make.
+
+    Attributes
+    ----------
+    name : of the environment variable that raises the limit
+    most : the limit
+    spent : so far
+    """
+
+    name: str
+    what: str
+    most: int
+    spent: int = 0
+
+    def __post_init__(self):
+        given = os.environ.get(self.name, "")
+        self.most = int(given) if given.isdecimal() else self.most
+
+    def spend(self, count: int, span: Span) -> None:
+        """Count work that is about to be done, and refuse it beyond the limit (E0225)."""
+        self.spent += count
+        if self.spent > self.most:
+            limit = f"{self.most:,}".replace(",", " ")
+            raise Exhausted("E0225", f"this takes more than {limit} {self.what}", span,
+                            hint=f"{self.name}=… in the environment allows more")  # fmt: skip
 
 
 class Wrong(Exception):
@@ -46,6 +78,10 @@ class Refused(Wrong):
     def put_into(self, report: Report) -> None:
         """Report all that is wrong, once."""
         report.diagnostics += [d for d in self.mistakes if d not in report.diagnostics]
+
+
+class Exhausted(Wrong):
+    """A budget is spent: nothing more of the model is made."""
 
 
 class NotOneGroup(Wrong):

@@ -32,21 +32,22 @@ def parse(source: Source, report: Report) -> tree.File:
     found = Report()
     try:
         file = run(tables, tokens, Actions(source, found))
-    except TooDeep as deep:
-        report.diagnostics.append(_too_deep(Span(source, tokens.starts[deep.at], tokens.ends[deep.at])))
-        return _nothing(source)
-    if file is None:
-        # Only now is it worth to load what explains and repairs.
-        from lmoc.syntax.recovery import repair
+        if file is None:
+            # Only now is it worth to load what explains and repairs.
+            from lmoc.syntax.recovery import repair
 
-        tokens, said = scan(source, tables, doubtful=True)
-        found = Report()
-        changes, acceptable = repair(source, tables, tokens, tuple(said), MOST_ERRORS)
-        said += changes
-        if acceptable:
-            file = run(tables, tokens, Actions(source, found))
-        # What an action says about a place that was repaired is about the repair.
-        found = Report([d for d in found.diagnostics if not any(_touch(d.span, change.span) for change in changes)])
+            tokens, said = scan(source, tables, doubtful=True)
+            found = Report()
+            changes, acceptable = repair(source, tables, tokens, tuple(said), MOST_ERRORS)
+            said += changes
+            if acceptable:
+                file = run(tables, tokens, Actions(source, found))
+            # What an action says about a place that was repaired is about the repair.
+            found = Report([d for d in found.diagnostics if not any(_touch(d.span, change.span) for change in changes)])
+    except TooDeep as deep:
+        place = Span(source, tokens.starts[deep.at], tokens.ends[deep.at])
+        report.diagnostics += [*sorted(said, key=lambda d: d.span.start)[: MOST_ERRORS - 1], _too_deep(place)]
+        return _nothing(source)
     said += found.diagnostics
     report.diagnostics += sorted(said, key=lambda d: d.span.start)[:MOST_ERRORS]
     return file or _nothing(source)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.expression.calculus import linear_parts
-from lmoc.expression.dag import TIME, Expr, depends_on_time, slots
+from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply
 from lmoc.numerics.plan import Plan, walk
@@ -151,7 +151,25 @@ def _largest(shape: Expr, fixed: np.ndarray, rows: np.ndarray) -> list[Expr]:
     columns = sorted({leaf.value[0] for leaf in slots(shape)})
     if fixed[rows[:, columns]].all(axis=1).any():
         return [shape]
-    return [part for argument in shape.args if depends_on_time(argument) for part in _largest(argument, fixed, rows)]
+    timed = _timed(shape)
+    found, pending = [], [a for a in reversed(shape.args) if a in timed]
+    while pending:  # no recursion: a sum of a thousand terms is a thousand deep
+        part = pending.pop()
+        columns = sorted({leaf.value[0] for leaf in slots(part)})
+        if fixed[rows[:, columns]].all(axis=1).any():
+            found.append(part)
+        else:
+            pending += [a for a in reversed(part.args) if a in timed]
+    return found
+
+
+def _timed(expression: Expr) -> set[Expr]:
+    """The nodes that depend on time."""
+    found: set[Expr] = set()
+    for node in postorder(expression):
+        if node is TIME or not found.isdisjoint(node.args):
+            found.add(node)
+    return found
 
 
 def is_steady(expression: Expr) -> bool:
@@ -159,17 +177,26 @@ def is_steady(expression: Expr) -> bool:
 
     A run stops where it jumps or bends (`kinks`): a pulse between two of these places is not missed.
     """
-    if not depends_on_time(expression) or expression.op in _LEVELS:
+    timed = _timed(expression)
+    steady: set[Expr] = set()
+    for node in postorder(expression):
+        if _is_steady(node, timed, steady):
+            steady.add(node)
+    return expression in steady
+
+
+def _is_steady(node: Expr, timed: set[Expr], steady: set[Expr]) -> bool:
+    """Whether a node is, if `steady` are those among its arguments that are."""
+    if node not in timed or node.op in _LEVELS:
         return True
-    if expression.op in ("sin", "cos"):
-        return linear_parts(expression.args[0], [TIME]) is not None
-    if expression.op == "div":
-        return is_steady(expression.args[0]) and not depends_on_time(expression.args[1])
-    if expression.op == "pow":
-        power = expression.args[1]
-        return power.op == "const" and power.value in (1.0, 2.0, 3.0) and is_steady(expression.args[0])
-    known = expression.op in _STEADY or expression.op == "if" or not expression.args
-    return known and all(map(is_steady, expression.args))
+    if node.op in ("sin", "cos"):
+        return linear_parts(node.args[0], [TIME]) is not None
+    if node.op == "div":
+        return node.args[0] in steady and node.args[1] not in timed
+    if node.op == "pow":
+        power = node.args[1]
+        return power.op == "const" and power.value in (1.0, 2.0, 3.0) and node.args[0] in steady
+    return (node.op in _STEADY or node.op == "if" or not node.args) and all(a in steady for a in node.args)
 
 
 def _formula_values(found: list[tuple[Expr, np.ndarray]], base: np.ndarray, start: float, stop: float) -> list:

@@ -52,12 +52,17 @@ def formula_from_text(text: str, flat: FlatDAE, name: str, report: Report) -> tu
         return None
 
 
-def _binding(file: tree.File):
-    """The expression behind the equals sign of the only declaration."""
-    for item in file.classes[0].elements if file.classes else ():
-        if isinstance(item, tree.Component) and item.modification is not None:
-            return item.modification.value
-    return None
+def _binding(file: tree.File) -> tree.Expression | None:
+    """The expression behind the equals sign of the only declaration; None where the text holds anything else."""
+    if len(file.classes) != 1:
+        return None
+    (model,) = file.classes
+    if model.equations or model.initial_equations or model.statements or len(model.elements) != 1:
+        return None
+    (item,) = model.elements
+    if not isinstance(item, tree.Component) or item.modification is None or item.condition is not None:
+        return None
+    return item.modification.value
 
 
 def _lower(node, flat: FlatDAE, columns: dict[int, int]) -> Expr:
@@ -72,10 +77,13 @@ def _lower(node, flat: FlatDAE, columns: dict[int, int]) -> Expr:
         inner = lower(node.operand)
         return {"-": dag.neg, "+": lambda x: x, "not": lambda x: dag.function("not", x)}[node.op](inner)
     if isinstance(node, tree.Binary):
-        left, right = lower(node.left), lower(node.right)
-        if node.op in _OPERATORS:
-            return _OPERATORS[node.op](left, right)
-        return dag.function(_RELATIONS[node.op], left, right)
+        chain = [node]  # a sum of many terms is a deep tree to the left: go down it without recursion
+        while isinstance(chain[-1].left, tree.Binary):
+            chain.append(chain[-1].left)
+        value = lower(chain[-1].left)
+        for binary in reversed(chain):
+            value = _operation(binary.op, value, lower(binary.right))
+        return value
     if isinstance(node, tree.If):
         result = lower(node.otherwise)
         for condition, value in reversed(node.branches):
@@ -84,6 +92,10 @@ def _lower(node, flat: FlatDAE, columns: dict[int, int]) -> Expr:
     if isinstance(node, tree.Call):
         return _call(node, [lower(a) for a in node.arguments])
     raise _NotUnderstood(node.span.text, node)
+
+
+def _operation(op: str, left: Expr, right: Expr) -> Expr:
+    return _OPERATORS[op](left, right) if op in _OPERATORS else dag.function(_RELATIONS[op], left, right)
 
 
 def _call(node: tree.Call, arguments: list[Expr]) -> Expr:

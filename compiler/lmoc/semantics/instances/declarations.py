@@ -17,7 +17,7 @@ from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import positions
 from lmoc.semantics.values.translate import changes
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import Exhausted, Wrong
 from lmoc.support.distinct import distinct
 
 
@@ -68,6 +68,8 @@ def _guarded(model: Elaboration, work: Callable[[], None]) -> bool:
     """Do it, and report what is wrong; whether all went well."""
     try:
         work()
+    except Exhausted:
+        raise
     except Wrong as wrong:
         wrong.put_into(model.report)
         return False

@@ -27,7 +27,7 @@ from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.long_sums import LongSums
 from lmoc.semantics.values.reference import length
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.semantics.wrong import Budget, Exhausted, Wrong, check_size
 from lmoc.syntax import tree
 
 ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
@@ -55,6 +55,8 @@ class Elaboration:
         self._open: set[tuple[int, str]] = set()
         self._defaults: dict[str, Instance] = {}  # `inner` parts that nobody declared
         self._short_modifiers: dict[tuple[int, int], Modifier] = {}
+        self.rounds = Budget("LMOC_MAX_ROUNDS", "rounds of loops and calls of functions that are written out", 100_000)
+        self.parts = Budget("LMOC_MAX_PARTS", "parts and variables, those of an array counted once", 100_000)
         self.said: set[tuple[str, int, int]] = set()
 
     # ----------------------------------------------------------------------- children
@@ -68,6 +70,8 @@ class Elaboration:
                 continue
             try:
                 child = self.child(instance, name)
+            except Exhausted:
+                raise
             except Wrong as wrong:
                 wrong.put_into(self.report)
                 continue
@@ -117,8 +121,11 @@ class Elaboration:
         if key in self._open:
             raise Wrong("E0207", f"the size or condition of '{name}' depends on itself", member.component.span)
         self._open.add(key)
+        self.parts.spend(1, member.component.span)
         try:
             made = self._make(instance, member)
+        except Exhausted:
+            raise
         except Wrong as wrong:
             wrong.put_into(self.report)
             made = Broken(name, instance, member.component, member.scope)

@@ -256,6 +256,7 @@ class Algorithm:
             raise Wrong("E0222", f"the loop over '{index.name}' is too long to unroll", index.span)
         hidden = self.values.get(index.name)
         for x in numbers:
+            self.context.model.rounds.spend(1, index.span)
             self.values[index.name] = number(x, type_)
             try:
                 self._for(s, k + 1)
@@ -267,6 +268,7 @@ class Algorithm:
 
     def _while(self, s: tree.WhileStatement) -> None:
         for _ in range(MAX_ITERATIONS):
+            self.context.model.rounds.spend(1, s.condition.span)
             condition = self.context.value(s.condition)
             if not self.context.scalar(condition, s.condition.span, "the condition of 'while'"):
                 return

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import prod
+
 import numpy as np
 
 from lmoc.messages.source import Span
@@ -140,6 +142,7 @@ def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
         except NotOneGroup:
             if len(numbers) > MAX_UNROLLED:
                 raise
+    context.model.rounds.spend(len(numbers), e.span)
     inner = [_comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers]
     return stack(inner) if inner else Value(None, (0,), "Real", ())
 
@@ -150,6 +153,7 @@ def _comprehend_at_once(context: Context, e: tree.Comprehension, k: int, numbers
     rank = context.space.rank
     leaf = context.leaves.slot(None, numbers.reshape((1,) * rank + numbers.shape))
     space = context.space.with_axis(len(numbers))
+    check_size(prod(space.shape), "this array", e.span)
     value = _comprehend(context.within(space, {index.name: Value(leaf, (), type_)}), e, k - 1)
     if not value.uniform:
         raise NotAlike("the form", e.span)

@@ -16,7 +16,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.instances.instance import Binding, Instance, Node, Variable
 from lmoc.semantics.values.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.values.value import Arrays, Value
-from lmoc.semantics.wrong import NotAlike, Wrong
+from lmoc.semantics.wrong import Budget, NotAlike, Wrong
 from lmoc.syntax import tree
 
 
@@ -44,6 +44,7 @@ class Model(Protocol):
     report: Report
     known: Known
     long_sums: Summation
+    rounds: Budget
 
     def child(self, instance: Instance, name: str) -> Node: ...
 

@@ -90,6 +90,7 @@ class _Body:
     """One call of a function in the making."""
 
     def __init__(self, context: Context, function: Scope, e: tree.Call):
+        context.model.rounds.spend(5, e.span)  # a call costs about as much
         self.function = function
         self.call = e
         equations = function.definition.equations or function.definition.initial_equations
