@@ -270,7 +270,11 @@ class DAE:
             lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
             spent = {**self.timings, **clock.seconds}
             spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
-            return Run(reduced, trajectory, tuple(said), spent, broke_off)
+            return Run(reduced, trajectory, tuple(said), spent, broke_off, again)
+
+        def again(times: np.ndarray) -> Run:
+            finer = replace(options, start=None, stop=None, points=None, times=times)
+            return self._run(reduced, values, finer, initial, inputs, notes, Clock(), None)
 
         try:
             with self._busy, clock.stage("simulate"):

@@ -376,3 +376,33 @@ def test_the_table_of_last_values_tells_of_those_left_out():
     assert summary.summary(plain).splitlines()[-1] == "  … and 2 more: m[13].q, m[13].v"
     small = lmoc.compile_text("model M Mass m[12](each m = 1); end M;").simulate(stop=1)
     assert "more" not in summary.summary(small)
+
+
+SHAKEN = """model M Mass m(m = 1, q(fixed = true), v(fixed = true)); Spring s(k = 10000); Damper d(c = 1); Fixed w;
+    Force f(f = sin(314.159*time)); output Real x = m.q; equation connect(w.flange, s.a); connect(s.b, m.flange);
+    connect(w.flange, d.a); connect(d.b, m.flange); connect(f.flange, m.flange); end M;"""
+
+
+def test_a_picture_is_drawn_from_the_steps_and_the_table_says_that_it_is_coarse():
+    """50 Hz and 62 points a second: seen through the table it would be 12 Hz."""
+    run = lmoc.compile_text(SHAKEN).simulate(stop=8)
+    assert [n.code for n in run.notes] == ["N0528"] and "--points" in run.notes[0].hint
+    drawn = run.plot("x").axes[0].lines[0]
+    times, values = drawn.get_xdata(), drawn.get_ydata()
+    late = times > 6
+    turns = (np.diff(np.sign(np.diff(values[late]))) != 0).sum()
+    assert turns == pytest.approx(2 * 2 * 50, rel=0.02)  # two a period, in two seconds
+    assert np.isin(run.time, times).all()
+    assert values[np.searchsorted(times, run.time)] == pytest.approx(run["x"], abs=1e-9)
+    points = int(run.notes[0].hint.split()[-1].strip("(points=)"))
+    assert not lmoc.compile_text(SHAKEN).simulate(stop=8, points=points).notes
+
+
+def test_a_smooth_run_a_few_samples_and_a_copy_are_drawn_as_they_are(run):
+    import pickle
+
+    assert run.fine is run
+    few = lmoc.compile_text(SHAKEN).simulate(times=[1.0, 2.0, 8.0])
+    assert not few.notes and len(few.fine.time) > 1000
+    copy = pickle.loads(pickle.dumps(lmoc.compile_text(SHAKEN).simulate(stop=8)))
+    assert copy.fine is copy and len(copy.plot("x").axes[0].lines[0].get_xdata()) == 501

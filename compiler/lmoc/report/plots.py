@@ -77,6 +77,7 @@ def plot(run: Run, names: str | Sequence[str] | None = None, path: str | Path | 
     """
     if path is not None:
         check_target(Path(path), PICTURES)
+    run = run.fine
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

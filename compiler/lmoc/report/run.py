@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from lmoc.ir.flat import Block, FlatDAE, Kind
 from lmoc.ir.names import Names, UnknownNameError, hint_for, names_of
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
+from lmoc.report.resolution import coarse_points, fine_count
 from lmoc.report.units import unit_of
 
 if TYPE_CHECKING:
@@ -43,15 +44,29 @@ class Run:
         notes: Sequence[Diagnostic] = (),
         timings: Mapping[str, float] | None = None,
         broke_off: float | None = None,
+        again: Callable[[np.ndarray], Run] | None = None,
     ):
         self.flat: FlatDAE = reduced.flat
         self.reduced = reduced
         self.trajectory = trajectory
         self.time: np.ndarray = trajectory.time
-        self.notes = tuple(notes)
+        self.notes = (*notes, *coarse_points(trajectory.stats, len(self.time), broke_off is None))
+        self._again = again  # the same run with other output times
         self.timings = dict(timings or {})
         self.events: tuple = tuple(trajectory.events)
         self.broke_off = broke_off
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_again": None}  # a run that has been pickled stays as it is
+
+    @cached_property
+    def fine(self) -> Run:
+        """The same run with output times as dense as its steps need: what a picture is drawn from."""
+        count = fine_count(self.trajectory.stats, len(self.time), len(self.reduced.states))
+        if count <= len(self.time) or self._again is None or not self.complete:
+            return self
+        between = np.linspace(self.time[0], self.time[-1], count)
+        return self._again(np.union1d(between, self.time))
 
     @property
     def complete(self) -> bool:
@@ -137,7 +152,8 @@ class Run:
         """Names of what the run was told to keep (without the energy ledger); None where everything is at hand."""
         if self.trajectory.kept is None:
             return None
-        names = (self.flat.variable_name(int(v)) for v in self.trajectory.kept)
+        moving = self.trajectory.kept[self.flat.kind[self.trajectory.kept] >= Kind.INPUT]  # assertions keep parameters
+        names = (self.flat.variable_name(int(v)) for v in moving)
         return [name for name in names if not name.startswith("ledger.")]
 
     @cached_property

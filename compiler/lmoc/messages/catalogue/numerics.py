@@ -40,6 +40,12 @@ NUMERICS: dict[str, Entry] = {
         "so many times. Behind the last one it is less accurate. Make the run shorter, or replace the fast switching "
         "by its mean.",
     ),
+    "N0528": Entry(
+        "output times too coarse for the motion",
+        "The motion changes so fast that it goes up and down between two output times: a table of them shows another, "
+        "slower motion (a vibration of 50 Hz seen at 62 points a second looks like one of 12 Hz). The values are right "
+        "all the same. Ask for more points, or for a shorter time. Pictures are drawn from points as dense as needed.",
+    ),
     "E0530": Entry(
         "a parameter without a value",
         "The equations of the run read a parameter that has neither a binding nor a value from the command.",
