@@ -107,7 +107,7 @@ def test_arrays_of_one_number_are_numbers():
     dae = lmoc.compile_text(SPRING)
     plain = dae.simulate(inputs={"f": 2})["x"]
     assert np.array_equal(dae.simulate(inputs={"f": np.array(2)})["x"], plain)
-    assert np.allclose(dae.simulate(inputs={"f": lambda t: np.array([2.0])})["x"], plain, atol=1e-8)
+    assert np.allclose(dae.simulate(inputs={"f": lambda t: np.array([2.0])})["x"], plain, atol=1e-6)
 
 
 def test_a_mistake_in_a_function_is_the_callers():
@@ -119,8 +119,8 @@ def test_a_mistake_in_a_function_is_the_callers():
     "text, words",
     [
         ("time;f\n0;1\n", "separated by commas"),
-        ("time,f\n0,1\n\n1,\n", "'' in line 4 is not a number"),
-        ("time,f\n0,1\n1\n", "line 3 has 1 columns, the header has 2"),
+        ("time,f\n0,1\n\n1,\n", "an empty cell is not a number\n --> .*:4:3"),
+        ("time,f\n0,1\n1\n", "this line has 1 column, the header has 2\n --> .*:3:1"),
         ("seconds,f\n0,1\n", "columns 'time' and 'f'"),
     ],
 )

@@ -55,6 +55,10 @@ class Plan:
     notes: tuple[Diagnostic, ...] = ()
     _made: dict = field(default_factory=dict)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a copy begins with: what has been made from the plan belongs to this process."""
+        return {**self.__dict__, "_made": {}}
+
     @property
     def state_count(self) -> int:
         """States without quadratures."""

@@ -112,13 +112,15 @@ def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> l
     by_assumption: dict[str, list[Callable[[np.ndarray], np.ndarray]]] = {}
     for assumption, fails in solution.tests:
         by_assumption.setdefault(assumption, []).append(fails)
+    return [Guard(partial(_holds, normalized, layout, tests), text) for text, tests in by_assumption.items()]
 
-    def holds(tests: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray) -> bool:
-        known = np.concatenate([values, derived_values(normalized.derived, values)])
-        registers = layout.known_values(known)
-        return not any(fails(registers).any() for fails in tests)
 
-    return [Guard(partial(holds, tests), assumption) for assumption, tests in by_assumption.items()]
+def _holds(
+    normalized: Normalized, layout: Layout, tests: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray
+) -> bool:
+    known = np.concatenate([values, derived_values(normalized.derived, values)])
+    registers = layout.known_values(known)
+    return not any(fails(registers).any() for fails in tests)
 
 
 def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
