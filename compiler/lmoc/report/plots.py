@@ -12,6 +12,7 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.ir.names import names_of
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.report.events import mark_events
 from lmoc.report.files import PICTURES, check_target
 from lmoc.support.replacing import replace_file
 from lmoc.symbolic.styles import unit_text
@@ -158,6 +159,7 @@ def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:
     else:
         _family(axis, run, shown, len(names))
     axis.set_ylabel(_axis_label(unit, names))
+    mark_events(axis, run.events)
     _rest_line(axis)
 
 

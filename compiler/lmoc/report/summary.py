@@ -10,6 +10,7 @@ import numpy as np
 
 from lmoc.ir.flat import Block
 from lmoc.ir.names import patterns
+from lmoc.report.events import events_data, events_text
 from lmoc.report.run import Run
 
 _LABEL = 10
@@ -25,6 +26,7 @@ def summary(run: Run) -> str:
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
+    lines += _labelled("events", events_text(run.events))
     lines += ["", f"at t = {run.time[-1]:g} s{_broke_off(run)}", *_table(final_rows(run))]
     lines += [f"  {line}" for line in [_final_names(run)[1]] if line]
     return "\n".join(lines)
@@ -51,6 +53,7 @@ def as_data(run: Run) -> dict[str, Any]:
             "supplied": energy.supplied[-1],
             "lost": energy.lost[-1],
         },
+        "events": events_data(run.events),
         "final": run.final,
         "units": {name: run.unit(name) for name in run.final},
         "notes": [{"code": d.code, "severity": d.severity, "message": d.message} for d in run.notes],
