@@ -81,6 +81,7 @@ class Taylor(Integration):
         if found:
             self.series, self.next = self.next, self.series
             return Status.COLLAPSED if found == 1 else Status.NOT_FINITE
+        system.mark()
         self.steps += 1
         self.before, self.t, self.x, self.step_size = self.t, reached, x, h
         return Status.OK
