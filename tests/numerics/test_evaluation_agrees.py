@@ -40,7 +40,7 @@ def compiled(path: Path) -> lmoc.DAE:
 def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
     """Every way in which the program of a scene can be evaluated here, ready to be called."""
     report = Report()
-    signals = bind_signals(dae.flat, None, report)
+    signals = bind_signals(dae.reduced.flat, None, report)
     plan, _ = Simulator(dae.reduced).system(signals, True, report)
     found: dict[str, System] = {"numpy": VectorSystem(plan)}
     if can_lower(plan.program):

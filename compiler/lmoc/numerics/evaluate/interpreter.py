@@ -148,20 +148,26 @@ class _Block:
         self.interpreter.steps(self.step.inner, w, time)
 
     def _run_sparse(self, w: np.ndarray, time) -> None:
-        if w.ndim == 2 and not self.step.constant:
-            for k, t in enumerate(np.broadcast_to(time, w.shape[1:])):
-                column = np.ascontiguousarray(w[:, k])
-                self._run_sparse(column, t)
-                w[:, k] = column
-            return
         w[self.step.unknowns] = 0.0
         r = self._residual(w, time)
         if self._factors is None or not self.step.constant:
-            at = w if w.ndim == 1 else np.ascontiguousarray(w[:, 0])
-            self._factors = self._factorize(self.jacobian.values(at, np.ravel(time)[0]))
+            values = self.jacobian.values(w, time)
+            if w.ndim == 2:
+                if not self.step.constant and (values != values[:, :1]).any():
+                    self._run_columns(w, time)
+                    return
+                values = values[:, 0]
+            self._factors = self._factorize(values)
         for factor, unknowns, residual in zip(self._factors, self.step.unknowns, r, strict=True):
             w[unknowns] = np.nan if factor is None else -factor.solve(residual)
         self.interpreter.steps(self.step.inner, w, time)
+
+    def _run_columns(self, w: np.ndarray, time) -> None:
+        """Run one time after the other, since the matrix changes between them."""
+        for k, t in enumerate(np.broadcast_to(time, w.shape[1:])):
+            column = np.ascontiguousarray(w[:, k])
+            self._run_sparse(column, t)
+            w[:, k] = column
 
     def _factorize(self, values: np.ndarray) -> list:
         from scipy.sparse import csc_matrix

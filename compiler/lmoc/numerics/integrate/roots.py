@@ -65,7 +65,7 @@ class RootFinder:
         states[-1] = run.x
         values = self.roots.values(times, states)
         best: tuple[float, int] | None = None
-        for k in range(values.shape[1]):
+        for k in np.flatnonzero(_worth_a_look(values, self.signs)).tolist():
             t = self._first_of(k, times, values[:, k], lambda at, k=k: curve(at)[:, k])
             if t is not None and (best is None or t < best[0]):
                 best = t, k
@@ -101,6 +101,14 @@ class RootFinder:
                 if low[1] < 0:
                     return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
         return None
+
+
+def _worth_a_look(values: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """Return which functions, (times, m), are not simply on their side all the way."""
+    heights = values * signs
+    inner, sides = heights[1:-1], np.stack([heights[:-2], heights[2:]])
+    dips = (inner <= sides.min(axis=0)) & (2 * inner < sides.max(axis=0))
+    return (signs == 0) | (heights < 0).any(axis=0) | dips.any(axis=0)
 
 
 def _may_dip(before: float, here: float, behind: float) -> bool:

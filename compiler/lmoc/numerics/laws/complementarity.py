@@ -143,11 +143,23 @@ def _polished(matrix: Array, q: Array, x: Array, side: Sides) -> Array:
         return x
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix)[free], np.finfo(float).tiny))
     scaled = matrix[np.ix_(free, free)] * np.outer(scale, scale)
+    inverse = _inverse(scaled)
+    if inverse is None:
+        inverse = np.linalg.pinv(scaled, rcond=DEPENDENT)
     x = x.copy()
     for _ in range(2):  # the second one refines
-        left = -scale * (matrix[free] @ x + q[free])
-        x[free] += scale * np.linalg.lstsq(scaled, left, rcond=DEPENDENT)[0]
+        x[free] -= scale * (inverse @ (scale * (matrix[free] @ x + q[free])))
     return x
+
+
+def _inverse(matrix: Array) -> Array | None:
+    """Return the inverse of a matrix of full rank, None for others."""
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    condition = np.abs(matrix).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max()
+    return inverse if condition < 1.0 / DEPENDENT else None
 
 
 def _violated(
@@ -171,7 +183,10 @@ def _determined(matrix: Array, side: Sides) -> NDArray[np.bool_]:
     free = np.flatnonzero(side == FREE)
     if len(free):
         scale = np.sqrt(np.maximum(np.diag(matrix)[free], np.finfo(float).tiny))
-        _, values, vectors = np.linalg.svd(matrix[np.ix_(free, free)] / np.outer(scale, scale))
+        scaled = matrix[np.ix_(free, free)] / np.outer(scale, scale)
+        if _inverse(scaled) is not None:
+            return unique
+        _, values, vectors = np.linalg.svd(scaled)
         null = vectors[values <= DEPENDENT * max(values[0], np.finfo(float).tiny)]
         if len(null):
             unique[free] = np.abs(null).max(axis=0) < 1e-8

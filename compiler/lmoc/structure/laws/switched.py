@@ -24,12 +24,13 @@ from itertools import zip_longest
 import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot
-from lmoc.ir.flat import Block, FlatDAE, Group, Kind
+from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind
 from lmoc.ir.law import NONE, LawKind, Laws, Switched, law_count
 
 ORIGIN = "law"
 POSITION = 2  # relative degree of a gap between inertias: its second derivative feels the force
 
+_HELD = ("closed", "push", "direction")  # the inputs that stay as they are between events
 _Columns = dict[str, np.ndarray]
 
 
@@ -57,8 +58,20 @@ def _form(
         tables.append(columns)
         levels.append(level)
     table = {name: np.concatenate([c[name] for c in tables]) for name in tables[0]} if tables else {}
-    done = replace(flat, blocks=tuple(added.blocks), groups=(*flat.groups, *added.groups), laws=())
+    done = replace(
+        flat,
+        blocks=tuple(added.blocks),
+        groups=(*flat.groups, *added.groups),
+        bindings=(*flat.bindings, *(_zero(table[n]) for n in _HELD if (table[n] != NONE).any())),
+        laws=(),
+    )
     return done, Switched(flat.laws, level=np.concatenate(levels), degree=degree, **table)
+
+
+def _zero(variables: np.ndarray) -> Assignments:
+    """Return the binding of inputs to zero: open laws without a push."""
+    own = variables[variables != NONE]
+    return Assignments(own, ZERO, np.zeros((len(own), 0), int))
 
 
 class _Added:
