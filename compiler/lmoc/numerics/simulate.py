@@ -13,7 +13,6 @@ from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.ranges import report_alike
 from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.observe.trajectory import End, Trajectory
 from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions, Span, solver_hint
 from lmoc.numerics.pieces import run_pieces
@@ -92,6 +91,8 @@ class Simulator:
         signals = bind_signals(self.reduced.flat, inputs, report, self.reduced.inputs[1:], (span.start, span.end))
         report.check()
         if self.reduced.switched is not None:
+            from lmoc.numerics.laws.switching import all_open
+
             signals = {**signals, **all_open(self.reduced.switched)}
         if self.reduced.flat.events is not None:  # they have values of their own, which the run sets
             from lmoc.numerics.events.hybrid import held

@@ -49,6 +49,12 @@ def test_a_ball_bounces_until_near_the_end_of_all_bounces() -> None:
     assert result["fastest"][-1] == pytest.approx(sqrt(2 * G), abs=1e-9)
 
 
+def test_a_bounce_is_one_event() -> None:
+    """The condition has become false again right behind the impact: that needs no event of its own."""
+    result = run(BALL, stop=2)
+    assert len(result.trajectory.pieces) == 1 + result["n"][-1]
+
+
 def test_bounces_without_end_are_recognized() -> None:
     with pytest.raises(lmoc.SimulationError, match=r"'h <= 0' .*line 9.* switches back and forth") as failed:
         run(BALL, stop=5)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lmoc.expression.dag import depends_on_time, slots
+from lmoc.expression.dag import slots
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
@@ -25,6 +25,7 @@ from lmoc.numerics.signals.signals import Constant, Signal
 _CHATTER = 12  # changes of one condition …
 _MOMENT = 1e-9  # … within this part of the run, which is chattering
 _ROUNDS = 50  # of finding states and discrete values at the start that agree
+_SHORTLY = 1e-6  # part of the time since the last event
 _LOOKS = 1000  # steps at least in a run with relations of time that are not linear in it
 
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
@@ -68,6 +69,7 @@ class Hybrid:
         self.report = report
         self.records: list[Event] = []
         self.next = np.inf
+        self._last = span[0]
         self._times: dict[int, deque[float]] = {}  # when each zero function has last crossed zero
         self._stored = self._ledger_row("ledger.stored")
         self._lost = self._ledger_row("ledger.heat")
@@ -165,12 +167,7 @@ class Hybrid:
     @property
     def longest_step(self) -> float:
         """s, so that relations of time that are not linear in it are looked at often enough."""
-        for k, r in enumerate(self.layout.events.relations):
-            timed = any(t.relation == k for t in self.layout.timed)
-            kinds = {int(self.layout.flat.kind[v]) for v in r.slots[0]} if r.rows else set()
-            if not timed and (Kind.INPUT in kinds or depends_on_time(r.zero)):
-                return (self.end - self.begin) / _LOOKS
-        return np.inf
+        return (self.end - self.begin) / _LOOKS if self.layout.looks_at_time else np.inf
 
     def after(self, outcome: Outcome) -> np.ndarray | None:
         """Do what happens where a piece has ended; return the states behind it, None at the end of the run.
@@ -186,18 +183,45 @@ class Hybrid:
             self._notice_chatter(t, crossed)
             behind = self._event(t, x, "when")
             self.machine.crossed(crossed)
-            return behind
+            return behind if behind is x else self._leave(t, behind, crossed)
         if t >= self.next - near_to(t):
             return self._event(t, x, "time")
         if self.layout.events.terminal >= 0 and self.machine.v[self.layout.events.terminal] == 0:
             return self._event(t, x, "terminal")
         return None
 
+    def _leave(self, t: float, x: np.ndarray, crossed: np.ndarray) -> np.ndarray:
+        """Let conditions at zero change back where the jump of states sends them to the side they came from.
+
+        A ball that has just been turned at h = 0 has left ``h <= 0`` at once, without an event of its own.
+        """
+        machine, layout = self.machine, self.layout
+        since = t - self._last
+        self._last = t
+        machine.push()
+        machine.look(t, x)
+        near = crossed[~layout.rounded[crossed] & (np.abs(machine.zero[crossed]) < machine.margin[crossed])]
+        if not len(near) or not since > 0:
+            return x
+        layout.rates.prepare(machine.base, machine.signals)
+        short = _SHORTLY * since
+        ahead = layout.zeros(t + short, x + short * layout.rates(t, x))[near]
+        now = machine.v[layout.zero_target[near]] > 0
+        back = near[(np.abs(ahead) > machine.margin[near]) & ((ahead > 0) != now)]
+        if not len(back):
+            return x
+
+        def turn() -> None:
+            targets = layout.zero_target[back]
+            machine.v[targets] = 1.0 - machine.v[targets]
+
+        return self._event(t, x, "when", turn)
+
     def settle(self, t: float, x: np.ndarray) -> np.ndarray:
         """Do what follows from a change of the continuous equations at an instant. Raises as `after`."""
         return self._event(t, x, "when")
 
-    def _event(self, t: float, x: np.ndarray, kind: str) -> np.ndarray:
+    def _event(self, t: float, x: np.ndarray, kind: str, change: Callable[[], None] | None = None) -> np.ndarray:
         machine, events = self.machine, self.layout.events
         held = machine.v[self._told].copy()
         machine.time = t
@@ -207,6 +231,8 @@ class Hybrid:
                 ring(machine, t)
             elif kind == "terminal":
                 self._flag(events.terminal, 1.0)
+            elif change is not None:
+                change()
 
         happened = self._guarded(lambda: machine.event(t, x, begin), t)
         self.next = next_time(machine, t)

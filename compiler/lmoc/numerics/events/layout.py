@@ -91,6 +91,21 @@ class Layout:
         return found[continuous & (self.plan.reduced.register_of[found] >= 0)]
 
     @cached_property
+    def rates(self) -> Readout:
+        """The derivatives of the states."""
+        return Readout(self.plan, self.plan.full_program, self.count, self.plan.derivatives)
+
+    @cached_property
+    def looks_at_time(self) -> bool:
+        """Whether relations depend on time other than linearly, or on inputs."""
+        timed = {t.relation for t in self.timed}
+        for k, r in enumerate(self.events.relations):
+            kinds = {int(self.flat.kind[v]) for v in r.slots[0]} if r.rows else set()
+            if k not in timed and (Kind.INPUT in kinds or depends_on_time(r.zero)):
+                return True
+        return False
+
+    @cached_property
     def relation_of_zero(self) -> np.ndarray:
         """(zeros,) row among all relations of each zero function."""
         rows = np.flatnonzero(self.zero_row >= 0)
