@@ -67,6 +67,8 @@ class Normalized:
     groups, sums : what remains to be solved
     undetermined : flat variables on which a redundant loop leaves no unique answer; `groups` sets as many of their
         roots to zero as are needed for the others to follow
+    near : roots, orders and values of jets at a place near the start that satisfies all constraints, those too that
+        have been dropped because they follow from others; None where there are none
     """
 
     flat: FlatDAE
@@ -83,6 +85,7 @@ class Normalized:
     notes: tuple[Diagnostic, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    near: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     @cached_property
     def all_values(self) -> np.ndarray:

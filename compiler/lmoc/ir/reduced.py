@@ -115,6 +115,7 @@ class Reduced:
     switched : where the laws are, whose modes are values of the equations; None without laws
     discrete : the discrete equations in their order, carried out at events
     constraints : what the choice of coordinates divides by; None where that never changes
+    block_guess : registers of unknowns of nonlinear blocks, and values near the start values where the constraints hold
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     """
 
@@ -138,6 +139,7 @@ class Reduced:
     nearby: np.ndarray | None = None
     switched: Switched | None = None
     constraints: Constraints | None = None
+    block_guess: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0)))
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     discrete: tuple[DiscreteStep, ...] = ()
 

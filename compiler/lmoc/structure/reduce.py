@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.ir.checked import checked
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
-from lmoc.ir.program import split_program
+from lmoc.ir.program import Program, Solve, split_program, walk
 from lmoc.ir.reduced import Guard, Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.structure.blocks.solution import Solution
@@ -27,6 +27,7 @@ from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import System
 from lmoc.structure.linear.derived import derived_values
+from lmoc.structure.loops.manifold import without_dependent
 from lmoc.structure.messages import diagnosis
 from lmoc.structure.normalize import normalize
 from lmoc.structure.registers.assemble import Solved, assemble
@@ -61,7 +62,7 @@ def reduce(
         report.error("E0418", "a law that holds on one side only cannot be simulated yet", span)
         report.check()
     discrete = discrete_steps(flat, report)
-    normalized = checked(normalize(flat, values, states, report))
+    normalized = checked(without_dependent(checked(normalize(flat, values, states, report))))
     return checked(replace(assemble(solve_structure(normalized, states, report)), discrete=discrete))
 
 
@@ -104,6 +105,7 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
         notes=(*normalized.notes, *notes),
         nearby=_nearby(selection, registers),
         constraints=partial(changing_constraints, selection),
+        block_guess=_block_guess(selection, (*rhs, *rest, *others)),
     )
 
 
@@ -129,6 +131,18 @@ def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
         return None
     variable, order = selection.layout.jets
     return selection.start.value[order[states], variable[states]]
+
+
+def _block_guess(selection: Selection, program: Program) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unknowns of nonlinear blocks, and their values near the start."""
+    unknowns = [s.unknowns.ravel() for s in walk(program) if isinstance(s, Solve) and not s.linear]
+    if selection.start is None or not unknowns:
+        return np.zeros(0, np.int64), np.zeros(0)
+    registers = np.concatenate(unknowns)
+    registers = registers[registers < selection.layout.count]
+    variable, order = selection.layout.jets
+    registers = registers[order[registers] < len(selection.start.value)]
+    return registers, selection.start.value[order[registers], variable[registers]]
 
 
 def _start(selection: Selection) -> list[Guard]:

@@ -59,6 +59,7 @@ def _jets(reduced: Reduced, findings: Findings) -> bool:
     findings.require(
         reduced.nearby is None or len(reduced.nearby) == len(reduced.states), "nearby", "one for each state is needed"
     )
+    findings.indices(reduced.block_guess[0], 0, count, "block_guess", (len(reduced.block_guess[1]),))
     findings.indices(reduced.register_of, -1, count, "register_of", (flat,))
     findings.indices(reduced.undetermined, 0, flat, "undetermined", (None,))
     return not findings.found

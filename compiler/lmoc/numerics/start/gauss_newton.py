@@ -21,6 +21,7 @@ _ITERATIONS = 40
 _HALVINGS = 8
 _MET = 1e-9  # of the size of the values: weighted fixed rows that count as met while steps are judged
 _MISSED_HARD, _MISSED_SOFT = 1e-7, 1e-6  # a fixed value, a start value counts as missed
+_CLEARLY = 1e-3  # by which share of what is missed another start must be better
 _UNCHANGED = 1e-9  # of the largest entry of a row: its gradient is the same everywhere
 # how far from the first guess to begin again, from near to far and on both sides; then in scattered directions
 _AWAY = (1e-3, -1e-3, 0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
@@ -58,6 +59,12 @@ class Start:
         """To be compared: no value at all, then fixed values missed and by how much, then the start values."""
         size = np.abs(self.residual)
         return not self.finite, int(self.hard.sum()), float(size[self.hard].sum()), float(size[self.soft].sum())
+
+    def better_than(self, other: Start) -> bool:
+        """Whether this start is better by more than what is taken for equal."""
+        *mine, own = self.badness
+        *others, most = other.badness
+        return mine[:2] < others[:2] or (mine[:2] == others[:2] and own < (1.0 - _CLEARLY) * most)
 
 
 def descend(system: StartSystem, components: Components, x: np.ndarray, radius: float = np.inf) -> Start:

@@ -74,6 +74,8 @@ def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
     """Let Newton's method begin at the values wanted for the unknowns of nonlinear blocks."""
     solved = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
     if solved:
+        near, values = plan.reduced.block_guess
+        base[near] = values
         register = plan.reduced.register_of[wanted.variable]
         own = np.isin(register, np.concatenate(solved))
         base[register[own]] = wanted.value[own]
@@ -93,11 +95,20 @@ def _solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report
 
     Parameters
     ----------
-    guess : (n,) where to begin instead in parts whose equations have no solution at x
+    guess : (n,) where to begin instead, where x leads nowhere or to a place at which something is missed
     """
     _, jacobian = system.evaluate(x)
     components = split(jacobian, system.hard, len(x))
     start = descend(system, components, x)
+    if not start.complete:
+        rows, columns, _ = start.jacobian
+        own = columns[components.together(np.flatnonzero(start.hard | start.soft))[rows]]
+        beside = x.copy()
+        beside[own] = guess[own]
+        if (beside != x).any():
+            system.restart()  # blocks follow their branch: they begin again where the constraints allow it, too
+            other = descend(system, components, beside)
+            start = other if other.better_than(start) else start
     if not start.finite:
         rows, columns, values = start.jacobian
         lost = np.concatenate([rows[~np.isfinite(values)], np.flatnonzero(~np.isfinite(start.residual))])

@@ -67,9 +67,15 @@ class StartSystem:
         equations.fill(self.w, values, time)
         for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
             self.w[register] = signals[variable].value(time, order)
+        self._seeds = self.w.copy()
         self.value = np.concatenate([targets.value, np.zeros(len(equations.out))])
         self._last: tuple[np.ndarray, tuple] | None = None
         self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
+
+    def restart(self) -> None:
+        """Let blocks begin at their first guesses again, not at their last solutions."""
+        self.w[:] = self._seeds
+        self.interpreter = Interpreter(self.program, len(self.w))
 
     def evaluate(self, x: np.ndarray):
         """Residuals (m,) and their Jacobian as (rows, columns, values)."""

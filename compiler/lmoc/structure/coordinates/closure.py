@@ -6,6 +6,7 @@ the linearized constraints (Ben-Israel, J. Math. Anal. Appl. 15, 1966). Values t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
+from lmoc.structure.coordinates.nearest import nearest
 from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.incidence import ranges
 from lmoc.structure.index.system import Batch, System
@@ -24,22 +26,39 @@ STEPS, CLOSED, DAMPING, DENSE = 40, 1e-9, 1e-13, 200
 
 
 def start_point(system: System, c: np.ndarray, highest: int) -> Sample:
-    """A point that satisfies all equations with c > 0 at the start time, near the values that the model starts with.
+    """Return a point that satisfies all equations with c > 0 at the start time, near the start values of the model.
 
     Where none is found, those values themselves: no more is known then.
     """
     sample, ease = given(system, highest)
     constraints = _Constraints(system, c, sample)
-    value = sample.value.ravel().copy()
     weight = ease.ravel()[constraints.jets]
+    begin = sample.value.ravel()[constraints.jets]
+
+    def at(values: np.ndarray) -> Sample:
+        value = sample.value.copy()
+        value.flat[constraints.jets] = values
+        return replace(sample, value=value)
+
+    if constraints.count <= DENSE:
+        found = nearest(begin, weight, lambda values: constraints.dense(at(values)))
+    else:
+        found = _closed(constraints, at, begin, weight)
+    return sample if found is None else at(found)
+
+
+def _closed(
+    constraints: _Constraints, at: Callable[[np.ndarray], Sample], values: np.ndarray, weight: np.ndarray
+) -> np.ndarray | None:
+    """The values that Newton's method reaches, None where it diverges."""
     for _ in range(STEPS):
-        step = constraints.step(Sample(value.reshape(sample.value.shape), sample.time), weight)
+        step = constraints.step(at(values), weight)
         if not np.isfinite(step).all():
-            return sample
-        value[constraints.jets] += step
-        if np.abs(step).max(initial=0) <= CLOSED * np.abs(value[constraints.jets]).max(initial=0):
-            return replace(sample, value=value.reshape(sample.value.shape))
-    return sample
+            return None
+        values = values + step
+        if np.abs(step).max(initial=0) <= CLOSED * np.abs(values).max(initial=0):
+            return values
+    return None
 
 
 class _Constraints:
@@ -96,18 +115,17 @@ class _Constraints:
         residual += np.bincount(self.sum_rows, self.coefficient * at.value.flat[self.sum_jets], self.count)
         return residual, np.concatenate([*entries, self.coefficient])
 
+    def dense(self, at: Sample) -> tuple[np.ndarray, np.ndarray]:
+        """Residual and Jacobian by the jets."""
+        residual, entry = self._linearized(at)
+        jacobian = np.zeros((self.count, len(self.jets)))
+        np.add.at(jacobian, (self.row, self.column), entry)
+        return residual, jacobian
+
     def _solve(self, entry: np.ndarray, weight: np.ndarray, right: np.ndarray) -> np.ndarray:
         """(rows,) the multipliers of the constraints; NaN where they cannot be told."""
         if not (np.isfinite(entry).all() and np.isfinite(right).all()):
             return np.full(self.count, np.nan)
-        if self.count <= DENSE:
-            jacobian = np.zeros((self.count, len(self.jets)))
-            np.add.at(jacobian, (self.row, self.column), entry)
-            normal = jacobian * weight @ jacobian.T + DAMPING * np.eye(self.count)
-            try:
-                return np.linalg.solve(normal, right)
-            except np.linalg.LinAlgError:
-                return np.full(self.count, np.nan)
         from scipy.sparse import csr_matrix, diags, identity
         from scipy.sparse.linalg import splu
 

@@ -79,6 +79,11 @@ def given(system: System, highest: int) -> tuple[Sample, np.ndarray]:
         root, order = system.normalized.root[target], system.normalized.order[target]
         inside = (order >= 0) & (order <= highest)
         ease[order[inside], root[inside]] *= 1e-4
+    if system.normalized.near is not None:
+        root, order, numbers = system.normalized.near
+        inside = order <= highest
+        inside[inside] = ease[order[inside], root[inside]] == 1.0
+        value[order[inside], root[inside]] = numbers[inside]
     return Sample(value, time), ease
 
 

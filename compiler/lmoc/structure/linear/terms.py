@@ -72,12 +72,15 @@ def generic(variable: np.ndarray, order: int, point: int = 0) -> np.ndarray:
     return 0.2 + (variable + 1 + 0.754877666 * order + 0.569840291 * point) * GOLDEN * (1 + point) % 1.0
 
 
-def value_at(expr: Expr, g: Rows, known: np.ndarray, point: int = 0) -> np.ndarray:
+def value_at(
+    expr: Expr, g: Rows, known: np.ndarray, point: int = 0, place: np.ndarray | None = None
+) -> np.ndarray:
     """(rows,) values of an expression at a generic point; 0 where its terms cancel to within roundoff.
 
     Parameters
     ----------
     known : values of all extended variables, NaN for unknowns
+    place : (orders, extended) values of the jets, instead of those of a generic point
     """
     formula, leaves = as_formula(expr)
     columns = []
@@ -85,6 +88,8 @@ def value_at(expr: Expr, g: Rows, known: np.ndarray, point: int = 0) -> np.ndarr
         variable = g.slots[:, k]
         if g.kinds[k] == KNOWN:
             columns.append(np.nan_to_num(known[variable], nan=WITHOUT_VALUE))
+        elif place is not None and order < len(place):
+            columns.append(place[order, variable])
         else:
             columns.append(generic(variable, order, point))
     table = np.stack(columns, axis=1) if columns else np.zeros((len(g.source), 0))

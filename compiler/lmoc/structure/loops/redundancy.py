@@ -110,7 +110,12 @@ def _rests(groups: tuple[Rows, ...], known: np.ndarray, derived: DerivedParamete
 
 
 def free_reactions(
-    groups: list[Rows], sums: SumRows, coordinate: np.ndarray, port: np.ndarray, known: np.ndarray
+    groups: list[Rows],
+    sums: SumRows,
+    coordinate: np.ndarray,
+    port: np.ndarray,
+    known: np.ndarray,
+    place: np.ndarray | None = None,
 ) -> tuple[list[int], np.ndarray]:
     """Reactions of which only combinations are determined.
 
@@ -119,13 +124,14 @@ def free_reactions(
     groups, sums : all equations that remain
     coordinate : (flat.count+1,) roots that are positions of connectors or are differentiated: never a reaction
     port : (flat.count+1,) unknown roots that stand for a variable of a connector
+    place : (orders, extended) values of the jets where the leverages are looked at; a generic point without it
 
     Returns
     -------
     chosen : the roots whose values may be set at will, so that the rest follows
     undetermined : all roots whose values then depend on that choice
     """
-    row, variable, value, bent = _incidence(groups, sums, coordinate, known)
+    row, variable, value, bent = _incidence(groups, sums, coordinate, known, place)
     rows = sum(len(g.source) for g in groups) + len(sums.source)
     # what is only computed from the rest does not determine it: P = F·v, Σ P
     keep = ~_rows_that_observe(row, variable, rows, port)[row]
@@ -162,7 +168,7 @@ def _coefficients(shape: Expr, kinds: Kinds) -> tuple[tuple[Expr, Expr | None], 
 
 
 def _incidence(
-    groups: list[Rows], sums: SumRows, coordinate: np.ndarray, known: np.ndarray
+    groups: list[Rows], sums: SumRows, coordinate: np.ndarray, known: np.ndarray, place: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Entries (row, root, coefficient, whether that changes with the position) of all equations.
 
@@ -178,7 +184,7 @@ def _incidence(
                 usable &= coordinate[g.column(factor)]
             row.append(numbers)
             variable.append(g.column(leaf))
-            value.append(np.where(usable, value_at(coefficient or ZERO, g, known), np.nan))
+            value.append(np.where(usable, value_at(coefficient or ZERO, g, known, place=place), np.nan))
             bent.append(np.full(len(numbers), bool(factors)))
     row.append(sums.row + sum(len(g.source) for g in groups))
     variable.append(sums.index)

@@ -29,7 +29,7 @@ class Solved:
     ----------
     rhs, rest : the programs, over the layout's registers and `helpers` more
     states, quadratures : registers of jets
-    guards, notes, nearby, constraints : as in `Reduced`
+    guards, notes, nearby, constraints, block_guess : as in `Reduced`
     """
 
     system: System
@@ -43,6 +43,7 @@ class Solved:
     notes: tuple[Diagnostic, ...]
     nearby: np.ndarray | None
     constraints: Callable[[int], Constraints | None]  # from the number of registers
+    block_guess: tuple[np.ndarray, np.ndarray]
 
 
 def assemble(solved: Solved) -> Reduced:
@@ -77,6 +78,7 @@ def assemble(solved: Solved) -> Reduced:
         notes=solved.notes,
         nearby=solved.nearby,
         constraints=solved.constraints(count),
+        block_guess=solved.block_guess,
         counts={
             "parts": _part_count(flat),
             "equations": flat.equation_count,
