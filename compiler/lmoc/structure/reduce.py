@@ -22,6 +22,7 @@ from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
 from lmoc.structure.coordinates.constraints import changing_constraints
 from lmoc.structure.coordinates.mobility import immobile
+from lmoc.structure.coordinates.sample import UNMARKED
 from lmoc.structure.coordinates.selection import Selection, select
 from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
@@ -134,15 +135,18 @@ def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
 
 
 def _block_guess(selection: Selection, program: Program) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns of nonlinear blocks, and their values near the start."""
+    """Return the unknowns of nonlinear blocks that the constraints place near the start, and their values there."""
     unknowns = [s.unknowns.ravel() for s in walk(program) if isinstance(s, Solve) and not s.linear]
     if selection.start is None or not unknowns:
         return np.zeros(0, np.int64), np.zeros(0)
     registers = np.concatenate(unknowns)
     registers = registers[registers < selection.layout.count]
     variable, order = selection.layout.jets
-    registers = registers[order[registers] < len(selection.start.value)]
-    return registers, selection.start.value[order[registers], variable[registers]]
+    place = selection.start.value
+    registers = registers[order[registers] < len(place)]
+    jets = order[registers], variable[registers]
+    moved = np.abs(place[jets]) > 2 * UNMARKED  # else nobody has said anything, and zero will do
+    return registers[moved], place[jets][moved]
 
 
 def _start(selection: Selection) -> list[Guard]:
