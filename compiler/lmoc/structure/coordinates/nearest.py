@@ -16,6 +16,8 @@ from lmoc.structure.linear.generic import spread
 # steps of each iteration; the relative size of the last one; how often it begins; how far from the given values,
 # squared and weighted, a point may be to be taken at once
 STEPS, CLOSED, ATTEMPTS, NEAR = 40, 1e-12, 9, 1e-2
+# beyond so many times the given values a point is where a flat place has thrown the iteration
+FAR = 1e3
 
 Linearized = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -32,13 +34,13 @@ def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized) -> np
     free = weight == 1.0
     scale = max(float(np.abs(begin).max(initial=0)), 1e-300)
     best, best_cost = None, np.inf
-    for attempt in range(ATTEMPTS if free.any() else 1):
+    for attempt in range(ATTEMPTS if free.any() and not free.all() else 1):
         first = begin.copy()
         if attempt:
             size = np.pi if attempt % 2 else scale  # angles, lengths
             first[free] = (2 * spread(np.count_nonzero(free), attempt) - 1) * size
         found = closed(fitted(first, free, linearized), weight, linearized)
-        if found is None:
+        if found is None or np.abs(found).max() > FAR * max(scale, 1.0):
             continue
         cost = float(np.sum(((found - begin) / scale)[~free] ** 2 / weight[~free]))
         if cost < best_cost:
