@@ -261,9 +261,12 @@ class Machine:
         """Return the functions whose change of sign is an event: the zero functions; of a rounded one both edges."""
         layout = self.layout
         zero = np.array([layout.zeros(float(t), x).copy() for t, x in zip(times, states, strict=True)])
-        self.largest = np.fmax(self.largest, np.abs(zero).max(axis=0))
+        height = np.abs(zero).max(axis=0)
+        shifted = zero + self._side * self.margin
+        self.margin[height > 100 * self.margin] = 0.0  # it has left zero, whatever comes
+        self.largest = np.fmax(self.largest, height)
         if not layout.rounded.any():
-            return zero + self._side * self.margin
+            return shifted
         step = np.where(layout.rounded, self.v[layout.zero_target], 0.0)
         return np.concatenate([zero - step, (step + 1.0 - zero)[:, layout.rounded]], axis=1)
 
