@@ -61,10 +61,17 @@ def from_argument(argument: tree.Argument, node: Instance, scope: Scope) -> Modi
 
 def _beside(name: str, first: Modifier, second: Modifier) -> Modifier:
     """Two arguments of one modification for the same element: allowed where they give different things."""
+    _refuse_twice(name, first, second)
+    return merge(first, second)
+
+
+def _refuse_twice(name: str, first: Modifier, second: Modifier) -> None:
+    """``x(k = 1), x.k = 2``"""
     if first.value is not None and second.value is not None:
         first_place = (Label(first.span, "first here"),) if first.span else ()
         raise Wrong("E0221", f"'{name}' is modified twice", second.span, labels=first_place)
-    return merge(first, second)
+    for inner in first.inside.keys() & second.inside.keys():
+        _refuse_twice(f"{name}.{inner}", first.inside[inner], second.inside[inner])
 
 
 def of_class(modifier: Modifier, between: int = 0) -> Modifier:
