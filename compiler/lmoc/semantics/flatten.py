@@ -68,8 +68,10 @@ def flatten(
     try:
         cls = choose_model(open_scopes(files, library, report, folders), files, model)
     except Wrong as wrong:
-        report.diagnostics += mistakes_in(files)  # which may be the reason
-        wrong.put_into(report)
+        refused = mistakes_in(files)  # which may be the reason
+        report.diagnostics += refused
+        if not refused or wrong.code not in ("E0602", "E0603"):
+            wrong.put_into(report)
     report.check()
     overrides = Overrides(parameters)
     drafts = Drafts()
