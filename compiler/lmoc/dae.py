@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from numbers import Real
 from pathlib import Path
-from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,15 +17,15 @@ from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
 from lmoc.messages.source import Source
-from lmoc.parameters import Parameters, Value, check_initial, check_mappings, indexed, starting_at
+from lmoc.parameters import Parameters, Value, check_initial, check_mappings
 from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
+from lmoc.session import Session
 
 if TYPE_CHECKING:
     import sympy
 
     from lmoc.numerics.evaluate.functions import Functions, StartValues
-    from lmoc.numerics.simulate import Simulator
     from lmoc.report.run import Run
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
@@ -110,16 +108,21 @@ class DAE:
 
     def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None):
         clock = clock or Clock()
-        self.flat = flat
-        self.values = flat.parameter_values(indexed(flat, flat.overrides))
-        self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
+        self._session = Session(scene, flat, clock)
         self.timings: dict[str, float] = clock.seconds
-        self._scene = scene
-        self._reductions = [self.reduced]  # one for each pattern of guards met so far
-        self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
-        self._busy = Lock()  # a simulator has one set of buffers
-        self._elsewhere: dict[str, Reduced] = {}  # for starts at which the coordinates of the others do not serve
-        self._reshaped: dict[tuple, DAE] = {}  # one for each set of structural values met so far
+
+    @property
+    def flat(self) -> FlatDAE:
+        return self._session.flat
+
+    @property
+    def values(self) -> np.ndarray:
+        """(flat.count,) the model's own parameter values."""
+        return self._session.values
+
+    @property
+    def reduced(self) -> Reduced:
+        return self._session.reduced
 
     # ------------------------------------------------------------------------- names
 
@@ -214,6 +217,7 @@ class DAE:
         RunInterrupted
             A KeyboardInterrupt with the same attributes.
         """
+        from lmoc.numerics.observe.trajectory import End
         from lmoc.numerics.options import RunOptions
         from lmoc.numerics.start.singular import StartSingular
 
@@ -227,59 +231,43 @@ class DAE:
         check_initial(initial or {})
         keep = names_of(keep)
         clock = Clock(listener)
-        scene, reduced, values, notes = self.prepared(parameters or {}, clock)
+        session, prepared = self._session.prepare(parameters, clock)
+        if isinstance(initial, End):
+            prepared = session.continuing(prepared, initial.states, clock)
         options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step)
         try:
-            return scene._run(reduced, values, options, initial, inputs, notes, clock, progress)
+            return self._run(session, prepared, options, initial, inputs, clock, progress)
         except StartSingular:
-            other = scene._reduced_at(initial, reduced, values, clock)
+            other = session.elsewhere(prepared, initial, clock)
             if other is None:
                 raise
-        lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
-        notes = [*notes, Diagnostic("N0631", f"the equations have been reduced anew: {lost}")]
-        return scene._run(other, values, options, initial, inputs, notes, clock, progress)
+        return self._run(session, other, options, initial, inputs, clock, progress)
 
-    def _reduced_at(self, initial: Mapping[str, float] | None, reduced: Reduced, values, clock) -> Reduced | None:
-        """The reduction with other coordinates, chosen for initial values of one run; None where there are no others.
-
-        Where constraints change along the motion, some coordinates serve at one start and not at another.
-        """
-        if not initial or reduced.nearby is None:
-            return None
-        key = repr((sorted(initial.items()), values.tobytes()))
-        if key not in self._elsewhere:
-            flat = starting_at(self.flat, initial)
-            other = replace(pipeline.reduce(flat, values, self._scene.states, clock), flat=self.flat)
-            self._elsewhere = {key: other}  # the last one only: starts are many
-        other = self._elsewhere[key]
-        return None if other.state_names == reduced.state_names else other
-
-    def _run(self, reduced, values, options, initial, inputs, notes, clock, progress) -> Run:
+    def _run(self, session: Session, prepared: Prepared, options, initial, inputs, clock: Clock, progress) -> Run:
         report = Report()
-        check_parameters(self.flat, values, report)
+        check_parameters(session.flat, prepared.values, report)
         report.check()
         with clock.stage("lower"):
-            from lmoc.numerics.simulate import Simulator
             from lmoc.numerics.start.singular import StartSingular
             from lmoc.report.run import Run
 
-            simulator = self._simulators.setdefault(id(reduced), Simulator(reduced))
+            session.simulator(prepared.reduced)
 
         def result(trajectory, broke_off: float | None = None) -> Run:
-            said = dict.fromkeys((*self.flat.notes, *reduced.notes, *notes, *report.diagnostics, *trajectory.notes))
+            notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics
+            said = dict.fromkeys((*notes, *trajectory.notes))
             lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
             spent = {**self.timings, **clock.seconds}
             spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
-            return Run(reduced, trajectory, tuple(said), spent, broke_off, again)
+            return Run(prepared.reduced, trajectory, tuple(said), spent, broke_off, again)
 
         def again(times: np.ndarray) -> Run:
-            finer = replace(options, start=None, stop=None, points=None, times=times)
-            return self._run(reduced, values, finer, initial, inputs, notes, Clock(), None)
+            finer = replace(options, stop=None, points=None, times=times)
+            return self._run(session, prepared, finer, initial, inputs, Clock(), None)
 
         try:
-            with self._busy, clock.stage("simulate"):
-                others = _OtherCoordinates(self, values)
-                trajectory = simulator.run(values, options, inputs, initial, progress, others)
+            with clock.stage("simulate"):
+                trajectory = session.run(prepared, options, inputs, initial, progress)
         except StartSingular as error:
             raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
         except ModelError as error:
@@ -301,7 +289,8 @@ class DAE:
         from lmoc.numerics.options import RunOptions
 
         only_start = RunOptions(times=[self.flat.experiment.start or 0.0])
-        return self._run(self.reduced, self.values, only_start, None, None, (), Clock(listener), None).notes
+        session, prepared = self._session.prepare()
+        return self._run(session, prepared, only_start, None, None, Clock(listener), None).notes
 
     @cached_property
     def functions(self) -> Functions:
@@ -453,10 +442,10 @@ class DAE:
 
         A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
         """
-        scene, reduced, values, notes = self.prepared(parameters or {}, clock)
-        if scene.flat.events is not None:
-            return self._without_events(scene.flat, values, None, tuple(notes), clock)
-        return Prepared(scene.flat, reduced, values, tuple(notes))
+        prepared = self._session.prepare(parameters, clock)[1]
+        if prepared.flat.events is not None:
+            return self._without_events(prepared.flat, prepared.values, None, prepared.notes, clock)
+        return prepared
 
     def _without_events(
         self,
@@ -470,72 +459,12 @@ class DAE:
         from lmoc.ir.written import as_written
 
         flat, values = as_written(flat, values, held)
-        reduced = pipeline.reduce(flat, values, self._scene.states, clock or Clock())
+        reduced = pipeline.reduce(flat, values, self._session.scene.states, clock or Clock())
         return Prepared(flat, reduced, values, notes)
 
-    def prepared(
-        self, parameters: Mapping[str, Value], clock: Clock | None = None
-    ) -> tuple[DAE, Reduced, np.ndarray, list[Diagnostic]]:
-        """The scene, its reduction and its parameter values for a run with other parameters, and what had to be redone.
-
-        A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
-        """
-        if not parameters:
-            return self, self.reduced, self.values, []
-        clock = clock or Clock()
-        resized = {name: value for name, value in parameters.items() if self._resizes(name, value)}
-        overrides = indexed(self.flat, {n: v for n, v in parameters.items() if n not in resized})
-        structural = {n: v for n, v in parameters.items() if n in resized or self._reshapes(n, v)}
-        if structural:
-            scene = self._reshape(structural, clock)
-            rest = {n: v for n, v in parameters.items() if n not in structural}
-            shape = "shapes" if len(structural) == 1 else "shape"
-            note = Diagnostic("N0630", f"{', '.join(structural)} {shape} the model: it has been flattened again")
-            scene, reduced, values, notes = scene.prepared(rest, clock)
-            return scene, reduced, values, [note, *notes]
-        values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})
-        reduced, notes = self._reduction(values, clock)
-        return self, reduced, values, notes
-
-    def _resizes(self, name: str, value: Value) -> bool:
-        """Whether an array is given that is longer or shorter than that of the model: its size may be open."""
-        variables = self.flat.find(name)
-        if variables is None or self.flat.kind[variables[0]] != Kind.PARAMETER or np.ndim(value) == 0:
-            return False
-        _, dims = self.flat.block_at(int(variables[0])).path[-1]
-        return bool(dims) and np.size(value) != len(variables)
-
-    def _reshapes(self, name: str, value: Value) -> bool:
-        """Whether a value shapes the flat model and differs from the one that has shaped it."""
-        variables = self.flat.find(name)
-        return self.flat.block_at(int(variables[0])).structural and bool(np.any(self.values[variables] != value))
-
-    def _reshape(self, structural: Mapping[str, Value], clock: Clock) -> DAE:
-        key = tuple(sorted((name, np.asarray(value, float).tobytes()) for name, value in structural.items()))
-        if key not in self._reshaped:
-            scene = self._scene.with_parameters(structural)
-            self._reshaped[key] = DAE(scene, pipeline.flatten(scene, clock), clock)
-        return self._reshaped[key]
-
-    def _reduction(self, values: np.ndarray, clock: Clock) -> tuple[Reduced, list[Diagnostic]]:
-        broken = self.reduced.broken_guard(values)
-        if broken is None:
-            return self.reduced, []
-        note = Diagnostic("N0631", f"the equations have been reduced anew: it no longer holds that {broken}")
-        for known in self._reductions[1:]:
-            if known.broken_guard(values) is None:
-                return known, [note]
-        reduced = pipeline.reduce(self.flat, values, self._scene.states, clock)
-        self._reductions.append(reduced)
-        return reduced, [note]
-
     def __getstate__(self) -> dict[str, Any]:
-        """What a copy begins with: the solvers' functions belong to this process and are made again when needed."""
-        kept = {name: value for name, value in self.__dict__.items() if name not in ("_busy", "functions")}
-        return kept | {"_simulators": {}}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__ = state | {"_busy": Lock()}
+        """Leave out what belongs to this process."""
+        return {name: value for name, value in self.__dict__.items() if name != "functions"}
 
     def __repr__(self) -> str:
         return (
@@ -549,27 +478,3 @@ class DAE:
 
         names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
         return named_lists(repr(self).strip("<>"), names)
-
-
-class _OtherCoordinates:
-    """Simulators of a scene with other variables as states."""
-
-    def __init__(self, scene: DAE, values: np.ndarray) -> None:
-        self.scene, self.values = scene, values
-
-    def system(self, states: Sequence[str], signals: Mapping, energy: bool):
-        """Return the plan and the system with some variables as states; None where they cannot be."""
-        scene, key = self.scene, ("states", *sorted(states))
-        kept = scene._elsewhere.get(key)
-        if key not in scene._elsewhere or kept is not None and kept.broken_guard(self.values) is not None:
-            try:
-                kept = pipeline.reduce(scene.flat, self.values, states, Clock())
-            except ModelError:  # some of them cannot be states
-                kept = None
-            scene._elsewhere[key] = kept
-        if kept is None:
-            return None
-        from lmoc.numerics.simulate import Simulator
-
-        simulator = scene._simulators.setdefault(id(kept), Simulator(kept))
-        return simulator.system(signals, energy, Report())

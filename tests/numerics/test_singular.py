@@ -121,6 +121,17 @@ def test_which_coordinates_held_when_is_told(height):
     assert dependent.max() < 4  # what is divided by never comes near zero
 
 
+@pytest.mark.parametrize("stop", [0.3, 0.5, 1.9])
+def test_a_run_goes_on_from_the_end_of_another_in_its_coordinates_and_on_its_side(height, stop):
+    whole = height.simulate(times=[stop, 3.0], rtol=1e-10)
+    first = height.simulate(stop=stop, rtol=1e-10)
+    second = height.simulate(initial=first.end, stop=3, rtol=1e-10, points=2)
+    assert second.time.tolist() == [stop, 3.0]
+    assert second.coordinates[0] == (stop, first.coordinates[-1][1])
+    assert second["x"] == pytest.approx(whole["x"], abs=1e-6)
+    assert second["y"][0] == first["y"][-1]
+
+
 @pytest.mark.parametrize("solver", ["dop853", "cvode"])
 def test_height_of_a_pendulum_at_its_lowest_point(solver):
     dae = lmoc.compile_text(PENDULUM)

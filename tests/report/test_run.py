@@ -406,3 +406,16 @@ def test_a_smooth_run_a_few_samples_and_a_copy_are_drawn_as_they_are(run):
     assert not few.notes and len(few.fine.time) > 1000
     copy = pickle.loads(pickle.dumps(lmoc.compile_text(SHAKEN).simulate(stop=8)))
     assert copy.fine is copy and len(copy.plot("x").axes[0].lines[0].get_xdata()) == 501
+
+
+def test_a_balance_that_the_tolerance_does_not_explain_is_a_warning():
+    scene = """model M Fixed w; Spring s(k = 4); Mass m(m = 1, q(start = 1, fixed = true));
+    equation connect(w.flange, s.a); connect(s.b, m.flange); end M;"""
+    assert not [n for n in lmoc.compile_text(scene).simulate().notes if n.code == "W0553"]
+    from lmoc.numerics.observe.energy import Energy
+    from lmoc.report.balance import unbalanced
+
+    one, zero = np.array([1.0, 0.8]), np.zeros(2)
+    assert "do not add up: 20 %" in unbalanced(Energy(one, zero, zero, 1.0), 1e-6).message
+    assert unbalanced(Energy(np.array([1.0, 0.9999]), zero, zero, 1.0), 1e-6) is None
+    assert unbalanced(None, 1e-6) is None

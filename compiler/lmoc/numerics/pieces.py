@@ -9,12 +9,14 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
+from lmoc.numerics.coordinates.change import continued
 from lmoc.numerics.coordinates.changes import Changes, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
@@ -125,16 +127,16 @@ class _Run:
     def _start(self, initial: Mapping[str, float] | End) -> np.ndarray:
         stretch, report, span = self.stretch, self.report, self.task.span
         plan, observer, system = stretch.plan, stretch.observer, stretch.system
-        wanted = targets(observer.flat, observer.values, initial, report)
-        report.check()
-        seed_blocks(plan, stretch.base, wanted)
         signals = self.task.signals
+        if isinstance(initial, End):
+            states = partial(continued, plan, initial)
+        else:
+            wanted = targets(observer.flat, observer.values, initial, report)
+            report.check()
+            seed_blocks(plan, stretch.base, wanted)
 
-        def states(base: np.ndarray) -> np.ndarray:
-            x = initial_state(plan, base, signals, observer.values, span.start, wanted, report)
-            if isinstance(initial, End):
-                _go_on(plan, x, initial)
-            return x
+            def states(base: np.ndarray) -> np.ndarray:
+                return initial_state(plan, base, signals, observer.values, span.start, wanted, report)
 
         if plan.reduced.switched is None and plan.reduced.flat.events is None:
             x = states(stretch.base)
@@ -369,12 +371,6 @@ class _Run:
         detail = f": {found}" if found else ""
         return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
 
-
-def _go_on(plan: Plan, x: np.ndarray, end: End) -> None:
-    """Let quadratures go on from where a run has ended; the ledger begins anew."""
-    table, at = plan.reduced.registers, plan.states[plan.state_count :]
-    known = (table.variable[at] >= 0) & (table.order[at] == 0) & ~plan.ledger[plan.state_count :]
-    x[plan.state_count :][known] = end.values[table.variable[at[known]]]
 
 
 def _ledger_names(observer: Observer) -> tuple[str, ...]:

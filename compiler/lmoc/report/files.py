@@ -12,7 +12,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.replacing import replace_file
 
 if TYPE_CHECKING:
-    from lmoc.report.run import Run
+    from lmoc.report.result import Result
 
 Columns = dict[str, np.ndarray]
 
@@ -56,7 +56,7 @@ FORMATS: dict[str, Callable[[Path, Columns], None]] = {".csv": _csv, ".npz": _np
 PICTURES = (".png", ".svg", ".pdf")
 
 
-def save(run: Run, path: Path, names: Sequence[str] | None = None) -> Path:
+def save(run: Result, path: Path, names: Sequence[str] | None = None) -> Path:
     """Write the columns of a run; the ending of the name says how. Errors as `Run.save`."""
     check_target(path, tuple(FORMATS))
     write, columns = FORMATS[path.suffix.lower()], run.columns(names)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from lmoc.report.run import Run
+    from lmoc.report.result import Result
 
 # Okabe and Ito's colours, distinguishable with any colour vision, the pale yellow left out
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#444444")
@@ -60,7 +60,7 @@ QUANTITIES = {
 DASHES = ("-", "--", ":")  # where there are more curves than colours
 
 
-def plot(run: Run, names: str | Sequence[str] | None = None, path: str | Path | None = None) -> Figure:
+def plot(run: Result, names: str | Sequence[str] | None = None, path: str | Path | None = None) -> Figure:
     """Draw a run.
 
     Parameters
@@ -111,7 +111,7 @@ def head(figure: Figure, title: str) -> None:
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
 
 
-def choose(run: Run) -> list[str]:
+def choose(run: Result) -> list[str]:
     """What a picture shows when nothing is asked for: what was kept, else the outputs or the states, and the inputs."""
     if run.kept is not None:
         return list(run.kept)
@@ -121,13 +121,13 @@ def choose(run: Run) -> list[str]:
     return [*shown, *(name for name in _moving_inputs(run) if name not in shown)]
 
 
-def _moving_inputs(run: Run) -> list[str]:
+def _moving_inputs(run: Result) -> list[str]:
     """Top-level inputs that change during the run: what the motion answers to."""
     names = [b.name(i) for b in run.flat.blocks if b.kind == Kind.INPUT for i in range(min(b.size, MOST_CURVES))]
     return [name for name in names if np.ptp(run[name]) > 0]
 
 
-def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]:
+def group_by_unit(run: Result, names: Sequence[str]) -> list[tuple[str, list[str]]]:
     """Names in panels of one unit each, in order of appearance; arrays by their members."""
     panels: dict[str, list[str]] = {}
     for name in names:
@@ -137,19 +137,19 @@ def group_by_unit(run: Run, names: Sequence[str]) -> list[tuple[str, list[str]]]
     return list(panels.items())
 
 
-def _title(run: Run) -> str:
+def _title(run: Result) -> str:
     text = run.flat.description or run.flat.name
     return text + ("" if run.complete else f" (failed at t = {run.broke_off:g} s)")
 
 
-def _has_ledger(run: Run) -> bool:
+def _has_ledger(run: Result) -> bool:
     e = run.energy
     if e is None or len(run.time) < 2 or not np.isfinite(e.balance):
         return False
     return bool(e.stored.any() or e.supplied.any() or e.lost.any())
 
 
-def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:
+def _signals(axis: Axes, run: Result, unit: str, names: list[str]) -> None:
     shown = names if len(names) <= MOST_CURVES else [names[k] for k in _spread(len(names), MOST_CURVES)]
     if len(shown) <= MOST_LABELLED:
         for k, name in enumerate(shown):
@@ -163,7 +163,7 @@ def _signals(axis: Axes, run: Run, unit: str, names: list[str]) -> None:
     _rest_line(axis)
 
 
-def _family(axis: Axes, run: Run, names: list[str], total: int) -> None:
+def _family(axis: Axes, run: Result, names: list[str], total: int) -> None:
     """Many curves: coloured by their place in the list, with the first and the last named."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -181,7 +181,7 @@ def _family(axis: Axes, run: Run, names: list[str], total: int) -> None:
         axis.set_title(f"{len(names)} of {total} signals", loc="right", fontsize=8, color=GREY)
 
 
-def _energy(axis: Axes, run: Run) -> None:
+def _energy(axis: Axes, run: Result) -> None:
     energy = run.energy
     change = energy.stored - energy.stored[0]
     axis.plot(run.time, energy.supplied, color=COLOURS[0], label="supplied")

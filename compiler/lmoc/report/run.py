@@ -1,228 +1,15 @@
-"""The result of a run: every variable of the flat model by name, what the run cost, and where the energy went."""
+"""The result of a run with what can be made of it: files, pictures, a summary."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from lmoc.ir.flat import Block, FlatDAE, Kind
-from lmoc.ir.names import Names, UnknownNameError, hint_for, names_of
-from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Diagnostic
-from lmoc.report.resolution import coarse_points, fine_count
-from lmoc.report.units import unit_of
-
-if TYPE_CHECKING:
-    from lmoc.numerics.observe.energy import Energy
-    from lmoc.numerics.observe.trajectory import End, Trajectory
-
-MANY = 2000  # variables: tables of larger scenes hold outputs and states unless names are given
+from lmoc.report.result import Result
 
 
-class Run:
-    """What a simulation has computed.
-
-    Variables that nobody integrates are computed when first asked for.
-
-    Attributes
-    ----------
-    time : (times,) s
-    stats : {name: number or text}: solver, steps, evaluations, wall time of each stage
-    notes : warnings and notes of the compilation and of this run
-    events : records of switching and impacts
-    broke_off : s, the time reached where the run failed before its end, behind the last of `time`; else None
-    """
-
-    def __init__(
-        self,
-        reduced: Reduced,
-        trajectory: Trajectory,
-        notes: Sequence[Diagnostic] = (),
-        timings: Mapping[str, float] | None = None,
-        broke_off: float | None = None,
-        again: Callable[[np.ndarray], Run] | None = None,
-    ):
-        self.flat: FlatDAE = reduced.flat
-        self.reduced = reduced
-        self.trajectory = trajectory
-        self.time: np.ndarray = trajectory.time
-        self.notes = (*notes, *coarse_points(trajectory.stats, len(self.time), broke_off is None))
-        self._again = again  # the same run with other output times
-        self.timings = dict(timings or {})
-        self.events: tuple = tuple(trajectory.events)
-        self.broke_off = broke_off
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_again": None}  # a run that has been pickled stays as it is
-
-    @cached_property
-    def fine(self) -> Run:
-        """The same run with output times as dense as its steps need: what a picture is drawn from."""
-        count = fine_count(self.trajectory.stats, len(self.time), len(self.reduced.states))
-        if count <= len(self.time) or self._again is None or not self.complete:
-            return self
-        between = np.linspace(self.time[0], self.time[-1], count)
-        return self._again(np.union1d(between, self.time))
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run has come to its end."""
-        return self.broke_off is None
-
-    # ---------------------------------------------------------------------- variables
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        """Values over time: (times,) for a variable, (times, n) for an array (all indices in row-major order).
-
-        Parameters
-        ----------
-        name : ``body.q``, ``m[3].q``, ``m.q`` or ``m[2:4].q``; ``der(...)`` of a state; a parameter gives a constant
-
-        Raises
-        ------
-        UnknownNameError
-            A KeyError that names what may have been meant.
-        TypeError
-            What is asked for is no name.
-        """
-        if not isinstance(name, str):
-            raise TypeError(f"a run is asked by names of variables, such as run['time'], not by {name!r:.40}")
-        if name == "time":
-            return self.time
-        if name.startswith("der(") and name.endswith(")"):
-            return self._derivative(name)
-        values = self.values(self._variables(name))
-        return values if _is_array(self.flat, name) else values[:, 0]
-
-    def __iter__(self) -> Iterator[str]:
-        """Names of the time and of everything that changes in it, or of what was kept."""
-        yield "time"
-        yield from Names(self.flat, np.flatnonzero(self.flat.kind >= Kind.INPUT)) if self.kept is None else self.kept
-
-    def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and (name == "time" or self.flat.find(name) is not None)
-
-    def values(self, variables: np.ndarray) -> np.ndarray:
-        """Values (times, n) of variables by their indices in the flat model; NaN for what the model leaves open."""
-        return self.trajectory.of(np.asarray(variables, int))
-
-    def _derivative(self, name: str) -> np.ndarray:
-        inner, order = name, 0
-        while inner.startswith("der(") and inner.endswith(")"):
-            inner, order = inner[4:-1].strip(), order + 1
-        found = self.flat.find(inner)
-        if found is None or len(found) != 1:
-            raise UnknownNameError(name, hint_for(self.flat, inner))
-        values = self.trajectory.derivative(int(found[0]), order)
-        if values is None:
-            raise UnknownNameError(name, "of derivatives only those of states are at hand, where all is kept")
-        return values
-
-    @property
-    def coordinates(self) -> list[tuple[float, list[str]]]:
-        """From when on which states have been integrated: one entry, or more where coordinates changed on the way."""
-        return self.trajectory.coordinates
-
-    @property
-    def modes(self) -> list[tuple[float, object]]:
-        """From when on which laws have been active: one entry, or more where they switched."""
-        return self.trajectory.modes
-
-    @property
-    def end(self) -> End:
-        """Where the run has ended, in full: ``simulate(initial=run.end)`` goes on as if it had never stopped."""
-        return self.trajectory.end
-
-    @property
-    def states(self) -> list[str]:
-        """Names of the solved states, of those at the start where coordinates changed."""
-        return self.reduced.state_names
-
-    @cached_property
-    def outputs(self) -> list[str]:
-        """Names of the top-level outputs."""
-        return [b.name(i) for b in self.flat.blocks if b.output for i in range(b.size)]
-
-    @cached_property
-    def kept(self) -> list[str] | None:
-        """Names of what the run was told to keep (without the energy ledger); None where everything is at hand."""
-        if self.trajectory.kept is None:
-            return None
-        moving = self.trajectory.kept[self.flat.kind[self.trajectory.kept] >= Kind.INPUT]  # assertions keep parameters
-        names = (self.flat.variable_name(int(v)) for v in moving)
-        return [name for name in names if not name.startswith("ledger.")]
-
-    @cached_property
-    def final(self) -> dict[str, float]:
-        """The last values of the outputs and, unless there are very many, of the states; or of what was kept."""
-        states = self.states if len(self.reduced.states) <= MANY else []
-        names = [*self.outputs, *states] if self.kept is None else self.kept
-        return {name: float(self[name][-1]) for name in dict.fromkeys(names)}
-
-    # --------------------------------------------------------------------- cost, energy
-
-    @property
-    def stats(self) -> dict[str, Any]:
-        return self.trajectory.stats
-
-    @property
-    def energy(self) -> Energy | None:
-        """Stored, supplied and lost energy over time and the error of their `balance`.
-
-        None where the run was told not to integrate work and heat.
-        """
-        return self.trajectory.energy
-
-    def unit(self, name: str) -> str:
-        """Unit of a variable or a state's derivative as written, or of a variable with the same value; else empty."""
-        return unit_of(self.reduced, name)
-
-    # ------------------------------------------------------------- tables, files, pictures
-
-    def table_variables(self) -> np.ndarray:
-        """Variables in the columns of a table: all that changes in time, outputs first, then states; of a large scene
-        only outputs and inputs, and the states where they are not too many."""
-        blocks = [b for b in self.flat.blocks if b.kind >= Kind.INPUT and not b.protected]
-        small = sum(b.size for b in blocks) <= MANY
-        outputs = [b for b in blocks if b.output]
-        rest = blocks if small else [b for b in blocks if b.kind == Kind.INPUT]
-        table = self.reduced.registers
-        held = self.reduced.states[table.order[self.reduced.states] == 0]
-        states = table.variable[held] if small or len(held) <= MANY else np.zeros(0, int)
-        chosen = np.concatenate([*map(_members, outputs), states, *map(_members, rest)]).astype(int)
-        order = np.sort(np.unique(chosen, return_index=True)[1])
-        return chosen[order]
-
-    def columns(self, names: str | Sequence[str] | None = None) -> dict[str, np.ndarray]:
-        """{name: (times,) values}, time first: the `table_variables`, or the names given, arrays by their members."""
-        names = names_of(names)
-        if names is None and self.kept is None:
-            return {"time": self.time} | self._by_name(self.table_variables())
-        columns = {"time": self.time}
-        for name in self.kept if names is None else names:
-            columns |= {name: self[name]} if name.startswith("der(") else self._by_name(self._variables(name))
-        return columns
-
-    def _by_name(self, variables: np.ndarray) -> dict[str, np.ndarray]:
-        labels = (self.flat.variable_name(int(v)) for v in variables)
-        return dict(zip(labels, self.values(variables).T, strict=True))
-
-    def _variables(self, name: str) -> np.ndarray:
-        found = self.flat.find(name)
-        if found is None:
-            raise UnknownNameError(name, hint_for(self.flat, name))
-        return found
-
-    def to_dataframe(self, names: str | Sequence[str] | None = None):
-        """A pandas DataFrame with the time as index; columns as in `columns`."""
-        import pandas
-
-        columns = self.columns(names)
-        return pandas.DataFrame(columns).set_index("time")
+class Run(Result):
+    """What a simulation has computed; see `Result`."""
 
     def save(self, path: str | Path, names: str | Sequence[str] | None = None) -> Path:
         """Write a table of the run: .csv, .npz, .parquet or .mat by the ending of the name.
@@ -242,10 +29,6 @@ class Run:
 
         return plot(self, names, path)
 
-    def __repr__(self) -> str:
-        end = "" if self.complete else f", broke off at {self.broke_off:.6g} s"
-        return f"<Run of {self.flat.name}: {len(self.time)} times from {self.time[0]:g} to {self.time[-1]:g} s{end}>"
-
     def _repr_html_(self) -> str:
         """What a notebook shows: the summary that `lmoc run` prints."""
         from html import escape
@@ -253,14 +36,3 @@ class Run:
         from lmoc.report.summary import summary
 
         return f"<pre>{escape(summary(self))}</pre>"
-
-
-def _members(block: Block) -> np.ndarray:
-    return np.arange(block.offset, block.offset + block.size)
-
-
-def _is_array(flat: FlatDAE, name: str) -> bool:
-    """Whether a name stands for several variables: an index is missing or is a range."""
-    block: Block = flat.block_at(int(flat.find(name)[0]))
-    subscripts = name.count("[") and sum(len(s.split("]")[0].split(",")) for s in name.split("[")[1:])
-    return subscripts < len(block.dims) or ":" in name

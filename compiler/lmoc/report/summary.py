@@ -11,13 +11,13 @@ import numpy as np
 from lmoc.ir.flat import Block
 from lmoc.ir.names import patterns
 from lmoc.report.events import events_data, events_text
-from lmoc.report.run import Run
+from lmoc.report.result import Result
 
 _LABEL = 10
 _MOST_ROWS = 24
 
 
-def summary(run: Run) -> str:
+def summary(run: Result) -> str:
     """What was solved, at which cost, how well, and where it ended."""
     title = run.flat.name + (f": {run.flat.description}" if run.flat.description else "")
     lines = [title]
@@ -32,7 +32,7 @@ def summary(run: Run) -> str:
     return "\n".join(lines)
 
 
-def as_data(run: Run) -> dict[str, Any]:
+def as_data(run: Result) -> dict[str, Any]:
     """The summary as plain data for JSON; NaN becomes None."""
     energy = run.energy
     data = {
@@ -99,7 +99,7 @@ def counted(n: int, things: str) -> str:
     return f"{_number(n)} {things.removesuffix('s') if n == 1 else things}"
 
 
-def _broke_off(run: Run) -> str:
+def _broke_off(run: Result) -> str:
     """How the last output time and the end of a run that failed belong together."""
     if run.complete:
         return ""
@@ -108,7 +108,7 @@ def _broke_off(run: Run) -> str:
     return f", the last output time before the run broke off at t = {run.broke_off:.6g} s"
 
 
-def _states(run: Run) -> list[str]:
+def _states(run: Result) -> list[str]:
     table, states = run.reduced.registers, run.reduced.states
     return patterns(run.flat, table.variable[states], table.order[states])
 
@@ -122,7 +122,7 @@ def _solver(stats: Mapping[str, Any]) -> str:
     return text if by in ("", "casadi") or stats.get("solver") == "none" else f"{text}; evaluated by {by}"
 
 
-def _cost(run: Run) -> str:
+def _cost(run: Result) -> str:
     stats = run.stats
     counted = [
         f"{_number(stats[key])} {word}"
@@ -140,18 +140,18 @@ def times_text(timings: Mapping[str, float]) -> str:
     return f"{', '.join(shown)} {unit}" if shown else ""
 
 
-def energy_text(run: Run) -> str:
+def energy_text(run: Result) -> str:
     """Stored, supplied and lost energy at the end, and the error of their balance."""
     return "not asked for" if run.energy is None else str(run.energy)
 
 
-def final_rows(run: Run) -> list[tuple[str, float, str, str]]:
+def final_rows(run: Result) -> list[tuple[str, float, str, str]]:
     """(name, value, unit, description) of the outputs, then of the states that are not outputs already; or of what was
     kept. Of very many only the first."""
     return [_final_row(run, name) for name in _final_names(run)[0]]
 
 
-def _final_names(run: Run) -> tuple[list[str], str]:
+def _final_names(run: Result) -> tuple[list[str], str]:
     """Names of the values that are shown, and the line that tells of the others."""
     variables, orders = _final_jets(run)
     count = len(variables)
@@ -167,7 +167,7 @@ def _final_names(run: Run) -> tuple[list[str], str]:
     return names, f"… and {_number(count - shown)} more: {left}"
 
 
-def _final_jets(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def _final_jets(run: Result) -> tuple[np.ndarray, np.ndarray]:
     """Variables and orders of derivatives whose last values are worth showing, the most important first."""
     if run.kept is not None:
         kept = np.array([int(run.flat.find(name)[0]) for name in run.kept], int)
@@ -179,11 +179,11 @@ def _final_jets(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([outputs, table.variable[states]]), orders
 
 
-def _final_row(run: Run, name: str) -> tuple[str, float, str, str]:
+def _final_row(run: Result, name: str) -> tuple[str, float, str, str]:
     return name, float(run[name][-1]), run.unit(name), _description(run, name)
 
 
-def _description(run: Run, name: str) -> str:
+def _description(run: Result, name: str) -> str:
     found = run.flat.find(name)
     block: Block | None = None if found is None else run.flat.block_at(int(found[0]))
     return "" if block is None else block.description

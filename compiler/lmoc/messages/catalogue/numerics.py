@@ -107,4 +107,11 @@ NUMERICS: dict[str, Entry] = {
         "an assertion of level warning does not hold",
         "The model says itself that something is not as it should be; the message is the model's.",
     ),
+    "W0553": Entry(
+        "energies do not add up",
+        "What sources have supplied, what has become heat, and what the stores hold more than at the start differ by\n"
+        "more than the tolerance of the run explains. The result is not to be trusted. A finer tolerance (`--rtol`),\n"
+        "shorter steps (`--max-step`) or another solver tell whether the integration is to blame. Where the\n"
+        "error stays, a part takes or gives energy that it does not declare as `energy` or `loss`.",
+    ),
 }

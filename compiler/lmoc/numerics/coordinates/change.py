@@ -8,6 +8,7 @@ from lmoc.ir.program import Solve, walk
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import sample
 
@@ -41,6 +42,29 @@ def carried_over(observer: Observer, w: np.ndarray, other: Plan, base: np.ndarra
     for unknowns in _unknowns(other):
         base[unknowns] = _values(observer, w, table.variable[unknowns], table.order[unknowns])
     return _values(observer, w, table.variable[other.states], table.order[other.states])
+
+
+def continued(plan: Plan, end: End, base: np.ndarray) -> np.ndarray:
+    """Return the states and quadratures with which a plan goes on from the end of a run, its ledger from zero.
+
+    Nonlinear blocks begin where they were solved there.
+
+    Parameters
+    ----------
+    base : registers that do not change during a run; the blocks' unknowns are written into it
+    """
+    reduced, table = plan.reduced, plan.reduced.registers
+    for unknowns in _unknowns(plan):
+        own = unknowns[(table.variable[unknowns] >= 0) & (table.order[unknowns] == 0)]
+        known = end.values[table.variable[own]]
+        base[own[np.isfinite(known)]] = known[np.isfinite(known)]
+    x = np.zeros(len(plan.states))
+    own = plan.states[plan.state_count :]
+    known = (table.variable[own] >= 0) & (table.order[own] == 0) & ~plan.ledger[plan.state_count :]
+    x[plan.state_count :][known] = end.values[table.variable[own[known]]]
+    for k, name in enumerate(reduced.state_names):
+        x[k] = end[name] if name in end else end.values[table.variable[plan.states[k]]]
+    return x
 
 
 def _values(observer: Observer, w: np.ndarray, variables: np.ndarray, orders: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.support.distinct import distinct
 
@@ -66,6 +66,6 @@ class Recorder:
 
 
 def kept_variables(flat: FlatDAE, keep: Sequence[str]) -> np.ndarray:
-    """Return the variables of these names, and those that the model's assertions look at."""
-    judged = [check.slots.ravel() for check in flat.checks]
+    """Return the variables of these names, and those in motion that the model's assertions look at."""
+    judged = [own[flat.kind[own] >= Kind.INPUT] for own in (check.slots.ravel() for check in flat.checks)]
     return distinct(np.concatenate([*(find(flat, name) for name in keep), *judged, np.zeros(0, int)]))

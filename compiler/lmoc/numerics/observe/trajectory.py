@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
@@ -188,12 +188,17 @@ class Trajectory:
         variables = np.asarray(variables, int)
         if self.kept is None:
             return _joined([p.observer(variables, p.time, p.table) for p in self.pieces])
-        column = np.searchsorted(self.kept, variables)
-        missing = (column >= len(self.kept)) | (self.kept[np.minimum(column, len(self.kept) - 1)] != variables)
+        result = np.empty((len(self.time), len(variables)))
+        constant = self.flat.kind[variables] < Kind.INPUT
+        result[:, constant] = self.observer.values[variables[constant]]
+        moving = variables[~constant]
+        column = np.searchsorted(self.kept, moving)
+        missing = (column >= len(self.kept)) | (np.append(self.kept, -1)[np.minimum(column, len(self.kept))] != moving)
         if missing.any():
-            name = self.flat.variable_name(int(variables[np.flatnonzero(missing)[0]]))
+            name = self.flat.variable_name(int(moving[np.flatnonzero(missing)[0]]))
             raise KeyError(f"'{name}' was not kept in this run")
-        return self.table[:, column]
+        result[:, ~constant] = self.table[:, column]
+        return result
 
     def derivative(self, variable: int, order: int) -> np.ndarray | None:
         """Return a derivative of a variable over time (k,); None where it is not at hand."""

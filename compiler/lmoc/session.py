@@ -1,0 +1,194 @@
+"""Everything that is made of one flat model: its reductions and the simulators of these, each made once and kept.
+
+Kept by structure (values that shape the flat model), by guards (parameter values for which a reduction holds) and by
+coordinates. Modes of laws are values of one reduction (`lmoc.numerics.laws`) and need no reduction of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc import pipeline
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.prepared import Prepared
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
+from lmoc.parameters import Value, indexed, starting_at
+from lmoc.pipeline import Clock, Scene
+
+if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.system import System
+    from lmoc.numerics.observe.trajectory import Trajectory
+    from lmoc.numerics.options import RunOptions
+    from lmoc.numerics.plan import Plan
+    from lmoc.numerics.signals.signals import Signal
+    from lmoc.numerics.simulate import Simulator
+    from lmoc.numerics.task import Progress
+
+_MODEL = ()  # the key of the coordinates that the model and the user prefer
+
+
+class Session:
+    """One flat model at work.
+
+    Attributes
+    ----------
+    scene : Scene
+        What the user gave.
+    flat : FlatDAE
+    values : (flat.count,) the model's own parameter values
+    reduced : Reduced
+        The reduction for these.
+    """
+
+    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock) -> None:
+        self.scene, self.flat = scene, flat
+        self.values = flat.parameter_values(indexed(flat, flat.overrides))
+        self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
+        self._reductions: dict[tuple, list[Reduced | None]] = {_MODEL: [self.reduced]}  # by coordinates
+        self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
+        self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
+        self._busy = Lock()  # a simulator has one set of buffers
+        self._reshaped: dict[tuple, Session] = {}  # one for each set of structural values met so far
+
+    # ------------------------------------------------------------------ parameter values
+
+    def prepare(
+        self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None
+    ) -> tuple[Session, Prepared]:
+        """Return the session and what is ready in it for other parameter values, with notes of what was redone.
+
+        A structural parameter means flattening again, a broken guard reducing again.
+        """
+        if not parameters:
+            return self, Prepared(self.flat, self.reduced, self.values)
+        clock = clock or Clock()
+        resized = {name for name, value in parameters.items() if self._resizes(name, value)}
+        overrides = indexed(self.flat, {n: v for n, v in parameters.items() if n not in resized})
+        structural = {n: v for n, v in parameters.items() if n in resized or self._reshapes(n, v)}
+        if structural:
+            rest = {n: v for n, v in parameters.items() if n not in structural}
+            shape = "shapes" if len(structural) == 1 else "shape"
+            note = Diagnostic("N0630", f"{', '.join(structural)} {shape} the model: it has been flattened again")
+            session, prepared = self._reshape(structural, clock).prepare(rest, clock)
+            return session, replace(prepared, notes=(note, *prepared.notes))
+        values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})
+        broken = self.reduced.broken_guard(values)
+        if broken is None:
+            return self, Prepared(self.flat, self.reduced, values)
+        note = Diagnostic("N0631", f"the equations have been reduced anew: it no longer holds that {broken}")
+        return self, Prepared(self.flat, self._reduction(values, _MODEL, clock), values, (note,))
+
+    def _resizes(self, name: str, value: Value) -> bool:
+        """Whether an array is given that is longer or shorter than that of the model: its size may be open."""
+        variables = self.flat.find(name)
+        if variables is None or self.flat.kind[variables[0]] != Kind.PARAMETER or np.ndim(value) == 0:
+            return False
+        _, dims = self.flat.block_at(int(variables[0])).path[-1]
+        return bool(dims) and np.size(value) != len(variables)
+
+    def _reshapes(self, name: str, value: Value) -> bool:
+        """Whether a value shapes the flat model and differs from the one that has shaped it."""
+        variables = self.flat.find(name)
+        return self.flat.block_at(int(variables[0])).structural and bool(np.any(self.values[variables] != value))
+
+    def _reshape(self, structural: Mapping[str, Value], clock: Clock) -> Session:
+        key = tuple(sorted((name, np.asarray(value, float).tobytes()) for name, value in structural.items()))
+        if key not in self._reshaped:
+            scene = self.scene.with_parameters(structural)
+            self._reshaped[key] = Session(scene, pipeline.flatten(scene, clock), clock)
+        return self._reshaped[key]
+
+    # ------------------------------------------------------------------ coordinates
+
+    def _reduction(self, values: np.ndarray, states: tuple[str, ...], clock: Clock) -> Reduced:
+        """Return the reduction whose guards hold for some values, with some variables as states."""
+        kept = self._reductions.setdefault(states, [])
+        found = next((r for r in kept if r is not None and r.broken_guard(values) is None), None)
+        if found is None:
+            found = pipeline.reduce(self.flat, values, states or self.scene.states, clock)
+            kept.append(found)
+        return found
+
+    def elsewhere(self, prepared: Prepared, initial: Mapping[str, float] | None, clock: Clock) -> Prepared | None:
+        """Return what is prepared, in coordinates chosen for the start of one run; None where there are no others.
+
+        Where constraints change along the motion, some coordinates serve at one start and not at another.
+        """
+        reduced, values = prepared.reduced, prepared.values
+        if not initial or reduced.nearby is None:
+            return None
+        key = tuple(sorted((n, np.asarray(v, float).tobytes()) for n, v in initial.items())), values.tobytes()
+        if key not in self._starts:
+            flat = starting_at(self.flat, initial)
+            other = replace(pipeline.reduce(flat, values, self.scene.states, clock), flat=self.flat)
+            self._starts = {key: other}  # the last one only: starts are many
+        other = self._starts[key]
+        if other.state_names == reduced.state_names:
+            return None
+        lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
+        note = Diagnostic("N0631", f"the equations have been reduced anew: {lost}")
+        return replace(prepared, reduced=other, notes=(*prepared.notes, note))
+
+    def continuing(self, prepared: Prepared, states: Sequence[str], clock: Clock) -> Prepared:
+        """Return what is prepared, in the coordinates in which another run has ended."""
+        if list(states) == prepared.reduced.state_names:
+            return prepared
+        return replace(prepared, reduced=self._reduction(prepared.values, tuple(sorted(states)), clock))
+
+    # ------------------------------------------------------------------ runs
+
+    def simulator(self, reduced: Reduced) -> Simulator:
+        """Return the simulator of one of the reductions."""
+        from lmoc.numerics.simulate import Simulator
+
+        return self._simulators.setdefault(id(reduced), Simulator(reduced))
+
+    def run(
+        self,
+        prepared: Prepared,
+        options: RunOptions,
+        inputs: Mapping[str, object] | None = None,
+        initial: Mapping[str, float] | None = None,
+        progress: Progress | None = None,
+    ) -> Trajectory:
+        """Simulate once; concurrent runs are serialized. Parameters and errors as of `Simulator.run`."""
+        with self._busy:
+            others = OtherCoordinates(self, prepared.values)
+            simulator = self.simulator(prepared.reduced)
+            return simulator.run(prepared.values, options, inputs, initial, progress, others)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what belongs to this process: the solvers' functions are made again when needed."""
+        kept = {name: value for name, value in self.__dict__.items() if name != "_busy"}
+        return kept | {"_simulators": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ = state | {"_busy": Lock()}
+
+
+class OtherCoordinates:
+    """The systems of a session with other variables as states, for one set of parameter values."""
+
+    def __init__(self, session: Session, values: np.ndarray) -> None:
+        self.session, self.values = session, values
+
+    def system(
+        self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool
+    ) -> tuple[Plan, System] | None:
+        """Return the plan and the system with some variables as states; None where they cannot be."""
+        session, key = self.session, tuple(sorted(states))
+        kept = session._reductions.get(key, [])
+        if None in kept:
+            return None
+        try:
+            reduced = session._reduction(self.values, key, Clock())
+        except ModelError:  # some of them cannot be states
+            session._reductions[key] = [None]
+            return None
+        return session.simulator(reduced).system(signals, energy, Report())
