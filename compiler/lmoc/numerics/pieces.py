@@ -21,7 +21,7 @@ from lmoc.numerics.coordinates.changes import Changes, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
-from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects
+from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.standing import standing
@@ -334,6 +334,11 @@ class _Run:
             if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
                 self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
                 return
+
+        found = unsolved(stretch.observer, *recorder.sampled())
+        if found is not None:
+            sentence, span, time = found
+            self.report.warning("W0537", f"{sentence} at t = {time:g} s", span)
 
     def _registers(self, outcome: Outcome) -> np.ndarray | None:
         """The registers at the end, where the system keeps them."""

@@ -30,11 +30,12 @@ class Follower:
         self.run = run
         self.newtons = newtons
         self.before: tuple[np.ndarray, float] | None = None  # where all blocks have been solved last
+        self._lost = 0  # times in a row without a solution
 
         self._marked: tuple[tuple[np.ndarray, float], list[np.ndarray | None]] | None = None
 
     def forget(self) -> None:
-        self.before = self._marked = None
+        self.before, self._marked, self._lost = None, None, 0
 
     def mark(self) -> None:
         """Take the last solutions for some to go back to, where the way from later ones fails."""
@@ -51,6 +52,12 @@ class Follower:
     def go(self, w: np.ndarray, time: float) -> None:
         """Fill w (registers,) at a time that may lie ahead of the last one or behind it."""
         given, solutions = w.copy(), self._solutions()
+        if self._lost & (self._lost - 1):  # all ways are tried again only when as long without a solution as before
+            self._seek(w, time, False)
+            if not self._near():
+                self._lost += 1
+                self._restore(solutions)
+                return
         self._seek(w, time, self.before is None)
         if self.before is not None and not self._near():
             self._restore(solutions)
@@ -62,8 +69,9 @@ class Follower:
             w[:] = given
             self._seek(w, time, True)
         if all(np.isfinite(newton.target).all() for newton in self.newtons):
-            self.before = given, time
+            self.before, self._lost = (given, time), 0
         else:
+            self._lost += 1
             self._restore(solutions)
 
     def _approach(

@@ -22,6 +22,7 @@ from lmoc.support.distinct import distinct
 
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
 _LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger scene not every time is looked at
+_FOLLOWED = 25  # times at which nonlinear equations beside the motion are solved, to see whether they can be
 _SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
 
 
@@ -114,6 +115,32 @@ def first_not_finite(
                     nonlinear = isinstance(step, Solve) and not step.linear
                     return *sentence(reduced, bad, w, nonlinear, observer.signals), nonlinear
     return "", None, False
+
+
+def unsolved(observer: Observer, times: np.ndarray, states: np.ndarray) -> tuple[str, Span | None, float] | None:
+    """Return what is said of nonlinear equations beside the motion that have no solution, its place, and the time.
+
+    None where all have one. They are followed over some of the times, as when somebody asks for their unknowns.
+    """
+    plan = observer.plan
+    registers = plan.once(_followed)
+    if not len(registers):
+        return None
+    part = Slice(plan, registers).bind(observer.base, observer.signals)
+    for k in np.unique(np.linspace(0, len(times) - 1, _FOLLOWED).astype(int)).tolist():
+        lost = np.flatnonzero(~np.isfinite(part(times[k : k + 1], states[k : k + 1])[0]))
+        if len(lost):
+            first, nothing = registers[lost[:1]], np.full(plan.count, np.nan)
+            return *sentence(plan.reduced, first, nothing, True, observer.signals), float(times[k])
+    return None
+
+
+def _followed(plan: Plan) -> np.ndarray:
+    """Return the unknowns of nonlinear blocks that no derivative needs."""
+    blocks = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
+    needed = distinct(np.concatenate([np.zeros(0, int), *(written(s) for s in walk(plan.program))]))
+    found = distinct(np.concatenate([np.zeros(0, int), *blocks]))
+    return found[~np.isin(found, needed) & (found < plan.reduced.registers.count)]
 
 
 def _losable(plan: Plan) -> tuple[Program, np.ndarray, int]:
