@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 DEMO := models/notes/ex05_suspension.lmo
 PICTURE := out/suspension.png
 
-.PHONY: help demo test test-random fuzz lint docs bench-quick clean
+.PHONY: help demo test test-random fuzz lint grammar docs bench-quick clean
 
 help:
 	@echo "make demo         run the suspension of the notes and draw a picture of it"
@@ -15,6 +15,7 @@ help:
 	@echo "make test-random  run them with fresh random examples"
 	@echo "make fuzz         20 000 mutated models: no traceback, nothing slow, nothing large (an hour; resumable)"
 	@echo "make lint         check the style of the code"
+	@echo "make grammar      write the parser's tables that come with the package"
 	@echo "make docs         write the pages that are made from the program and the library"
 	@echo "make bench-quick  start-up, scaling and other tools, in under 3 minutes"
 	@echo "make clean        remove the environment and everything made"
@@ -34,6 +35,9 @@ fuzz: $(VENV)/.installed-test
 
 lint: $(VENV)/.installed-test
 	@$(BIN)/ruff check .
+
+grammar: $(VENV)/.installed-test
+	@$(BIN)/python -c "from lmoc.syntax.tables import write_packaged; write_packaged('grammar/tables.json')"
 
 docs: $(VENV)/.installed
 	@$(BIN)/python docs/make_diagnostics.py

@@ -1,4 +1,4 @@
-"""The parser's tables: made from the grammar by lark, kept between processes.
+"""The parser's tables: made from the grammar by lark, shipped with the package, kept between processes.
 
 lark turns ``grammar/lmo.lark`` into an LALR(1) automaton (DeRemer & Pennello 1982). That takes a few tenths of a
 second, most of it importing and building, so the result is kept as plain data in the user's cache. A process that
@@ -11,10 +11,12 @@ import marshal
 import os
 from collections import namedtuple
 from functools import cache as once
+from zlib import crc32
 
 from lmoc.support import cache
 
 END_OF_TEXT = "$END"
+PACKAGED = "tables.json"
 
 
 # One production: what its reduction does with the values of its symbols.
@@ -70,18 +72,62 @@ class Tables:
 
 @once
 def load() -> Tables:
-    """The tables of the lmo grammar, from the cache where it has them."""
-    path = os.path.join(_grammar_folder(), "lmo.lark")
-    with open(path, encoding="utf-8") as file:
-        grammar = file.read()
+    """Return the tables of the lmo grammar: from the cache, else from the package, else made by lark."""
+    grammar = grammar_text()
     key = grammar.encode() + cache.fingerprint(__file__)
     kept = cache.read("grammar", key)
-    if kept is None:
+    if kept is not None:
+        try:
+            return Tables(*marshal.loads(kept))
+        except (ValueError, EOFError, TypeError):
+            pass  # whatever is wrong with it, the tables can be made
+    data = packaged(grammar)
+    if data is None:
         data = build(grammar)
-        cache.write("grammar", key, marshal.dumps(data))
-    else:
-        data = marshal.loads(kept)
+    cache.write("grammar", key, marshal.dumps(data))
     return Tables(*data)
+
+
+def grammar_text() -> str:
+    """Return the grammar as it stands in its file."""
+    with open(os.path.join(_grammar_folder(), "lmo.lark"), encoding="utf-8") as file:
+        return file.read()
+
+
+def packaged(grammar: str) -> tuple | None:
+    """Return the tables that come with the package, as `build` makes them; None where they are another grammar's."""
+    import json
+
+    try:
+        with open(os.path.join(_grammar_folder(), PACKAGED), encoding="utf-8") as file:
+            kept = json.load(file)
+    except (OSError, ValueError):
+        return None
+    if kept["grammar"] != crc32(grammar.encode()):
+        return None
+    steps, gotos, rules, start, accept, literals, patterns, ignored = kept["tables"]
+    return (
+        tuple(steps),
+        tuple(gotos),
+        tuple((*rule[:3], tuple(rule[3]), tuple(rule[4]), *rule[5:]) for rule in rules),
+        start,
+        accept,
+        frozenset(literals),
+        tuple((symbol, pattern) for symbol, pattern in patterns),
+        frozenset(ignored),
+    )
+
+
+def write_packaged(path: str) -> None:
+    """Write the tables of the present grammar to the file that comes with the package: `make grammar`."""
+    import json
+
+    grammar = grammar_text()
+    tables = [sorted(part) if isinstance(part, frozenset) else part for part in build(grammar)]
+    with open(path, "w", encoding="utf-8") as file:
+        kept = {"grammar": crc32(grammar.encode()), "tables": tables}
+        json.dump(kept, file, ensure_ascii=False, separators=(",", ":"))
+        file.write("\n")
 
 
 def _grammar_folder() -> str:
@@ -118,15 +164,36 @@ def build(grammar: str) -> tuple:
         gotos.append({symbol: state for symbol, state in moves.items() if not _is_token(symbol)})
         steps.append({literal.get(symbol, symbol): step for symbol, step in moves.items() if _is_token(symbol)})
     ignored = frozenset(map(str, made.lexer_conf.ignore))
+    first, last = states[table.start_states["file"]], states[table.end_states["file"]]
+    steps, gotos, number = _ordered(steps, gotos, first)
     return (
-        tuple(steps),
-        tuple(gotos),
+        steps,
+        gotos,
         tuple(_rule(rule) for rule in made.rules),
-        states[table.start_states["file"]],
-        states[table.end_states["file"]],
+        number[first],
+        number[last],
         frozenset(literal.values()),
         tuple(patterns.items()),
         ignored,
+    )
+
+
+def _ordered(
+    steps: list[dict[str, int]], gotos: list[dict[str, int]], first: int
+) -> tuple[tuple[dict[str, int], ...], tuple[dict[str, int], ...], dict[int, int]]:
+    """The states numbered as they are met from the first one on: lark's numbers differ from process to process."""
+    number = {first: 0}
+    order = [first]
+    for state in order:
+        shifts = [(s, t) for s, t in sorted(steps[state].items()) if t >= 0]
+        for _, target in (*shifts, *sorted(gotos[state].items())):
+            if target not in number:
+                number[target] = len(order)
+                order.append(target)
+    return (
+        tuple({s: number[t] if t >= 0 else t for s, t in sorted(steps[state].items())} for state in order),
+        tuple({s: number[t] for s, t in sorted(gotos[state].items())} for state in order),
+        number,
     )
 
 
