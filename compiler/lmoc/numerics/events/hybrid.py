@@ -291,12 +291,14 @@ class Hybrid:
             text = when.text if len(when.active) == 1 else f"{when.text} [{row + 1}]"
             self.records.append(Event(t, name, "when" if kind == "terminal" else kind, "", text, 0.0, lost))
             lost = 0.0
-        for variable, before, after in zip(self._told, held, self.machine.v[self._told], strict=True):
-            block = flat.block_at(int(variable))
-            if before != after and (block.protected or not happened.whens):
+        now = self.machine.v[self._told]
+        for k in np.flatnonzero(held != now).tolist():
+            variable, before, after = int(self._told[k]), held[k], now[k]
+            block = flat.block_at(variable)
+            if block.protected or not happened.whens:
                 values = (_shown(block.quantity, value) for value in (before, after))
                 kind = "relation" if block.protected else "change"
-                self.records.append(Event(t, flat.variable_name(int(variable)), kind, *values))
+                self.records.append(Event(t, flat.variable_name(variable), kind, *values))
 
     def _judge(self, t: float, happened: Happened) -> None:
         """Assertions that belong to events."""

@@ -64,8 +64,8 @@ class RootFinder:
         states = run.interpolate(times)
         states[-1] = run.x
         values = self.roots.values(times, states)
-        best: tuple[float, int] | None = None
-        for k in np.flatnonzero(_worth_a_look(values, self.signs)).tolist():
+        best, rest = self._together(times, values, curve)
+        for k in rest.tolist():
             t = self._first_of(k, times, values[:, k], lambda at, k=k: curve(at)[:, k])
             if t is not None and (best is None or t < best[0]):
                 best = t, k
@@ -81,6 +81,35 @@ class RootFinder:
         unknown = self.signs == 0
         self.signs[unknown] = np.sign(at)[unknown]
         return t, (run.x.copy() if t == end else run.interpolate(np.array([t]))[0])
+
+    def _together(
+        self, times: np.ndarray, values: np.ndarray, curve: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[tuple[float, int] | None, np.ndarray]:
+        """Find the first root of the functions that simply cross zero, as that of the lowest of them.
+
+        Returns
+        -------
+        the time and the function, None where there is none; the functions that are to be looked at one by one
+        """
+        heights = values * self.signs
+        looked_at = _worth_a_look(values, self.signs)
+        below = heights < 0
+        simple = looked_at & (self.signs != 0) & below.any(axis=0) & ~_dips(heights).any(axis=0)
+        rest = np.flatnonzero(looked_at & ~simple)
+        own = np.flatnonzero(simple)
+        if not len(own):
+            return None, rest
+        index = below[:, own].argmax(axis=0)
+        i = int(index.min())
+        own = own[index == i]
+        if i == 0:  # against the sign it is said to have: at once
+            return (float(times[0]), int(own[0])), rest
+        sides = self.signs[own]
+        t = locate(
+            lambda at: (curve(at)[:, own] * sides).min(axis=1),
+            times[i - 1], times[i], heights[i - 1, own].min(), heights[i, own].min(),
+        )  # fmt: skip
+        return (t, int(own[(curve(np.array([t]))[0, own] * sides).argmin()])), rest
 
     def _first_of(self, k: int, times: np.ndarray, values: np.ndarray, curve) -> float | None:
         """Return the first time at which function k has the other sign than before, None where it keeps its sign."""
@@ -106,9 +135,13 @@ class RootFinder:
 def _worth_a_look(values: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Return which functions, (times, m), are not simply on their side all the way."""
     heights = values * signs
+    return (signs == 0) | (heights < 0).any(axis=0) | _dips(heights).any(axis=0)
+
+
+def _dips(heights: np.ndarray) -> np.ndarray:
+    """Return where `_may_dip` or something like it says so, (times - 2, m)."""
     inner, sides = heights[1:-1], np.stack([heights[:-2], heights[2:]])
-    dips = (inner <= sides.min(axis=0)) & (2 * inner < sides.max(axis=0))
-    return (signs == 0) | (heights < 0).any(axis=0) | dips.any(axis=0)
+    return (inner > 0) & (inner <= sides.min(axis=0)) & (2 * inner < sides.max(axis=0))
 
 
 def _may_dip(before: float, here: float, behind: float) -> bool:
