@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from lmoc.expression.functions import FUNCTIONS
 
@@ -35,7 +36,8 @@ class Expr:
 
     op: str
     args: tuple[Expr, ...]
-    value: float | tuple[int, int] | None
+    value: Any
+    _memo: Any
 
     def __add__(self, other: Expr | Number) -> Expr:
         return add(self, lift(other))

@@ -11,6 +11,7 @@ from ctypes import CFUNCTYPE, POINTER, c_double, c_int, c_long, c_void_p
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -118,6 +119,9 @@ class Library:
             function = next(f for h in handles if (f := getattr(h, name, None)) is not None)
             function.restype, function.argtypes = result, arguments
             setattr(self, name, function)
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"SUNDIALS' function {name} is not among those declared here")
 
 
 def load() -> Library:
