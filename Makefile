@@ -14,7 +14,7 @@ help:
 	@echo "make test         run the tests"
 	@echo "make test-random  run them with fresh random examples"
 	@echo "make fuzz         20 000 mutated models: no traceback, nothing slow, nothing large (an hour; resumable)"
-	@echo "make lint         check the style of the code"
+	@echo "make lint         check the style and the types of the code"
 	@echo "make grammar      write the parser's tables that come with the package"
 	@echo "make docs         write the pages that are made from the program and the library"
 	@echo "make bench-quick  start-up, scaling and other tools, in under 3 minutes"
@@ -35,6 +35,7 @@ fuzz: $(VENV)/.installed-test
 
 lint: $(VENV)/.installed-test
 	@$(BIN)/ruff check .
+	@$(BIN)/python -m mypy compiler/lmoc
 
 grammar: $(VENV)/.installed-test
 	@$(BIN)/python -c "from lmoc.syntax.tables import write_packaged; write_packaged('grammar/tables.json')"

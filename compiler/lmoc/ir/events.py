@@ -9,6 +9,7 @@ and again with ``pre(v) := v`` until nothing changes.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -132,6 +133,7 @@ class Events:
     @property
     def read(self) -> np.ndarray:
         """The variables that discrete equations and relations read, and that `reinit` sets."""
-        tables = [r.slots for r in (*self.relations, *self.equations, *self.reinits, *self.terminations)]
+        rows: tuple[Any, ...] = (*self.relations, *self.equations, *self.reinits, *self.terminations)
+        tables = [r.slots for r in rows]
         found = [self.before[0], *(t.ravel() for t in tables), *(r.target for r in self.reinits)]
         return np.unique(np.concatenate(found)).astype(int)

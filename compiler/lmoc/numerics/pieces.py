@@ -337,7 +337,7 @@ class _Run:
 
         found = unsolved(stretch.observer, *recorder.sampled())
         if found is not None:
-            sentence, span, time = found
+            sentence, span, time = found  # type: ignore[str-unpack]
             self.report.warning("W0537", f"{sentence} at t = {time:g} s", span)
 
     def _registers(self, outcome: Outcome) -> np.ndarray | None:

@@ -160,7 +160,7 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
     before = len(report.diagnostics)
     inputs = _Inputs(reduced)
     for column, required in zip(reduced.inputs.T.tolist(), reduced.required_inputs.tolist(), strict=True):
-        inputs.add(*column, required, signals, report)
+        inputs.add(*column, required, signals, report)  # type: ignore[call-arg]
     known, count, input_program = inputs.finish()
     keep = _wanted_quadratures(reduced, energy and not _unknown_power(reduced, inputs.absent))
     quadratures, rates = reduced.quadratures[keep], reduced.quadrature_derivatives[keep]

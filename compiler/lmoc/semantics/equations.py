@@ -179,7 +179,7 @@ class EquationSection:
             self._loop(context.within(context.space.with_axis(len(numbers)), {e.indices[k].name: value}), e, k + 1)
         except NotOneGroup:
             for items, length in zip(lists, before):
-                del items[length:]
+                del items[length:]  # type: ignore[attr-defined]
             raise
         finally:
             self.trying -= 1

@@ -56,7 +56,7 @@ class Equivalent:
         found = [f"{name} = {notation.text(value)}" for name, value in named.items() if value]
         if found:
             return "\n".join([*found, *notation.legend()])
-        quotient = notation.quotient(*sp.fraction(sp.cancel(self.dynamic_stiffness)), "s")
+        quotient = notation.quotient(*sp.fraction(sp.cancel(self.dynamic_stiffness)), "s")  # type: ignore[call-arg]
         law = f"{'torque/angle' if self.rotational else 'force/displacement'} = {quotient}"
         return "\n".join([law, *notation.legend()])
 
@@ -97,7 +97,7 @@ def equivalent(flat: FlatDAE, values: np.ndarray, port: str, other: str | None =
         raise refuse(f"'{port}' is held: no force moves it")
     stiffness = sp.factor(sp.cancel(1 / compliance))
     rotational = flat.block_at(seen[1]).unit == "N.m"
-    return Equivalent((port, other), stiffness, *_constants(stiffness, s), rotational)
+    return Equivalent((port, other), stiffness, *_constants(stiffness, s), rotational)  # type: ignore[call-arg]
 
 
 def _check_alike(flat: FlatDAE, potentials: list[int], names: tuple[str, str | None]) -> None:

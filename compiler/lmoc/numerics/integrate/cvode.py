@@ -161,4 +161,4 @@ class Cvode(Multistep):
 
     def jump(self, x: np.ndarray) -> None:
         self.before, self._x = self.t, x
-        self.session.restart(self.t, self.arrange(x))
+        self.session.restart(self.t, self.arrange(x))  # type: ignore[attr-defined]

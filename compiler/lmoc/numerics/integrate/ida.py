@@ -60,7 +60,7 @@ class Ida(Multistep):
 
     def jump(self, x: np.ndarray) -> None:
         self.before, self._x = self.t, x
-        self.session.restart(self.t, *self._consistent(self._whole(x)))
+        self.session.restart(self.t, *self._consistent(self._whole(x)))  # type: ignore[attr-defined]
 
     def counts(self) -> dict[str, int]:
         more = {} if self.opened is None else {"algebraic": self.opened.n - self.problem.system.n}

@@ -153,7 +153,7 @@ class Gauge:
         scale[self.has_motion] = np.abs(own) @ np.abs(x) + np.abs(value - own @ x)
         limits = np.maximum(slip, 0.0), np.maximum(stick, 0.0)
         stored = float(w[self.stored]) if self.stored >= 0 else np.nan
-        return Instant(t, x, gap, rate, *scale, slope, bias, force[:n], force[n:], *limits, stored)
+        return Instant(t, x, gap, rate, scale[0], scale[1], slope, bias, force[:n], force[n:], *limits, stored)
 
 
 def _dense(jacobian: Jacobian, w: Array, t: float, shape: tuple[int, int]) -> Array:

@@ -238,7 +238,8 @@ class Trajectory:
             if found is None or not all(_is_integrated(p.observer, found) for p in self.pieces):
                 return None
         sampled = [(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
-        return measure(*(self[f"ledger.{n}"] for n in ("stored", "work", "heat")), exchanged_energy(self.flat, sampled))
+        stored, work, heat = (self[f"ledger.{n}"] for n in ("stored", "work", "heat"))
+        return measure(stored, work, heat, exchanged_energy(self.flat, sampled))
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:

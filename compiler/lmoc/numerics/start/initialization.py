@@ -134,7 +134,7 @@ def _solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report
         own = np.concatenate([np.arange(a, b) for a, b in zip(first, end, strict=True)])
         certain = components.excluded(tuple(column[own] for column in by_row), start.residual, group, straight)
         (_report_contradiction if certain else _report_nothing_found)(system, group, start, found)
-    report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))  # type: ignore[attr-defined]
     if not start.hard.any():
         _report_missed(system, np.flatnonzero(start.soft), start, report)
 

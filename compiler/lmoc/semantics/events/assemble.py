@@ -145,7 +145,7 @@ def _start(flat: FlatDAE) -> tuple[tuple[Assigned, ...], tuple[Group, ...]]:
 
 def _samples(draft: ActionDraft, assembler: Assembler) -> Samples:
     columns = [assembler.slots((draft.columns[name],), draft.rows)[:, 0] for name in ("target", "start", "interval")]
-    return Samples(*columns, draft.span)
+    return Samples(*columns, draft.span)  # type: ignore[call-arg]
 
 
 def _reinits(drafts: list[ActionDraft], assembler: Assembler, work: Extraction) -> tuple[Reinits, ...]:

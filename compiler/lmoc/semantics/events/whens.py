@@ -127,7 +127,7 @@ class WhenEquation:
             context.node, context.space, context.leaves, name, Kind.DISCRETE, "Boolean"
         )
         boolean = [Value(e, (), "Boolean") for e in (slot, value)]
-        self.drafts.groups.extend(equality(context, *boolean, span, self.node, CONDITION))
+        self.drafts.groups.extend(equality(context, *boolean, span, self.node, CONDITION))  # type: ignore[call-arg]
         return slot
 
     def _column(self, slot: Expr):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,12 @@ class Node:
     path : as of `flat.Block`; empty for the model itself
     scope : the class whose text declares it
     """
+
+    # of instances alone: whoever asks for them has looked at the kind of node first
+    children: Any
+    owner: Any
+    type: Any
+    cls: Any
 
     def __init__(
         self,

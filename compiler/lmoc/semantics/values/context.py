@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import prod
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -37,6 +37,9 @@ class Summation(Protocol):
 
     def add(self, context: Context, array: Value, span: Span) -> Value: ...
 
+    sums: list
+    variables: list
+
 
 class Model(Protocol):
     """The model in the making, as far as its expressions need it."""
@@ -45,6 +48,8 @@ class Model(Protocol):
     known: Known
     long_sums: Summation
     rounds: Budget
+    drafts: Any
+    root: Instance
 
     def child(self, instance: Instance, name: str) -> Node: ...
 

@@ -92,4 +92,4 @@ class LongSums:
         if not index:
             return Sums(np.zeros(1, int), np.zeros(0, int), np.zeros(0))
         joined = (np.concatenate(parts) for parts in (starts, index, sign))
-        return Sums(*joined, tuple(spans), np.concatenate(span_of))
+        return Sums(*joined, tuple(spans), np.concatenate(span_of))  # type: ignore[call-arg]

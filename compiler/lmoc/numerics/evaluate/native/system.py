@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,8 @@ class NativeSystem(VectorSystem):
         self.kernel.forget()
         self._seeds = self.w[self.kernel.unknowns]
         if self.kernel.has_constant_blocks:
-            self.kernel.factorize(lambda step: self.interpreter.interpreter.sparse_matrix(step, self.w, np.nan))
+            own: Any = self.interpreter  # numpy, beside the compiled code
+            self.kernel.factorize(lambda step: own.interpreter.sparse_matrix(step, self.w, np.nan))
 
     @property
     def unknowns(self) -> np.ndarray:
