@@ -264,3 +264,36 @@ def test_a_run_goes_on_from_where_another_has_ended() -> None:
     rest = model.simulate(initial=half.trajectory.end, stop=2, rtol=1e-10, points=3)
     assert rest["n"][-1] == whole["n"][-1] == 4
     assert rest["h"][-1] == pytest.approx(whole["h"][-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["ida", "cvode", "adams", "radau", "cvodes"])
+def test_every_solver_stops_at_events(solver: str) -> None:
+    result = run(BALL, stop=1.2, solver=solver, rtol=1e-8)
+    assert times_of(result) == pytest.approx([0.4515236409857309, 1.0836567383657541], abs=1e-6)
+    assert result["n"][-1] == 2
+
+
+def test_signals_from_outside_that_jump() -> None:
+    text = """model B input Boolean on = time > 0.5; input Integer n = if time < 0.25 then 1 else 3; input Real u;
+        Real x(start = 0, fixed = true); Integer k(start = 0), up(start = 0);
+      equation der(x) = if on then n else 0; when on then k = n; end when; when u > 0.5 then up = pre(up) + 1; end when;
+      end B;"""
+    result = run(text, stop=1, inputs={"u": ([0, 0.2, 0.4, 0.8, 1], [0, 1, 0, 1, 0])})
+    assert result["x"][-1] == pytest.approx(1.5, abs=1e-9)
+    assert (result["k"][-1], result["up"][-1]) == (3, 2)
+    assert times_of(result) == pytest.approx([0.1, 0.5, 0.6], abs=1e-9)
+
+
+def test_discrete_variables_start_where_they_are_told_to() -> None:
+    text = """model D Integer k(start = 2); Real x(start = 1, fixed = true); discrete Real level;
+      initial equation level = 5;
+      equation der(x) = -k; when x < 0.1 then k = pre(k) + 1; level = 2*pre(level); end when; end D;"""
+    model = lmoc.compile_text(text)
+    assert model.simulate(stop=1)["k"][-1] == 3
+    result = model.simulate(stop=1, initial={"k": 7})
+    assert (result["k"][0], result["k"][-1], result["level"][0], result["level"][-1]) == (7, 8, 5, 10)
+
+
+def test_a_sample_needs_a_positive_interval() -> None:
+    with pytest.raises(lmoc.ModelError, match="interval of 'sample"):
+        run("model A parameter Real T = 0; Integer n; equation when sample(0, T) then n = 1; end when; end A;")

@@ -26,7 +26,7 @@ _CHATTER = 12  # changes of one condition …
 _MOMENT = 1e-9  # … within this part of the run, which is chattering
 _ROUNDS = 50  # of finding states and discrete values at the start that agree
 _SHORTLY = 1e-6  # part of the time since the last event
-_LOOKS = 1000  # steps at least in a run with relations of time that are not linear in it
+_LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
 
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
 
@@ -85,7 +85,7 @@ class Hybrid:
 
     # ------------------------------------------------------------------------ the start
 
-    def start(self, states: Starter, initial: object) -> np.ndarray:
+    def start(self, states: Starter, initial: Mapping[str, float]) -> np.ndarray:
         """Find states and discrete values that agree, and do what happens at the start.
 
         Raises
@@ -98,6 +98,11 @@ class Hybrid:
             machine.push()
             x = states(machine.base)
         else:
+            for name, value in initial.items():
+                variables = self.layout.flat.find(name)
+                if self.layout.flat.kind[variables[0]] == Kind.DISCRETE:
+                    machine.v[variables] = value
+            machine.remember()
             x = self._first(states)
         machine.literal = False
         machine.remember()

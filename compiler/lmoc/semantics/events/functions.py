@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
-from lmoc.semantics.draft import ActionDraft, AssignmentDraft, Column, compact, flat_column
+from lmoc.semantics.draft import ActionDraft, AssignmentDraft, CheckDraft, Column, compact, flat_column
 from lmoc.semantics.instances.instance import Variable
 from lmoc.semantics.values.builtins import arguments, builtin
 from lmoc.semantics.values.context import Context
@@ -104,6 +104,11 @@ def _sample(context: Context, call: tree.Call) -> Value:
     variable, index, slot = drafts.helpers.add(
         context.node, space, context.leaves, call.span.text, Kind.DISCRETE, "Boolean"
     )
+    leaves, (interval,) = compact(context.leaves.items, values["interval"].expr)
+    table = tuple(flat_column(leaf, space.shape) for leaf in leaves)
+    positive = dag.function("gt", interval, dag.ZERO)
+    message = f"the interval of '{call.span.text}' must be positive"
+    drafts.checks.append(CheckDraft(positive, message, True, table, prod(space.shape), call.span))
     columns = {name: _known_column(context, value, f"{name} of {call.span.text}") for name, value in values.items()}
     columns["target"] = flat_column(Leaf(variable, index), space.shape)
     drafts.samples.append(ActionDraft(columns, dag.ZERO, (), prod(space.shape), call.span, context.node))

@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lmoc.expression import dag
 from lmoc.expression.dag import TIME
+from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.hints import visible
@@ -261,7 +263,18 @@ def located_value(context: Context, located: Located, span: Span) -> Value:
         raise Wrong("E0301", f"'{node.name}' is a {kind}, not a variable", span)
     if node.type.name == "String":
         return _string(context, node, span)
-    return Value(context.leaves.slot(node, element_index(context, located)), located.dims, node.type.name)
+    value = Value(context.leaves.slot(node, element_index(context, located)), located.dims, node.type.name)
+    return value if node.kind != Kind.INPUT or node.type.name == "Real" else _sampled(context, value)
+
+
+def _sampled(context: Context, value: Value) -> Value:
+    """A signal from outside that jumps: its value changes at events (a Boolean above 1/2, else the nearest number)."""
+    if context.quiet or context.depth:
+        return value
+    half = dag.const(0.5)
+    logical = value.type == "Boolean"
+    jumps = dag.function("gt", value.expr, half) if logical else dag.function("floor", value.expr + half)
+    return Value(dag.event(jumps), value.dims, value.type)
 
 
 def _string(context: Context, node: Variable, span: Span) -> Value:
