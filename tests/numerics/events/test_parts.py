@@ -198,3 +198,52 @@ def test_a_plane_pendulum_with_a_pin() -> None:
     assert np.abs(energy[~long] - (9.81 * 0.5 - 9.81 * cos(0.5))).max() < 1e-8
     assert len([e for e in run.events if e.kind == "when"]) >= 4
     assert sin(run["phi"].min()) < -0.4
+
+
+DRY = """model Dry Fixed w; Mass m(m = 1, q(fixed = true), v(fixed = true)); DryFriction d(F = 1, Fstick = 2);
+    Force f(f = if time > 1 then 3 else 1.5);
+  equation connect(w.flange, d.a); connect(d.b, m.flange); connect(f.flange, m.flange); end Dry;"""
+
+
+def test_a_force_that_jumps_tears_friction_loose() -> None:
+    run = lmoc.compile_text(DRY).simulate(stop=2, rtol=1e-10, points=21)
+    since = np.maximum(run.time - 1, 0)
+    assert np.abs(run["m.q"] - since**2).max() < 1e-12
+    assert [(e.time, e.kind) for e in run.events if e.kind == "slip"] == [(1.0, "slip")]
+
+
+def test_a_cable_goes_slack_when_a_switch_lifts_its_load() -> None:
+    run = lmoc.compile_text(
+        """model Lift Fixed w; Mass m(m = 1, g = 9.81, q(fixed = true), v(fixed = true)); Cable c(L = 0.5);
+          Boolean up(start = false, fixed = true); Force f(f = if up then -30 else 0);
+        equation connect(w.flange, c.a); connect(c.b, m.flange); connect(f.flange, m.flange);
+          when time > 1 then up = true; end when; end Lift;"""
+    ).simulate(stop=1.5, rtol=1e-10, points=16)
+    assert [e.kind for e in run.events] == ["taut", "time", "slack"]
+    late = run.time >= 1
+    exact = 0.5 - (30 - 9.81) * (run.time[late] - 1) ** 2 / 2
+    assert np.abs(run["m.q"][late] - exact).max() < 1e-12
+
+
+def test_impacts_of_a_law_are_seen_by_whens() -> None:
+    run = lmoc.compile_text(
+        """model Count Fixed w; Mass m(m = 1, g = -9.81, q(start = 1, fixed = true), v(fixed = true));
+          Stop s(L = 0, e = 0.5); Integer n(start = 0, fixed = true);
+        equation connect(w.flange, s.a); connect(s.b, m.flange);
+          when m.v > 0 then n = pre(n) + 1; end when; end Count;"""
+    ).simulate(stop=1.2, rtol=1e-10, points=3)
+    assert run["n"][-1] == 3 == len([e for e in run.events if e.kind == "impact"])
+
+
+@pytest.mark.parametrize(
+    ("force", "condition"),
+    [("2*sign(0.2 - m.v)", "0.2 - m.v"), ("if m.v > 0.2 then -4 else 4", "m.v > 0.2")],
+)
+def test_friction_by_sign_is_recognized(force: str, condition: str) -> None:
+    text = f"""model S Fixed w; Spring s(k = 50); Mass m(m = 1, v(start = 0.1, fixed = true), q(fixed = true));
+      Force f(f = {force});
+      equation connect(w.flange, s.a); connect(s.b, m.flange); connect(f.flange, m.flange); end S;"""
+    with pytest.raises(lmoc.SimulationError, match="switches back and forth.*DryFriction") as failed:
+        lmoc.compile_text(text).simulate(stop=5)
+    assert condition in str(failed.value) and "line 2" in str(failed.value)
+    assert failed.value.partial["m.v"][-1] == pytest.approx(0.2, abs=0.02)
