@@ -79,3 +79,8 @@ def test_a_scene_at_rest_is_run_once(monkeypatch):
     assert len(calls) == 2
     lmoc.compile_text(SCENE.format(start=1e-9)).simulate()
     assert len(calls) == 4
+
+
+def test_what_is_smaller_than_double_precision_can_divide_rests():
+    run = lmoc.compile_text(SCENE.format(start=1e-310)).simulate()
+    assert np.isfinite(run["m.q"]).all() and run.stats["steps"] < 1000

@@ -50,6 +50,7 @@ def configure(parser: Parser) -> None:
         help="retain only this variable or array (large models); may be repeated")  # fmt: skip
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
+    add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the summary as JSON")
 
@@ -80,7 +81,10 @@ def execute(arguments: argparse.Namespace) -> int:
 def _check_choices(arguments: argparse.Namespace) -> None:
     """Refuse what cannot work before time is spent."""
     from lmoc.numerics.options import FORMULATIONS
+    from lmoc.report.display import display
     from lmoc.report.files import FORMATS, PICTURES, check_target
+
+    display(arguments.units)
 
     if arguments.formulation not in FORMULATIONS:
         known = ", ".join(FORMULATIONS)
@@ -118,7 +122,7 @@ def _tell(run: Run, arguments: argparse.Namespace) -> None:
     if arguments.json:
         print(json.dumps(as_data(run), indent=2, ensure_ascii=False))
     elif not arguments.quiet:
-        title, *rest = summary(run).split("\n")
+        title, *rest = summary(run, arguments.units).split("\n")
         print("\n".join([terminal.styled(title, "1", sys.stdout), *rest]))
         if written:
             print("\n" + "\n".join(f"{what} written to {path}" for what, path in written))
@@ -129,7 +133,7 @@ def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:
     if arguments.output is not None:
         written.append(("result", run.save(arguments.output)))
     if arguments.plot is not None:
-        run.plot(path=arguments.plot)
+        run.plot(path=arguments.plot, units=arguments.units)
         written.append(("picture", arguments.plot))
     return written
 

@@ -12,6 +12,7 @@ from lmoc.numerics.plan import Plan
 Sizes = Mapping[tuple[int, int], float]  # by flat variable and order of the derivative
 
 _LOOSE = 1e-3  # of the size that was assumed: of a smaller motion the absolute tolerance is no small part
+_REST = 1e-200  # what is smaller does not move: parts of it are zero in double precision
 _NOISE = 1e-6  # of the largest of the same unit: what is smaller is not followed for its own sake
 
 
@@ -55,7 +56,8 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
     found = {}
     for jet, top in largest.items():
         group = flat.block_at(jet[0]).unit if jet[0] >= 0 else "", jet[1]
-        found[jet] = max(top, _NOISE * groups[group]) or assumed[jet]
+        size = max(top, _NOISE * groups[group])
+        found[jet] = size if size > _REST else assumed[jet]
     return found if any(found[jet] < _LOOSE * assumed[jet] for jet in found) else None
 
 

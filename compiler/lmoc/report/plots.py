@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.ir.names import names_of
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.report.display import Display, display
 from lmoc.report.events import mark_events
 from lmoc.report.files import PICTURES, check_target
 from lmoc.support.replacing import replace_file
@@ -60,7 +61,12 @@ QUANTITIES = {
 DASHES = ("-", "--", ":")  # where there are more curves than colours
 
 
-def plot(run: Result, names: str | Sequence[str] | None = None, path: str | Path | None = None) -> Figure:
+def plot(
+    run: Result,
+    names: str | Sequence[str] | None = None,
+    path: str | Path | None = None,
+    units: str | Sequence[str] | None = None,
+) -> Figure:
     """Draw a run.
 
     Parameters
@@ -68,17 +74,18 @@ def plot(run: Result, names: str | Sequence[str] | None = None, path: str | Path
     names : what to show, one name or several; by default the outputs, else the states, the inputs that change, and
         the energy
     path : where to write the picture (.png, .svg, .pdf), if anywhere
+    units : in which to show quantities (`display`)
 
     Raises
     ------
     ModelError
-        E0623, E0624: the picture cannot be written.
+        E0623, E0624: the picture cannot be written; E0629: an unknown unit.
     UnknownNameError
         One of the names is not in the model.
     """
     if path is not None:
         check_target(Path(path), PICTURES)
-    run = run.fine
+    shown, run = display(units), run.fine
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -93,9 +100,9 @@ def plot(run: Result, names: str | Sequence[str] | None = None, path: str | Path
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
         for axis, (unit, members) in zip(axes, panels, strict=False):
-            _signals(axis, run, unit, members)
+            _signals(axis, run, unit, members, shown)
         if ledger:
-            _energy(axes[-1], run)
+            _energy(axes[-1], run, shown)
         for axis in axes:
             axis.margins(x=0)
         more = f"   (not shown: {', '.join(name for _, members in left for name in members[:2])} …)" if left else ""
@@ -149,21 +156,23 @@ def _has_ledger(run: Result) -> bool:
     return bool(e.stored.any() or e.supplied.any() or e.lost.any())
 
 
-def _signals(axis: Axes, run: Result, unit: str, names: list[str]) -> None:
+def _signals(axis: Axes, run: Result, unit: str, names: list[str], display: Display) -> None:
     shown = names if len(names) <= MOST_CURVES else [names[k] for k in _spread(len(names), MOST_CURVES)]
     if len(shown) <= MOST_LABELLED:
         for k, name in enumerate(shown):
             colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS)]
-            axis.plot(run.time, run[name], color=colour, linestyle=dashes, label=name)
+            axis.plot(run.time, display.value(run[name], unit), color=colour, linestyle=dashes, label=name)
         _legend(axis)
     else:
-        _family(axis, run, shown, len(names))
-    axis.set_ylabel(_axis_label(unit, names))
+        _family(axis, run, shown, len(names), lambda name: display.value(run[name], unit))
+    axis.set_ylabel(_axis_label(display.unit(unit), names))
     mark_events(axis, run.events)
     _rest_line(axis)
 
 
-def _family(axis: Axes, run: Result, names: list[str], total: int) -> None:
+def _family(
+    axis: Axes, run: Result, names: list[str], total: int, values: Callable[[str], np.ndarray]
+) -> None:
     """Many curves: coloured by their place in the list, with the first and the last named."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -171,7 +180,7 @@ def _family(axis: Axes, run: Result, names: list[str], total: int) -> None:
 
     colours = colormaps["viridis"]
     for k, name in enumerate(names):
-        axis.plot(run.time, run[name], color=colours(0.95 * k / (len(names) - 1)), linewidth=0.8, alpha=0.8)
+        axis.plot(run.time, values(name), color=colours(0.95 * k / (len(names) - 1)), linewidth=0.8, alpha=0.8)
     beside = axis.inset_axes((1.012, 0.05, 0.012, 0.9))
     scale = axis.figure.colorbar(ScalarMappable(Normalize(0, 1), colours), cax=beside)
     scale.set_ticks([0.01, 0.99], labels=[names[0], names[-1]])
@@ -181,17 +190,20 @@ def _family(axis: Axes, run: Result, names: list[str], total: int) -> None:
         axis.set_title(f"{len(names)} of {total} signals", loc="right", fontsize=8, color=GREY)
 
 
-def _energy(axis: Axes, run: Result) -> None:
+def _energy(axis: Axes, run: Result, display: Display) -> None:
     energy = run.energy
-    change = energy.stored - energy.stored[0]
-    axis.plot(run.time, energy.supplied, color=COLOURS[0], label="supplied")
-    axis.plot(run.time, energy.lost, color=COLOURS[1], label="lost")
+    supplied, lost, change = (
+        display.value(e, "J") for e in (energy.supplied, energy.lost, energy.stored - energy.stored[0])
+    )
+    axis.plot(run.time, supplied, color=COLOURS[0], label="supplied")
+    axis.plot(run.time, lost, color=COLOURS[1], label="lost")
     axis.fill_between(run.time, change, color=COLOURS[2], alpha=0.18, linewidth=0)
     axis.plot(run.time, change, color=COLOURS[2], label="stored since start")
-    axis.set_ylabel("energy in J")
+    axis.set_ylabel(f"energy in {display.unit('J')}")
     _legend(axis, f"balance error {energy.balance:.0e}")
-    if np.ptp(axis.get_ylim()) < FLAT * energy.scale:  # rounding, and not to be looked at through a magnifier
-        axis.set_ylim(-energy.scale / 10, energy.scale / 10)
+    scale = display.value(energy.scale, "J")
+    if np.ptp(axis.get_ylim()) < FLAT * scale:  # rounding, and not to be looked at through a magnifier
+        axis.set_ylim(-scale / 10, scale / 10)
     _rest_line(axis)
 
 

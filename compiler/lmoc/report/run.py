@@ -23,11 +23,22 @@ class Run(Result):
 
         return save(self, Path(path), names)
 
-    def plot(self, names: str | Sequence[str] | None = None, path: str | Path | None = None):
-        """Draw signals in panels by unit, and the energy. Returns the matplotlib figure; with `path` also writes it."""
+    def plot(
+        self,
+        names: str | Sequence[str] | None = None,
+        path: str | Path | None = None,
+        units: str | Sequence[str] | None = None,
+    ):
+        """Draw signals in panels by unit, and the energy. Returns the matplotlib figure; with `path` also writes it.
+
+        Parameters
+        ----------
+        names : what to show: one name or several; by default outputs or states, and inputs that change
+        units : in which to show it, such as ``["mm", "deg"]``; SI units without it
+        """
         from lmoc.report.plots import plot
 
-        return plot(self, names, path)
+        return plot(self, names, path, units)
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the summary that `lmoc run` prints."""

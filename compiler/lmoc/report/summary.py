@@ -10,6 +10,7 @@ import numpy as np
 
 from lmoc.ir.flat import Block
 from lmoc.ir.names import patterns
+from lmoc.report.display import display
 from lmoc.report.events import events_data, events_text
 from lmoc.report.result import Result
 
@@ -17,8 +18,10 @@ _LABEL = 10
 _MOST_ROWS = 24
 
 
-def summary(run: Result) -> str:
-    """What was solved, at which cost, how well, and where it ended."""
+def summary(run: Result, units: str | Sequence[str] | None = None) -> str:
+    """What was solved, at which cost, how well, and where it ended; quantities in some units (`display`)."""
+    shown = display(units)
+    rows = [(name, shown.value(value, u), shown.unit(u), text) for name, value, u, text in final_rows(run)]
     title = run.flat.name + (f": {run.flat.description}" if run.flat.description else "")
     lines = [title]
     lines += _labelled("reduction", " → ".join(counted(n, stage) for stage, n in stages(run.reduced.counts)))
@@ -27,7 +30,7 @@ def summary(run: Result) -> str:
     lines += _labelled("cost", _cost(run))
     lines += _labelled("energy", energy_text(run))
     lines += _labelled("events", events_text(run.events))
-    lines += ["", f"at t = {run.time[-1]:g} s{_broke_off(run)}", *_table(final_rows(run))]
+    lines += ["", f"at t = {run.time[-1]:g} s{_broke_off(run)}", *_table(rows)]
     lines += [f"  {line}" for line in [_final_names(run)[1]] if line]
     return "\n".join(lines)
 

@@ -71,6 +71,11 @@ CATALOGUE: dict[str, Entry] = {
         "(or there is just one other column). All entries are numbers and time increases; a time that stands in two\n"
         "lines is a jump. Between two points the input lies between their values.",
     ),
+    "E0629": Entry(
+        "no unit to show results in",
+        "`--units` and `units=` take units of length, angle, speed, force and the like, one for each quantity,\n"
+        "such as `mm,deg,rpm`. They change what is printed and drawn; files keep SI units.",
+    ),
     "E0626": Entry(
         "not available",
         "The option exists in the design of lmoc, but the value asked for is not in this version.",
