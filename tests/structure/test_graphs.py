@@ -79,14 +79,26 @@ def test_transversals_and_offsets_of_random_systems(seed):
 
 
 def test_matchings_of_large_graphs_agree(monkeypatch):
-    """SciPy's matching and our own, on a graph in which nothing is forced."""
+    """SciPy's matching and our own, on graphs in which nothing is forced: as many pairs, all of them edges.
+
+    In the second graph the rows of one part share fewer columns than they are.
+    """
     n = 400
     rows = np.repeat(np.arange(n), 3)
-    columns = np.stack([np.arange(n), (np.arange(n) + 1) % n, (np.arange(n) * 7 + 3) % n], axis=1).ravel()
-    i = Incidence.of(n, n, rows, columns, np.zeros(3 * n, np.int64))
-    own = matching.maximum_matching(i)
-    monkeypatch.setattr(matching, "SMALL", 0)
-    assert (own >= 0).all() and (matching.maximum_matching(i) >= 0).all()
+    whole = np.stack([np.arange(n), (np.arange(n) + 1) % n, (np.arange(n) * 7 + 3) % n], axis=1)
+    narrow = np.where(np.arange(n)[:, None] < 100, whole % 60, whole)
+    own, other = [], []
+    for columns, size in ((whole, n), (narrow, n - 40)):
+        graph = Incidence.of(n, n, rows, columns.ravel(), np.zeros(3 * n, np.int64))
+        edges = set(zip(graph.row.tolist(), graph.column.tolist(), strict=True))
+        for small, found in ((10**6, own), (0, other)):
+            monkeypatch.setattr(matching, "SMALL", small)
+            match = matching.maximum_matching(graph)
+            used = np.flatnonzero(match >= 0)
+            assert set(zip(used.tolist(), match[used].tolist(), strict=True)) <= edges
+            assert len(set(match[used].tolist())) == len(used) <= size
+            found.append(len(used))
+    assert own == other and own[0] == n and own[1] < n
 
 
 def test_over_and_under_determined_parts():
