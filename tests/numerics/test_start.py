@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from oracles.by_hand import Scene
 
+import lmoc
 from lmoc.expression import dag
 from lmoc.expression.dag import slot
 from lmoc.ir.flat import Group
@@ -242,3 +243,28 @@ def test_newton_begins_at_the_start_value_and_keeps_to_its_branch(start, branch)
     assert np.cos(run["angle"]) == pytest.approx(np.cos(exact), abs=1e-9)
     if branch:
         assert run["angle"] == pytest.approx(branch * exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("force", [-0.09, 3.0, 1e-6])
+def test_a_cubic_spring_pushed_from_its_flat_place(force):
+    """Its free end: the extension is the cube root of the force over the stiffness, and the slope at zero is none."""
+    text = f"""\
+model Pushed
+  Mass m(m = 1, q(fixed = true), v(fixed = true));
+  CubicSpring s(k = 42);
+  Force f(f = {force});
+equation
+  connect(m.flange, s.a);
+  connect(s.b, f.flange);
+end Pushed;
+"""
+    run = lmoc.compile_text(text).simulate(stop=2, points=5)
+    assert run["s.extension"] == pytest.approx(np.full(5, np.cbrt(force / 42)), rel=1e-6)
+    assert run["m.q"] == pytest.approx(force * run.time**2 / 2, rel=1e-6, abs=1e-12)
+
+
+def test_a_flat_place_between_two_solutions_is_none():
+    """Turned either way, the lever would be at rest along the force: the model does not say which."""
+    lever = "model M Lever l(l1 = 1, l2 = 1); Force f(f = 1); equation connect(l.a, f.flange); end M;"
+    with pytest.raises(lmoc.ModelError, match="E0535"):
+        lmoc.compile_text(lever).check()

@@ -17,6 +17,8 @@ _LOOSE = 1e-8  # good enough where the corrections do not shrink any more
 _ITERATIONS = 50
 _FEW = 10  # enough from nearby
 _HALVINGS = 12
+_BESIDE = (1e-3, 0.1, 1.0, 10.0)  # how far beside a flat first guess a search begins again, on both sides
+_NEAR_SAME = 1e-6  # of the size of the unknowns: solutions found from both sides are the same
 _ROUNDING = 1e-15  # of the terms of an equation: what their sum may miss zero by
 _NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
 
@@ -123,10 +125,31 @@ class Newton:
             self.target = np.full(self.shape, np.nan)  # wherever this ends, it is not near
             if self.last is not None and self.patient:
                 u, good, _ = iterate(residual, matrix, guess, _ITERATIONS)
+            if not good.all() and self.patient:
+                u, good = _from_both_sides(residual, matrix, guess, u, good)
         u = np.where(good[:, None], u, np.nan)
         if good.all():
             self.last = u
         return u
+
+
+def _from_both_sides(residual, matrix, guess, u, good) -> tuple[np.ndarray, np.ndarray]:
+    """Solutions of the instances whose first guess is a flat place (``e^3 = f`` at ``e = 0``), from beside it.
+
+    One is taken where both sides lead to the same; where they part, as at ``cos(x) = 0`` from ``x = 0``, neither is
+    what the model says.
+    """
+    for away in _BESIDE:
+        aside = away * (1.0 + np.abs(guess))
+        found = [iterate(residual, matrix, guess + sign * aside, _ITERATIONS) for sign in (1.0, -1.0)]
+        (one, one_good, _), (other, other_good, _) = found
+        with np.errstate(invalid="ignore"):
+            same = np.abs(one - other).max(axis=1) <= _NEAR_SAME * (1.0 + np.abs(one).max(axis=1))
+        new = ~good & one_good & other_good & same
+        u, good = np.where(new[:, None], one, u), good | new
+        if good.all():
+            break
+    return u, good
 
 
 def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
