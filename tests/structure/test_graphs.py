@@ -92,7 +92,7 @@ def test_matchings_of_large_graphs_agree(monkeypatch):
         graph = Incidence.of(n, n, rows, columns.ravel(), np.zeros(3 * n, np.int64))
         edges = set(zip(graph.row.tolist(), graph.column.tolist(), strict=True))
         for small, found in ((10**6, own), (0, other)):
-            monkeypatch.setattr(matching, "SMALL", small)
+            monkeypatch.setattr(matching, "WITHOUT_SCIPY", small)
             match = matching.maximum_matching(graph)
             used = np.flatnonzero(match >= 0)
             assert set(zip(used.tolist(), match[used].tolist(), strict=True)) <= edges
@@ -128,7 +128,7 @@ def test_blocks_and_levels():
 @pytest.mark.parametrize("limit", [0, 10**6])
 @pytest.mark.parametrize("seed", range(10))
 def test_blocks_are_strongly_connected(seed, limit, monkeypatch):
-    monkeypatch.setattr(blocks, "SMALL", limit)
+    monkeypatch.setattr(blocks, "WITHOUT_SCIPY", limit)
     random = np.random.default_rng(seed)
     user, source = random.integers(0, 30, (2, 50))
     found = blocks.blocks_of(user, source, 30)

@@ -13,9 +13,7 @@ import numpy as np
 from lmoc.structure.index.incidence import pointers, ranges
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
-
-# edges up to which Tarjan's algorithm in Python costs less than importing SciPy
-SMALL = 30_000
+from lmoc.support.sizes import WITHOUT_SCIPY
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +34,7 @@ class Blocks:
 
 def blocks_of(user: np.ndarray, source: np.ndarray, count: int) -> Blocks:
     """Blocks of `count` equations, where equation ``user[i]`` reads what equation ``source[i]`` computes."""
-    label = _tarjan(user, source, count) if len(user) <= SMALL else _scipy(user, source, count)
+    label = _tarjan(user, source, count) if len(user) <= WITHOUT_SCIPY else _scipy(user, source, count)
     total = int(label.max()) + 1 if count else 0
     a, b = label[user], label[source]
     across = a != b

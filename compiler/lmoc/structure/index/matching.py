@@ -13,9 +13,7 @@ import numpy as np
 from lmoc.structure.index.incidence import Incidence
 from lmoc.support.distinct import distinct, first_of_each
 from lmoc.support.indices import INDEX
-
-# entries up to which a search in Python costs less than importing SciPy
-SMALL = 30_000
+from lmoc.support.sizes import WITHOUT_SCIPY
 
 
 def forced_pairs(incidence: Incidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,7 +64,7 @@ def maximum_matching(incidence: Incidence) -> np.ndarray:
     match, rows, columns = forced_pairs(incidence)
     if len(rows) and len(columns):
         rest = incidence.submatrix(rows, columns)
-        found = _search(rest) if len(rest.row) <= SMALL else _hopcroft_karp(rest)
+        found = _search(rest) if len(rest.row) <= WITHOUT_SCIPY else _hopcroft_karp(rest)
         match[rows] = np.where(found >= 0, columns[found], -1)
     return match
 

@@ -7,9 +7,7 @@ from collections import deque
 import numpy as np
 
 from lmoc.support.indices import INDEX, counted, positions
-
-# up to here the graph is walked in Python: it costs less than importing scipy
-SMALL = 30_000
+from lmoc.support.sizes import WITHOUT_SCIPY
 
 UNUSED, FIRST_IS_CHILD, SECOND_IS_CHILD = 0, 1, 2
 
@@ -30,7 +28,7 @@ def orient(first: np.ndarray, second: np.ndarray, known: np.ndarray, score: np.n
     -------
     (n,) UNUSED for the edges outside the forest, FIRST_IS_CHILD where `second` is the parent, or SECOND_IS_CHILD
     """
-    return (_orient_small if len(first) <= SMALL else _orient_large)(first, second, known, score)
+    return (_orient_small if len(first) <= WITHOUT_SCIPY else _orient_large)(first, second, known, score)
 
 
 def _orient_small(first: np.ndarray, second: np.ndarray, known: np.ndarray, score: np.ndarray) -> np.ndarray:
