@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import sympy
 
     from lmoc.numerics.evaluate.functions import Functions, StartValues
+    from lmoc.report.live import Live
     from lmoc.report.run import Run
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
@@ -243,6 +244,33 @@ class DAE:
             if other is None:
                 raise
         return self._run(session, other, options, initial, inputs, clock, progress)
+
+    def live(
+        self,
+        start: float | None = None,
+        initial: Point | str | None = None,
+        inputs: Mapping[str, object] | None = None,
+        parameters: Mapping[str, Value] | None = None,
+        rtol: float | None = None,
+    ) -> Live:
+        """Return the scene at its start, to be stepped from a loop.
+
+        Parameters
+        ----------
+        start, initial, parameters, rtol : as in `simulate`
+        inputs : as in `simulate`; numbers can be changed on the way
+
+        Raises
+        ------
+        ModelError
+            As `simulate` does at its start.
+        """
+        from lmoc.report.live import Live
+
+        start = (self.flat.experiment.start or 0.0) if start is None else start
+        options = {"parameters": parameters, "rtol": rtol, "energy": False}
+        run = self.simulate(start=start, times=[start], initial=initial, inputs=inputs, **options)
+        return Live(self, run, inputs or {}, options)
 
     def _run(self, session: Session, prepared: Prepared, options, initial, inputs, clock: Clock, progress) -> Run:
         report = Report()

@@ -23,7 +23,6 @@ STATES = {
     "wheel_with_pendulum": 5,  # the wheel's angle is free beside its place
 }
 LACKING = {
-    "pendulum_cartesian": pytest.mark.xfail(reason="coordinates do not change while running yet", strict=True),
     "three_cranks": pytest.mark.xfail(reason="constraints that repeat others on the manifold are not dropped yet"),
 }
 RUNNING = [pytest.param(name, marks=LACKING.get(name, ())) for name in STATES]

@@ -76,7 +76,7 @@ class Dop853(Integration):
             t_new = t + h
             if t + 1.001 * h >= end:  # the end is reached exactly
                 t_new, h = end, end - t
-            if h <= 8e-16 * abs(t_new) or h < _LEAST:
+            if not h > 8e-16 * abs(t_new) or h < _LEAST:  # so with a step that is no number
                 self.step_size = h
                 return Status.NOT_FINITE if self.lost else Status.COLLAPSED
             error, stiffness = stepper.attempt(t, h)

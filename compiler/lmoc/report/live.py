@@ -1,0 +1,276 @@
+"""A scene that is stepped from a loop: for controllers, games and hardware.
+
+A smooth scene whose equations are explicit keeps one integrator at work, which goes exactly to each time asked for;
+what it costs beside the integration is a few microseconds. Any other scene (switching laws, events, closed loops whose
+coordinates may have to change) is run from one time to the next as `simulate` does, from where the last run ended.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, MutableMapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.names import UnknownNameError, hint_for
+from lmoc.ir.program import Solve
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, SimulationError, nearest
+from lmoc.numerics.evaluate.select import make_system
+from lmoc.numerics.integrate import dop853
+from lmoc.numerics.integrate.base import Problem
+from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.trajectory import End
+from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.signals.signals import Constant, bind_signals
+from lmoc.numerics.sizes import assumed_sizes
+
+if TYPE_CHECKING:
+    from lmoc.report.run import Run
+
+
+_SAME = 1e-9  # what a variable changes by that does not depend on a state
+
+
+class Scene(Protocol):
+    """What is stepped: a `DAE`."""
+
+    def simulate(self, **options) -> Run: ...
+
+
+class Live:
+    """A scene at one time, and the way to a later one. Made by `DAE.live`.
+
+    Attributes
+    ----------
+    time : s
+    inputs : the numbers at the top-level inputs, {name: value}; those that follow another signal are absent until they
+        are set. A new value holds from the present time on
+    events : records of switching and impacts since the beginning
+    """
+
+    def __init__(self, scene: Scene, run: Run, inputs: Mapping[str, object], options: Mapping[str, object]):
+        self._scene, self._options, self._given = scene, dict(options), dict(inputs)
+        self.inputs = Inputs(self)
+        self.events: list = list(run.events)
+        self._stand(run)
+
+    def _stand(self, run: Run, end: End | None = None) -> None:
+        """Stand where a run has ended, or at another state of it."""
+        self._run = run
+        self._end = run.trajectory.end if end is None else end
+        self.time = float(self._end.time)
+        self._smooth = _Smooth(run, self._end, self._given) if _is_smooth(run) else None
+
+    def advance(self, dt: float) -> float:
+        """Go on by dt seconds; returns the time there.
+
+        Raises
+        ------
+        ModelError
+            E0541: dt is not positive.
+        SimulationError
+            The integration failed; `.time` is the time reached. Where it has no explicit equations, the scene stays
+            where it was before the call.
+        """
+        if not 0 < dt < math.inf:
+            raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s leads nowhere", expected="seconds, above 0")])
+        target = self.time + dt
+        if self._smooth is not None:
+            self._smooth.go(target)
+        else:
+            run = self._scene.simulate(
+                initial=self._end, start=self.time, stop=target, points=2, inputs=self._given, **self._options
+            )
+            self.events += [event for event in run.events if event.time > self.time]
+            self._run, self._end = run, run.trajectory.end
+        self.time = target
+        return target
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of a variable now.
+
+        Raises
+        ------
+        UnknownNameError
+            A KeyError: there is no such variable, or it is an array.
+        """
+        if self._smooth is not None:
+            return self._smooth.value(name)
+        return self._observed(name, self._end.x)
+
+    def _observed(self, name: str, x: np.ndarray) -> float:
+        observer = self._smooth.observer if self._smooth is not None else self._run.trajectory.pieces[-1].observer
+        return float(observer(_variable(self._run.flat, name), np.array([self.time]), x[None])[0, 0])
+
+    def set(self, name: str, value: float) -> None:
+        """Change a state now, or what one state alone determines and is linear in it.
+
+        Raises
+        ------
+        ModelError
+            E0621: it follows from several states, or from none.
+        """
+        x = np.array(self._smooth.run.x if self._smooth is not None else self._end.x, float)
+        names = self._end.states
+        if name in names:
+            x[names.index(name)] = value
+        else:
+            self._move(x, name, value)
+        if self._smooth is not None:
+            self._smooth.run.jump(x)
+        else:
+            self._end = replace(self._end, x=x)
+
+    def _move(self, x: np.ndarray, name: str, value: float) -> None:
+        """Change the one state that a variable follows."""
+        now, slopes = self._observed(name, x), {}
+        for i, state in enumerate(self._end.states):
+            there = x.copy()
+            there[i] += 1.0
+            slope = self._observed(name, there) - now
+            if abs(slope) > _SAME * max(1.0, abs(now)):
+                slopes[state] = i, slope
+        if len(slopes) != 1:
+            found = f"it follows from {', '.join(slopes)}" if slopes else "it follows from no state"
+            raise ModelError([Diagnostic("E0621", f"'{name}' cannot be set: {found}", hint="set states instead")])
+        ((i, slope),) = slopes.values()
+        x[i] += (value - now) / slope
+
+    def copy(self) -> Live:
+        """Return another scene that stands at the same place and goes its own way."""
+        other = Live.__new__(Live)
+        other._scene, other._options, other._given = self._scene, dict(self._options), dict(self._given)
+        other.inputs, other.events = Inputs(other), list(self.events)
+        other._stand(self._run, self._here())
+        return other
+
+    def _here(self) -> End:
+        if self._smooth is None:
+            return self._end
+        return replace(self._end, time=self.time, x=np.array(self._smooth.run.x))
+
+    def _give(self, name: str, variables: np.ndarray, value: float) -> None:
+        """A new number for an input."""
+        self._given[name] = value
+        if self._smooth is not None and not self._smooth.give(variables, value):
+            self._stand(self._run, self._here())
+
+    def __repr__(self) -> str:
+        return f"<Live {self._run.flat.name} at {self.time:g} s>"
+
+
+class Inputs(MutableMapping):
+    """The numbers at the inputs of a live scene."""
+
+    def __init__(self, live: Live):
+        self._live = live
+        self._variables: dict[str, np.ndarray] = {}
+
+    def __getitem__(self, name: str) -> float:
+        value = self._live._given[name]
+        if not isinstance(value, (int, float)):
+            raise KeyError(name)
+        return float(value)
+
+    def __setitem__(self, name: str, value: float) -> None:
+        found = self._variables.get(name)
+        if found is None:
+            found = self._variables[name] = self._find(name)
+        self._live._give(name, found, float(value))
+
+    def _find(self, name: str) -> np.ndarray:
+        flat = self._live._run.flat
+        found = flat.find(name)
+        if found is None or flat.kind[found[0]] != Kind.INPUT:
+            names = [b.pattern for b in flat.blocks if b.kind == Kind.INPUT]
+            hint = nearest(name, names) or (f"the inputs are {', '.join(names)}" if names else "the model has none")
+            raise ModelError([Diagnostic("E0622", f"'{name}' is not an input of '{flat.name}'", hint=hint)])
+        return found
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError("an input keeps a value: set another one")
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name, value in self._live._given.items() if isinstance(value, (int, float)))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+class _Smooth:
+    """One integrator that stays at work.
+
+    Attributes
+    ----------
+    run : the integrator, whose `x` are the states and quadratures
+    observer : computes all other variables
+    """
+
+    def __init__(self, run: Run, end: End, given: Mapping[str, object]):
+        report = Report()
+        self.values = run.trajectory.pieces[-1].observer.values
+        self.signals = bind_signals(run.flat, given, report, run.reduced.inputs[1:])
+        self.plan: Plan = build_plan(run.reduced, self.signals, False, report)
+        report.check()
+        self.system = make_system(self.plan)
+        self.base = self.plan.base(self.values, self.signals)
+        self.system.prepare(self.base, self.signals)
+        self.observer = Observer(self.plan, self.values, self.base, self.signals)
+        self.registers = {variable: register for register, variable in self.plan.constants}
+        self.states, self.seen = {name: i for i, name in enumerate(end.states)}, {}
+        rtol, none = float(run.stats["rtol"]), np.zeros(0)
+        atol = rtol * 1e-3 * assumed_sizes(self.plan, self.values, end.x, {})
+        problem = Problem(self.system, float(end.time), end.x, math.inf, none, rtol, atol, lambda first, states: None)
+        self.run = dop853.begin(problem)
+
+    def go(self, target: float) -> None:
+        """Integrate up to a time."""
+        run = self.run
+        run.end = target
+        while run.t < target:
+            status = run.step()
+            if status is not Status.OK and status is not Status.STIFF:
+                raise SimulationError(f"the run stopped at t = {run.t:.6g} s: {status.value}", run.t)
+
+    def value(self, name: str) -> float:
+        """A variable where the integrator stands."""
+        x = self.run.x
+        place = self.states.get(name)
+        if place is not None:
+            return float(x[place])
+        seen = self.seen.get(name)
+        if seen is None:
+            seen = self.seen[name] = self.observer.prepare(_variable(self.observer.flat, name))
+        return float(seen(np.array([self.run.t]), x[None])[0, 0])
+
+    def give(self, variables: np.ndarray, value: float) -> bool:
+        """Put a number at an input; False where the system has it as a signal of another kind."""
+        given = variables.tolist()
+        if not all(isinstance(self.signals.get(v), Constant) for v in given):
+            return False
+        for v in given:
+            self.signals[v] = Constant(value)
+            if v in self.registers:
+                self.base[self.registers[v]] = value
+        self.system.prepare(self.base, self.signals)
+        self.seen.clear()
+        self.run.jump(self.run.x)
+        return True
+
+
+def _variable(flat: FlatDAE, name: str) -> np.ndarray:
+    found = flat.find(name)
+    if found is None or len(found) != 1:
+        raise UnknownNameError(name, hint_for(flat, name))
+    return found
+
+
+def _is_smooth(run: Run) -> bool:
+    """Whether nothing switches, and no coordinates have to be watched."""
+    flat, reduced = run.flat, run.reduced
+    nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)
+    return not flat.laws and flat.events is None and not nonlinear and len(reduced.states) > 0

@@ -1,0 +1,108 @@
+"""A scene stepped from a loop does what a run does."""
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import lmoc
+from lmoc.ir.names import UnknownNameError
+
+CART = ROOT / "models/planar/cart_pole.lmo"
+BOUNCING = """model Ball
+  Real h(start = 1, fixed = true), v(start = 0, fixed = true);
+equation
+  der(h) = v;
+  der(v) = -9.81;
+  when h < 0 then
+    reinit(v, -0.7*pre(v));
+  end when;
+end Ball;"""
+
+
+@pytest.fixture(scope="module")
+def cart() -> lmoc.DAE:
+    return lmoc.compile(CART)
+
+
+def test_small_steps_lead_where_a_run_ends(cart):
+    live = cart.live(rtol=1e-9)
+    for dt in (0.1, 0.25, 1e-3, 0.649):
+        live.advance(dt)
+    run = cart.simulate(times=[0, 1.0], rtol=1e-9)
+    assert live.time == pytest.approx(1.0, abs=1e-15)
+    for name in ("phi", "rail.v", "pole.theta", "pole.a.fx"):
+        assert live[name] == pytest.approx(run[name][-1], abs=1e-7), name
+
+
+def test_an_input_holds_from_the_time_at_which_it_is_set(cart):
+    """Horizontal momentum is the impulse of the force."""
+    live = cart.live(inputs={"F": 0.0}, rtol=1e-9)
+    for k in range(20):
+        live.inputs["F"] = 1.0 if k % 2 else -3.0
+        live.advance(0.01)
+    speed = live["rail.v"] - 0.5 * np.sin(live["pole.theta"]) * live["pole.omega"]
+    assert 1.0 * live["rail.v"] + 0.1 * speed == pytest.approx((1.0 - 3.0) * 0.1, abs=1e-8)
+    assert dict(live.inputs) == {"F": 1.0}
+
+
+def test_an_input_with_a_signal_of_its_own_takes_a_number(cart):
+    live = cart.live(rtol=1e-9)  # F = 0 is the model's own
+    live.advance(0.1)
+    before = live["phi"]
+    live.inputs["F"] = 2.0
+    assert live["phi"] == before and live.inputs["F"] == 2.0
+    speed = live["rail.v"]
+    live.advance(1e-3)
+    assert live["rail.v"] > speed
+
+
+def test_a_state_is_set_directly_or_through_what_follows_it(cart):
+    live = cart.live()
+    live.advance(0.2)
+    live.set("rail.v", 1.0)
+    assert live["cart.vx"] == pytest.approx(1.0)
+    live.set("cart.vx", -0.5)
+    assert live["rail.v"] == pytest.approx(-0.5)
+    with pytest.raises(lmoc.ModelError, match=r"E0621.*rail\.s, pin\.phi"):
+        live.set("pole.b.x", 1.0)
+
+
+def test_a_copy_goes_its_own_way(cart):
+    live = cart.live(inputs={"F": 0.0})
+    live.advance(0.1)
+    other = live.copy()
+    live.inputs["F"] = 5.0
+    live.advance(0.1)
+    assert other.time == pytest.approx(0.1) and other.inputs["F"] == 0.0
+    other.advance(0.1)
+    assert live["rail.v"] > other["rail.v"] + 0.1
+
+
+def test_a_closed_loop_is_stepped_too():
+    dae = lmoc.compile(ROOT / "models/planar/four_bar.lmo")
+    live = dae.live(rtol=1e-8)
+    for _ in range(3):
+        live.advance(0.05)
+    assert live["psi"] == pytest.approx(dae.simulate(times=[0, 0.15], rtol=1e-8)["psi"][-1], abs=1e-6)
+
+
+def test_events_are_kept():
+    live = lmoc.compile_text(BOUNCING).live(rtol=1e-9)
+    for _ in range(12):
+        live.advance(0.1)
+    times = [event.time for event in live.events]
+    first = np.sqrt(2 / 9.81)
+    assert times[:2] == pytest.approx([first, 2.4 * first], abs=1e-7)
+    assert live["v"] == pytest.approx(0.49 * 9.81 * first - 9.81 * (1.2 - 2.4 * first), abs=1e-6)
+
+
+def test_what_is_wrong_is_told(cart):
+    live = cart.live()
+    with pytest.raises(lmoc.ModelError, match="E0541"):
+        live.advance(0.0)
+    with pytest.raises(lmoc.ModelError, match="E0622"):
+        live.inputs["G"] = 1.0
+    with pytest.raises(UnknownNameError, match="did you mean 'phi'"):
+        live["phii"]
+    with pytest.raises(lmoc.ModelError, match="E0622"):
+        cart.live(initial={"nowhere": 1.0})
