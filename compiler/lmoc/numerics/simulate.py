@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmoc.expression.dag import slots
+from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.ranges import report_alike
@@ -49,6 +51,15 @@ class Simulator:
             self._systems[key] = plan, make_system(plan)
         return self._systems[key]
 
+    def _orders(self) -> np.ndarray:
+        """Return which derivatives of which inputs are in use, (2, k): initial equations may ask for rates as well."""
+        flat, used = self.reduced.flat, self.reduced.inputs[1:]
+        leaves = [n for g in flat.initial_groups for e in (g.left, g.right) for n in slots(e)]
+        if not any(order for _, order in (n.value for n in leaves)):
+            return used
+        rates = np.flatnonzero(flat.kind == Kind.INPUT)
+        return np.concatenate([used, np.stack([rates, np.ones_like(rates)])], axis=1)
+
     def _extended(self, values: np.ndarray) -> np.ndarray:
         """Return parameter values with room for the variables that the reduction has added to the flat model."""
         return np.concatenate([values, np.full(self.reduced.flat.count - len(values), np.nan)])
@@ -88,7 +99,7 @@ class Simulator:
         values = self._extended(self.reduced.values if values is None else values)
         report = Report()
         span = check_options(options, self.reduced, report, initial)
-        signals = bind_signals(self.reduced.flat, inputs, report, self.reduced.inputs[1:], (span.start, span.end))
+        signals = bind_signals(self.reduced.flat, inputs, report, self._orders(), (span.start, span.end))
         report.check()
         if self.reduced.switched is not None:
             from lmoc.numerics.laws.switching import all_open
