@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.ir.program import needed_steps, read, written
+from lmoc.ir.program import Program, needed_steps, read, written
 from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.tableau import Tableau, exchanged, is_rank_deficient, tableau, vanishes
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.plan import Plan
+
+if TYPE_CHECKING:
+    import casadi
 
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good
@@ -162,19 +167,10 @@ class CoordinateWatch:
 
 def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[float, np.ndarray], np.ndarray]:
     """Return ``(t, x) -> entries``, from the registers of a system that keeps them, else by a function of its own."""
-    plan, none = system.plan, np.zeros(0, int)
-    kept = system.registers is not None
-    program = own.program if kept else needed_steps((*plan.program, *own.program), own.register, own.count)
-    inside = np.zeros(own.count, bool)
-    for registers in (*map(written, program), *(() if kept else (plan.states, plan.sampled))):
-        inside[registers] = True
-    used = np.zeros(own.count, bool)
-    for step in program:
-        used[read(step)] = True
-    used = np.flatnonzero(used & ~inside)
+    plan, kept = system.plan, system.registers is not None
+    program, used, function = plan.once(_from_registers if kept else _from_states)
     out, sampled = np.empty(system.n), np.zeros(len(plan.sampled))
-    small = can_lower(program) and sum(len(written(s)) for s in program) <= CASADI_ROWS
-    if not small:
+    if function is None:
         w, interpreter = np.zeros(own.count), Interpreter(program, own.count)
 
         def by_numpy(t: float, x: np.ndarray) -> np.ndarray:
@@ -184,10 +180,8 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[fl
             return w[own.register]
 
         return by_numpy
-    states, signals = (none, none) if kept else (plan.states, plan.sampled)
-    function = Lowered(program, own.count, states, used, signals, own.register).function("constraints")
-    time, at, known = np.zeros(1), np.zeros(len(states)), base[used].copy()
-    call = Buffered(function, (time, at, known, sampled if len(signals) else none.astype(float)))
+    time, at, known = np.zeros(1), np.zeros(0 if kept else len(plan.states)), base[used].copy()
+    call = Buffered(function, (time, at, known, np.zeros(0) if kept else sampled))
 
     def entries(t: float, x: np.ndarray) -> np.ndarray:
         time[0] = t
@@ -201,6 +195,35 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[fl
         return call.results[0].copy()
 
     return entries
+
+
+def _from_registers(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
+    """What computes the entries from the registers of the system: a program, what it reads, and it as a function."""
+    own, none = plan.reduced.constraints, np.zeros(0, int)
+    return _lowered(own, own.program, none, none)
+
+
+def _from_states(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
+    """What computes the entries from the states and sampled inputs."""
+    own = plan.reduced.constraints
+    program = needed_steps((*plan.program, *own.program), own.register, own.count)
+    return _lowered(own, program, plan.states, plan.sampled)
+
+
+def _lowered(
+    own: Constraints, program: Program, states: np.ndarray, signals: np.ndarray
+) -> tuple[Program, np.ndarray, casadi.Function | None]:
+    inside = np.zeros(own.count, bool)
+    for registers in (*map(written, program), states, signals):
+        inside[registers] = True
+    used = np.zeros(own.count, bool)
+    for step in program:
+        used[read(step)] = True
+    reads = np.flatnonzero(used & ~inside)
+    if not can_lower(program) or sum(len(written(s)) for s in program) > CASADI_ROWS:
+        return program, reads, None
+    function = Lowered(program, own.count, states, reads, signals, own.register).function("constraints")
+    return program, reads, function
 
 
 def _evaluate(system: System, t: float, x: np.ndarray, out: np.ndarray) -> None:
