@@ -19,6 +19,7 @@ from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
 from lmoc.numerics.evaluate.segments import can_segment
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.choice import integrate
@@ -47,6 +48,8 @@ def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
         found["casadi"] = CasadiSystem(plan)
     elif can_segment(plan.program):
         found["casadi, blocks"] = SegmentedSystem(plan)
+        if can_unroll(plan.program):
+            found["casadi, unrolled"] = UnrolledSystem(plan)
     if find_compiler():
         from lmoc.numerics.evaluate.native.system import NativeSystem
 

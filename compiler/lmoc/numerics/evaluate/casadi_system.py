@@ -76,7 +76,7 @@ def lower_steps(program: Program, w: list, time) -> None:
         elif isinstance(step, Total):
             _lower_total(step, w)
         else:
-            _lower_linear(step, w, time)
+            lower_linear(step, w, time)
 
 
 def _lower_apply(step: Apply, w: list, time) -> None:
@@ -104,7 +104,7 @@ def _lower_total(step: Total, w: list) -> None:
         w[target] = total
 
 
-def _lower_linear(step: Solve, w: list, time) -> None:
+def lower_linear(step: Solve, w: list, time) -> None:
     """The matrix by symbolic differentiation of the residuals, then elimination (Cramer's rule up to two unknowns)."""
     import casadi as ca
 
@@ -118,20 +118,55 @@ def _lower_linear(step: Solve, w: list, time) -> None:
         r = ca.vertcat(*[w[k] for k in residual])
         matrix = ca.densify(ca.jacobian(r, u))
         rest = ca.densify(ca.substitute(r, u, ca.SX.zeros(len(own), 1)))
-        for register, value in zip(own, _eliminate(matrix, -rest), strict=True):
+        for register, value in zip(own, eliminate(matrix, -rest), strict=True):
             w[register] = value
     lower_steps(step.inner, w, time)
 
 
-def _eliminate(a, b) -> list:
-    import casadi as ca
+def eliminate(a, b) -> list:
 
     if b.numel() == 1:
         return [b[0] / a[0, 0]]
     if b.numel() == 2:
         determinant = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
         return [(a[1, 1] * b[0] - a[0, 1] * b[1]) / determinant, (a[0, 0] * b[1] - a[1, 0] * b[0]) / determinant]
-    return ca.vertsplit(ca.solve(a, b))
+    return _gauss([[a[i, j] for j in range(a.size2())] for i in range(a.size1())], [b[i] for i in range(b.numel())])
+
+
+def _gauss(a: list[list], b: list) -> list:
+    """Elimination with row pivoting, written out: rows change places by their numbers.
+
+    (`casadi.solve` orthogonalizes, by a method that loses digits where the rows are of different sizes.)
+    """
+    import casadi as ca
+
+    n = len(b)
+    for k in range(n):
+        for i in range(k + 1, n):
+            if a[i][k].is_zero():
+                continue
+            if a[k][k].is_zero():
+                a[k], a[i], b[k], b[i] = a[i], a[k], b[i], b[k]
+                continue
+            larger = ca.fabs(a[i][k]) > ca.fabs(a[k][k])
+            for row_k, row_i, j in [*((a[k], a[i], j) for j in range(k, n)), (b, b, None)]:
+                x, y = (row_k[k], row_i[i]) if j is None else (row_k[j], row_i[j])
+                if x.is_zero() and y.is_zero():
+                    continue
+                first, second = ca.if_else(larger, y, x), ca.if_else(larger, x, y)
+                row_k[k if j is None else j], row_i[i if j is None else j] = first, second
+        for i in range(k + 1, n):
+            if not a[i][k].is_zero():
+                factor = a[i][k] / a[k][k]
+                for j in range(k + 1, n):
+                    a[i][j] = a[i][j] - factor * a[k][j]
+                b[i] = b[i] - factor * b[k]
+    x: list = [None] * n
+    for i in reversed(range(n)):
+        for j in range(i + 1, n):
+            b[i] = b[i] - a[i][j] * x[j]
+        x[i] = b[i] / a[i][i]
+    return x
 
 
 class Lowered:

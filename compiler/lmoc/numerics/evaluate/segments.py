@@ -55,6 +55,8 @@ class SegmentedProgram:
         """The solvers of nonlinear blocks."""
         return [block.newton for block in self._nonlinear]
 
+    nonlinear_newtons = newtons
+
     @property
     def unknowns(self) -> np.ndarray:
         """One register of each instance of a nonlinear block."""
@@ -75,7 +77,7 @@ class SegmentedProgram:
             piece.run(w, time)
 
 
-def _outside(program: Program, own: np.ndarray, count: int) -> np.ndarray:
+def outside(program: Program, own: np.ndarray, count: int) -> np.ndarray:
     """Registers that a program reads and neither writes nor has among `own`."""
     used = np.zeros(count, bool)
     for step in program:
@@ -91,7 +93,7 @@ class _Segment:
 
     def __init__(self, program: Program, count: int) -> None:
         none = np.zeros(0, int)
-        self.reads = _outside(program, none, count)
+        self.reads = outside(program, none, count)
         self.writes = np.unique(np.concatenate([written(s) for s in program]))
         function = Lowered(program, count, none, self.reads, none, self.writes).function("segment")
         self.time, self.values, nothing = np.zeros(1), np.zeros(len(self.reads)), np.zeros(0)
@@ -115,7 +117,7 @@ class _Block:
 
         self.step = step
         self.unknowns, residuals = step.unknowns.ravel(), step.residuals.ravel()
-        self.reads = _outside(step.inner, self.unknowns, count)
+        self.reads = outside(step.inner, self.unknowns, count)
         inside = np.unique(np.concatenate([written(s) for s in step.inner]))
         self.between = inside[~np.isin(inside, np.concatenate([self.unknowns, residuals]))]
         lowered = Lowered(step.inner, count, self.unknowns, self.reads, [], [*residuals, *self.between])

@@ -12,6 +12,7 @@ from lmoc.numerics.evaluate.explicit_system import CasadiSystem
 from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
 from lmoc.numerics.evaluate.segments import can_segment
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.plan import Plan
 
@@ -42,6 +43,8 @@ def interpreted(plan: Plan) -> System:
     """Return the way of evaluating that suits a plan where nothing is compiled."""
     if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
         return CasadiSystem(plan)
+    if can_unroll(plan.program):
+        return UnrolledSystem(plan)
     if plan.row_count <= CASADI_ROWS and can_segment(plan.program):
         return SegmentedSystem(plan)
     return VectorSystem(plan)
