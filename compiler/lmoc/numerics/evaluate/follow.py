@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.numerics.evaluate.newton import Newton
 
-_SHORTEST = 2.0**-10  # of the way between two output times
+SHORTEST = 2.0**-10  # of the way between two output times
 
 
 class Follower:
@@ -82,7 +82,7 @@ class Follower:
         The second result tells whether it has led all the way.
         """
         reached, step, solutions = 0.0, 0.5, self._solutions()
-        while reached < 1.0 and step >= _SHORTEST:
+        while reached < 1.0 and step >= SHORTEST:
             goal = min(1.0, reached + step)
             w = np.where(old == new, new, (1.0 - goal) * old + goal * new)
             self._seek(w, (1.0 - goal) * old_time + goal * time, False)

@@ -12,6 +12,7 @@ import numpy as np
 
 from lmoc.ir.program import Program, Solve, program_rows, written
 from lmoc.numerics.evaluate.casadi_system import Buffered, can_lower, eliminate, lower_linear, lower_steps
+from lmoc.numerics.evaluate.follow import SHORTEST
 from lmoc.numerics.evaluate.newton import Newton
 from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment, outside
 from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
@@ -72,17 +73,39 @@ class UnrolledSystem(VectorSystem):
         if self.samplers:
             self.sample(t, self._u)
             w[self.plan.sampled] = self._u
-        self._time[0] = t
-        np.take(w, self._reads, out=self._values)
-        self._call()
-        values, z, good = self._call.results
-        first = self._solved is None
-        if good[0] == 1.0 or (first and good[1] == 1.0):
-            w[self._writes] = values
-            self._z[:] = z
-            self._solved = w[self._reads], t
+        given = w[self._reads]
+        if self._step(t, given) or self._approach(t, given):
+            w[self._writes] = self._call.results[0]
+            self._solved = given, t
         else:
             self._follow_slowly(t)
+
+    def _step(self, t: float, given: np.ndarray) -> bool:
+        """Seek the solution near the last one; whether it was found. At the start any solution will do."""
+        self._time[0] = t
+        self._values[:] = given
+        self._call()
+        _, z, (good, converged) = self._call.results
+        if good == 1.0 or (self._solved is None and converged == 1.0):
+            self._z[:] = z
+            return True
+        return False
+
+    def _approach(self, t: float, given: np.ndarray) -> bool:
+        """Go the way from the last solution in shorter steps, as `follow` does; whether it leads all the way."""
+        if self._solved is None:
+            return False
+        (old, old_time), kept, reached, length = self._solved, self._z.copy(), 0.0, 0.5
+        while reached < 1.0 and length >= SHORTEST:
+            goal = min(1.0, reached + length)
+            between = given if goal == 1.0 else np.where(old == given, given, (1.0 - goal) * old + goal * given)
+            if self._step((1.0 - goal) * old_time + goal * t, between):
+                reached, length = goal, 2.0 * length
+            else:
+                length /= 2.0
+        if reached < 1.0:
+            self._z[:] = kept
+        return reached == 1.0
 
     def _follow_slowly(self, t: float) -> None:
         """Let the segmented evaluation go the way from the last solution."""
