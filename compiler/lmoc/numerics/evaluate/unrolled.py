@@ -19,11 +19,11 @@ from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
-_ITERATIONS = 5
+_ITERATIONS = 6
 _LARGEST = 16  # unknowns of a block whose elimination is written out
 _ROWS = 1500  # of a program whose blocks are
 _EXACT, _FAST = 1e-13, 1e-2  # the last correction is this small, or this small beside the one before and below …
-_SMALL = 1e-7  # … this, after which the error is of its square
+_SMALL = 1e-9  # … this, after which the error is of its square
 _NEAR, _LOOSE = 0.25, 1e-8  # as in `newton`
 
 
