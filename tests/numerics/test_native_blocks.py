@@ -250,3 +250,39 @@ def test_literal_numbers_and_tables_give_the_same(monkeypatch):
     assert small.kernel._numbers.size < large.kernel._numbers.size
     x = np.array([dae.simulate(times=[0.0])[n][0] for n in dae.states] + [0.0] * (small.n - len(dae.states)))
     np.testing.assert_allclose(rates(large, 0.0, x), rates(small, 0.0, x), rtol=1e-11)
+
+
+# ------------------------------------------------------------------------------------------- without a compiler
+
+
+def test_blocks_written_out_in_casadi_follow_their_branch_and_say_where_there_is_none():
+    from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
+
+    for start, sign in ((1.2, 1), (-1.2, -1)):
+        dae = lmoc.compile_text(ARC.format(start=start))
+        report = Report()
+        signals = bind_signals(dae.flat, None, report)
+        plan = build_plan(dae.reduced, signals, False, report)
+        assert can_unroll(plan.program)
+        system = UnrolledSystem(plan)
+        system.prepare(plan.base(dae.values, signals), signals)
+        for x in (0.3, 0.9, -0.95, 0.99, -0.2):  # ways that are too long for a few iterations
+            assert rates(system, 0.0, np.array([x, 0.0]))[1] == pytest.approx(sign * np.sqrt(1 - x * x), abs=1e-9)
+        assert np.isnan(rates(system, 0.0, np.array([1.1, 0.0]))).any()
+        assert rates(system, 0.0, np.array([0.5, 0.0]))[1] == pytest.approx(sign * np.sqrt(0.75), abs=1e-9)
+
+
+def test_elimination_written_out_pivots():
+    import casadi as ca
+
+    from lmoc.numerics.evaluate.casadi_system import eliminate
+
+    random = np.random.default_rng(5)
+    for n in (3, 5, 9):
+        a, b = ca.SX.sym("a", n, n), ca.SX.sym("b", n)
+        solve = ca.Function("solve", [a, b], [ca.vertcat(*eliminate(a, b))])
+        for _ in range(10):
+            matrix, right = random.normal(size=(n, n)) * 10.0 ** random.uniform(-8, 8, (n, 1)), random.normal(size=n)
+            matrix[0, 0] = 0.0
+            exact = np.linalg.solve(matrix, right)
+            assert np.array(solve(matrix, right)).ravel() == pytest.approx(exact, rel=1e-9)
