@@ -74,6 +74,28 @@ end A;
 """
 
 
+EQUAL_CRANK = """
+model Equal "a crank and a connecting rod of the same length: at 90 degrees the rod may turn back or go through"
+  parameter Real J = 1, m = 1;
+  Real t(start = 0.3, fixed = true), p(start = -0.3), x, w(start = 3, fixed = true), wp, v, f1, f2;
+equation
+  der(t) = w; der(p) = wp; der(x) = v;
+  cos(t) + cos(p) = x; sin(t) + sin(p) = 0;
+  J*der(w) = -sin(t)*f1 + cos(t)*f2; 0.1*der(wp) = -sin(p)*f1 + cos(p)*f2; m*der(v) = -f1;
+end Equal;
+"""
+
+
+@pytest.mark.parametrize("options", [{}, {"points": 2}, {"solver": "cvode", "rtol": 1e-8}, {"solver": "radau"}])
+def test_a_bifurcation_ends_a_run_with_both_branches_named(options):
+    with pytest.raises(lmoc.SimulationError, match="singular position follows.*branches") as caught:
+        lmoc.compile_text(EQUAL_CRANK).simulate(stop=5, **options)
+    partial = caught.value.partial
+    last = partial["t"][-1]
+    assert 0.9 * np.pi / 2 < last < np.pi / 2
+    assert partial["p"] == pytest.approx(-partial["t"], abs=1e-9)
+
+
 @pytest.fixture(scope="module")
 def height():
     return lmoc.compile_text(HEIGHT)

@@ -44,6 +44,10 @@ from lmoc.support.distinct import distinct
 if TYPE_CHECKING:
     from lmoc.numerics.events.happenings import Happenings
 
+_FINER = 0.1  # factor on the tolerances of pieces behind a change of coordinates
+_FINEST = 1e-14  # relative tolerance
+
+
 def run_pieces(
     task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
 ) -> Trajectory:
@@ -252,14 +256,16 @@ class _Run:
         self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
         if self.tolerances is None or self.tolerances[0] is not stretch.plan:
             self.tolerances = stretch.plan, self._absolute_tolerances(x)
+        # what follows from the states is known less well than they are, where one choice after the other divides by it
+        finer = _FINER if stretch.watch is not None and self.pieces else 1.0
         problem = Problem(
             stretch.system,
             begin,
             x,
             end,
             times,
-            self.rtol,
-            self.tolerances[1],
+            max(self.rtol * finer, _FINEST),
+            self.tolerances[1] * finer,
             lambda first, states: recorder(first + done, states),
             max_step=self.longest if now is None else min(self.longest, now.longest_step),
             max_steps=options.max_steps,

@@ -69,6 +69,8 @@ class Changes:
         if not watch.passed_a_singular_place:
             watch.tolerate()
             return Way(stretch, outcome.x, self.longest)
+        if watch.bifurcation:
+            return self._nowhere(stretch)
         distance = (watch.at - t) / 4  # the way up to it is gone in shorter steps
         if distance > _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start):
             return Way(stretch, outcome.x, min(distance, self.longest))

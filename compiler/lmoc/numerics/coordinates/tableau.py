@@ -14,7 +14,6 @@ import numpy as np
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
-_SINGULAR = 1e-7  # the smallest singular value of all constraints, in rows of one size, below which they are dependent
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +83,13 @@ def vanishes(matrix: np.ndarray) -> bool:
     return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < _VANISHING)
 
 
-def is_rank_deficient(matrix: np.ndarray) -> bool:
-    """Whether the constraints depend on each other here, whatever the coordinates: a bifurcation of the motion."""
+def rank_margin(matrix: np.ndarray, size: np.ndarray) -> float:
+    """Return the smallest singular value of all constraints: zero where they depend on each other, whatever the choice.
+
+    Parameters
+    ----------
+    size : (rows, 1) of the rows
+    """
     if not np.isfinite(matrix).all():
-        return False
-    size = np.linalg.norm(matrix, axis=1, keepdims=True)
-    values = np.linalg.svd(matrix / np.where(size > 0, size, 1.0), compute_uv=False)
-    return bool(values[-1] < _SINGULAR * values[0])
+        return 0.0
+    return float(np.linalg.svd(matrix / np.where(size > 0, size, 1.0), compute_uv=False)[-1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from lmoc.ir.program import Program, needed_steps, read, written
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.tableau import Tableau, exchanged, is_rank_deficient, tableau, vanishes
+from lmoc.numerics.coordinates.tableau import Tableau, exchanged, rank_margin, tableau, vanishes
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good
 _MARGIN, _TOLERATED = 2.0, 25.0
+# by which the tableau jumps from one branch to another, how near to dependent the constraints are then at the ends of a
+# step however long, and as near as they are at a bifurcation
+_JUMP, _NEAR, _DEPENDENT = 1.0, 0.5, 1e-2
 
 
 class CoordinateWatch:
@@ -63,7 +66,7 @@ class CoordinateWatch:
         found = self._look(matrix)
         self.at = t
         self._before, self._last = self._last, (matrix, found)
-        if found.worst(~self.barred) > self.limit or found.sign != self._before[1].sign:
+        if found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
             return Status.COORDINATES
         self._note(t, x)
         return Status.OK
@@ -78,9 +81,8 @@ class CoordinateWatch:
         Those that are good where the step rejected has led to, as long as it has passed no singular place; otherwise
         those that are best where it began.
         """
-        places = [p for p in (self._last, self._before) if p is not None]
-        passed = len(places) == 2 and places[0][1].sign != places[1][1].sign
-        matrix, found = places[-1] if passed else places[0]
+        passed = self._before is not None and self.passed_a_singular_place
+        matrix, found = self._before if passed else self._last
         if found.sign == 0.0:
             held = self._by_pivots(matrix)
             return [held] if held else []
@@ -94,9 +96,18 @@ class CoordinateWatch:
 
     @property
     def passed_a_singular_place(self) -> bool:
-        """Whether the last step judged has led over a place where the coordinates do not determine the rest."""
+        """Whether the last step judged has led over a place where the coordinates do not determine the rest.
+
+        The determinant has changed its sign; or else the constraints have come near to depend on each other, and the
+        tableau, which gives the velocities, has jumped: the solution is on another branch.
+        """
         before, last = self._before, self._last
-        return last[1].sign == 0.0 or (before is not None and before[1].sign != last[1].sign)
+        if before is None or last[1].sign == 0.0:
+            return last[1].sign == 0.0
+        if before[1].sign != last[1].sign:
+            return True
+        jump = float(np.abs(last[1].table - before[1].table).max(initial=0.0))
+        return jump > _JUMP and self._margin() < _NEAR
 
     def tolerate(self) -> None:
         """Take the last step's coordinates for as good as they can be."""
@@ -104,9 +115,10 @@ class CoordinateWatch:
 
     @property
     def bifurcation(self) -> bool:
-        """Whether no choice of coordinates serves about here."""
-        places = [self._last[0]] if self._before is None else [self._before[0], self._last[0]]
-        return any(is_rank_deficient(matrix) for matrix in places)
+        """Whether no choice of coordinates serves about here, neither where the last step begins nor where it ends."""
+        place = self._before or self._last
+        size = self._size.max(axis=1, keepdims=True)
+        return self._margin() < _DEPENDENT and rank_margin(place[0], size) < 5 * _DEPENDENT
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""
@@ -116,6 +128,12 @@ class CoordinateWatch:
         return int(self.constraints.variable[self.constraints.watched[row]])
 
     # ------------------------------------------------------------------ behind it
+
+    def _margin(self) -> float:
+        """The smallest singular value of the constraints at the ends of the last step, in rows of the sizes so far."""
+        places = [p[0] for p in (self._before, self._last) if p is not None]
+        size = self._size.max(axis=1, keepdims=True)
+        return min(rank_margin(matrix, size) for matrix in places)
 
     def _note(self, t: float, x: np.ndarray) -> None:
         self.system.mark()
