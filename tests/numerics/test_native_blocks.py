@@ -247,7 +247,7 @@ def test_literal_numbers_and_tables_give_the_same(monkeypatch):
     small, _ = native(dae)
     monkeypatch.setattr(c_program, "LITERAL_ROWS", 0)
     large, _ = native(dae)
-    assert small.kernel._numbers.size < large.kernel._numbers.size
+    assert small.kernel.data.numbers.size < large.kernel.data.numbers.size
     x = np.array([dae.simulate(times=[0.0])[n][0] for n in dae.states] + [0.0] * (small.n - len(dae.states)))
     np.testing.assert_allclose(rates(large, 0.0, x), rates(small, 0.0, x), rtol=1e-11)
 

@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.ir.flat import Experiment
 from lmoc.messages.diagnostics import nearest
 
-SOLVERS = ("auto", "dop853", "cvode", "adams", "ida", "cvodes", "radau")
+SOLVERS = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau")
 # names of methods elsewhere, and what does the same here
 ALSO_KNOWN_AS = {
     "dop853": "ode45 ode23 ode78 ode89 rk4 rk45 rk23 rkf45 dopri5 dopri tsit5 vern7 rungekutta euler",

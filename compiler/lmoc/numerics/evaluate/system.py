@@ -67,6 +67,7 @@ class System(ABC):
     description : how it is evaluated, for the statistics of a run
     evaluations, jacobians : calls so far
     root_count : number of root functions
+    given : what `prepare` has been called with
     most_steps : steps that are still cheap beside what another method needs to begin
     """
 
@@ -84,6 +85,7 @@ class System(ABC):
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         """Take the parameter values of a run (`Plan.base`) and the functions behind sampled inputs."""
+        self.given = base, signals
         self.evaluations = self.jacobians = 0
         self.samplers = [_sampler(signals[v], order) for v, order in self.plan.samplers]
         self._sampled = [(signals[v], order) for v, order in self.plan.samplers]

@@ -51,14 +51,12 @@ class VectorSystem(System):
         self._order: np.ndarray | None = None
         self._pattern: tuple[np.ndarray, np.ndarray] | None = None
         self._u = np.zeros(len(plan.sampled))
-        self._given: tuple[np.ndarray, Mapping[int, Signal]] | None = None
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self.w[:] = base
         self.interpreter.reset()
         self.follower.forget()
-        self._given = base, signals
 
     @property
     def registers(self) -> np.ndarray:
@@ -68,7 +66,7 @@ class VectorSystem(System):
         return Interpreter(self.program, self.plan.count)
 
     def restart(self) -> None:
-        self.prepare(*self._given)
+        self.prepare(*self.given)
 
     def _follow(self, interpreter: Runner) -> None:
         self.interpreter = interpreter
@@ -81,7 +79,7 @@ class VectorSystem(System):
         if not len(open_blocks(self.plan.program)[1]):
             return None
         opened = OpenedSystem(self.plan)
-        opened.prepare(*self._given)
+        opened.prepare(*self.given)
         return opened
 
     def _run(self, t: float, x: np.ndarray) -> None:

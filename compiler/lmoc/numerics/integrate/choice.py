@@ -18,7 +18,7 @@ from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties
 from lmoc.numerics.integrate.status import NotFound, Status
 
-NAMES = ("dop853", "cvode", "adams", "ida", "cvodes", "radau")
+NAMES = ("dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau")
 
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
@@ -37,13 +37,20 @@ def _module(name: str):
 
 
 def integrate(problem: Problem, name: str) -> Outcome:
-    """Integrate with one method; where casadi's CVODES does not serve, with that of SUNDIALS.
+    """Integrate with one method.
+
+    Where casadi's CVODES does not serve, that of SUNDIALS does, and DOP853 where there is no Taylor series.
 
     Raises
     ------
     NotFound
         The library that it comes from is not at hand.
     """
+    if name == "taylor":
+        method = _module(name).begin(problem)
+        if method is None:
+            return replace(loop.integrate(problem, _module("dop853").begin(problem)), solver="dop853")
+        return loop.integrate(problem, method)
     if name != "cvodes":
         return loop.integrate(problem, _module(name).begin(problem))
     outcome = _module(name).integrate(problem)

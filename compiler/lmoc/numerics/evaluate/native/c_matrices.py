@@ -33,7 +33,7 @@ class Matrices:
     def __init__(self, writer: Writer, shape: tuple[int, int], instance, row, column) -> None:
         """`instance`, `row`, `column` of each entry."""
         self.writer, (self.instances, self.size) = writer, shape
-        if self.size <= DENSE_LIMIT:
+        if not self.is_sparse:
             self.each = self.size**2
             self.places = instance * self.each + row * self.size + column
             pattern = "0, 0, 0, 0"
@@ -47,9 +47,13 @@ class Matrices:
         fields = f"{self.number(self.size)}, {self.number(self.each)}, {pattern}"
         writer.add(f"const lmoc_matrix {self.name} = {{{fields}}};")
 
+    @property
+    def is_sparse(self) -> bool:
+        return self.size > DENSE_LIMIT
+
     def number(self, value: int) -> str:
         """A number of the block; those of a small matrix stand in the text, so that the compiler knows them."""
-        return str(value) if self.size <= DENSE_LIMIT else self.writer.number(value)
+        return self.writer.number(value) if self.is_sparse else str(value)
 
     def _sparse(self, columns: np.ndarray, rows: np.ndarray) -> str:
         indptr = np.searchsorted(columns, np.arange(self.size + 1))

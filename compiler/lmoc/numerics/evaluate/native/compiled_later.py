@@ -55,7 +55,7 @@ class CompiledLater(System):
         return self.current.description
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
-        self._given = base, signals
+        self.given = base, signals
         self.current.prepare(base, signals)
         self.take_over()
 
@@ -65,7 +65,7 @@ class CompiledLater(System):
         if library is None or isinstance(before, NativeSystem):
             return False
         self.current = NativeSystem(self.plan, self._source, library)
-        self.current.prepare(*self._given)
+        self.current.prepare(*self.given)
         self.current.evaluations, self.current.jacobians = before.evaluations, before.jacobians
         if before.registers is not None:
             solved = self.current.kernel.unknowns

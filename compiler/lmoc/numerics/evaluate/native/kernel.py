@@ -58,13 +58,15 @@ class Source:
     text: str
     optimization: str
     function: CFunction
+    further: CFunction | None = None  # a second function on the same registers
 
 
-def source_of(program: Program, registers: int, strict: bool = False) -> Source:
+def source_of(program: Program, registers: int, strict: bool = False, blocks: bool = False) -> Source:
     """Write a program as C.
 
     Parameters
     ----------
+    blocks : with the functions for blocks, even if there are none
     strict : the nonlinear blocks have several solutions, of which only the one that continues the last counts
 
     Raises
@@ -74,10 +76,42 @@ def source_of(program: Program, registers: int, strict: bool = False) -> Source:
     """
     function = generate(program, registers)
     options = _STRICT if strict else _PATIENT
-    blocks = "".join(f"#define {name} {value}\n" for name, value in options.items()) + BLOCKS
-    varying = bool(function.matrices) or "lmoc_matrix" in function.text
-    text = PRELUDE + (blocks if varying else "") + function.text + CALLBACK
+    defined = "".join(f"#define {name} {value}\n" for name, value in options.items()) + BLOCKS
+    text = PRELUDE + (defined if blocks or "lmoc_matrix" in function.text else "") + function.text + CALLBACK
     return Source(text, "-O3" if program_rows(program) > _LONG else "-O2", function)
+
+
+class Data:
+    """What a generated function is given beside the registers.
+
+    Attributes
+    ----------
+    numbers, pointers : its arguments ``m`` and ``tab``
+    """
+
+    def __init__(self, function: CFunction) -> None:
+        self.numbers, self.tables = function.numbers, list(function.tables)
+        self.pointers = np.array([t.ctypes.data for t in self.tables] or [0], np.uintp)
+        self._choose = CHOOSE(self._choose_pivots)
+        self.matrices = [Factors(k, m.indptr, m.rows) for k, m in enumerate(function.matrices)]
+        for matrix, factors in zip(function.matrices, self.matrices, strict=True):
+            self.pointers[matrix.handle] = factors.handle.ctypes.data
+            self.pointers[matrix.handle + 1] = ctypes.cast(self._choose, ctypes.c_void_p).value
+
+    def _choose_pivots(self, number: int, values) -> int:
+        factors = self.matrices[number]
+        return factors.choose(np.ctypeslib.as_array(values, (len(factors.rows),)))
+
+    def put(self, first: int, tables: list[np.ndarray]) -> None:
+        """Replace tables."""
+        for k, values in enumerate(tables, first):
+            self.tables[k] = np.ascontiguousarray(values)
+            self.pointers[k] = self.tables[k].ctypes.data
+
+    def forget(self) -> None:
+        """Have pivots chosen anew."""
+        for factors in self.matrices:
+            factors.forget()
 
 
 class Kernel:
@@ -127,31 +161,21 @@ class Kernel:
         self._evaluate.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
         self._mark = library.lmoc_mark
         self._mark.restype, self._mark.argtypes = None, [ctypes.c_void_p]
-        self.w = np.zeros(registers + function.scratch)
+        further = 0 if source.further is None else source.further.scratch
+        self.w = np.zeros(registers + function.scratch + further)
         self.nonlinear = [s for s in walk(program) if isinstance(s, Solve) and not s.linear]
         self.unknowns = np.concatenate([np.zeros(0, int), *(s.unknowns.ravel() for s in self.nonlinear)])
         self._guesses = np.concatenate([np.zeros(0, int), *(_guess(s) for s in self.nonlinear)])
         self._determinants = [(b.determinants, len(b.step.unknowns)) for b in function.blocks]
-        self._numbers, self._tables, self._factors = function.numbers, list(function.tables), function.factors
-        self._pointers = np.array([t.ctypes.data for t in self._tables] or [0], np.uintp)
-        self._choose = CHOOSE(self._choose_pivots)
-        self._matrices = [Factors(k, m.indptr, m.rows) for k, m in enumerate(function.matrices)]
-        for matrix, factors in zip(function.matrices, self._matrices, strict=True):
-            self._pointers[matrix.handle] = factors.handle.ctypes.data
-            self._pointers[matrix.handle + 1] = ctypes.cast(self._choose, ctypes.c_void_p).value
+        self._factors, self.data = function.factors, Data(function)
         self._calls: dict[bytes, Call] = {}
-
-    def _choose_pivots(self, number: int, values) -> int:
-        factors = self._matrices[number]
-        return factors.choose(np.ctypeslib.as_array(values, (len(factors.rows),)))
 
     def forget(self) -> None:
         """Forget the solutions of blocks and the order of pivots: parameters or start are others now.
 
         Where no value stands in the register of an unknown, Newton's method starts from the guess in the model.
         """
-        for factors in self._matrices:
-            factors.forget()
+        self.data.forget()
         for call in self._calls.values():
             call.solved = call.marked = 0
         self.seed()
@@ -176,9 +200,7 @@ class Kernel:
             Gives the sparse matrix ∂residuals/∂unknowns of a Solve step.
         """
         for step, first in self._factors:
-            for k, values in enumerate(_factors(matrix(step)), first):
-                self._tables[k] = np.ascontiguousarray(values)
-                self._pointers[k] = self._tables[k].ctypes.data
+            self.data.put(first, _factors(matrix(step)))
 
     @property
     def has_constant_blocks(self) -> bool:
@@ -187,7 +209,7 @@ class Kernel:
 
     def __call__(self, time: float) -> int:
         """Run the program on `w`; returns what C does (`c_code.CFunction`)."""
-        return self._run(time, self.w.ctypes.data, self._numbers.ctypes.data, self._pointers.ctypes.data)
+        return self._run(time, self.w.ctypes.data, self.data.numbers.ctypes.data, self.data.pointers.ctypes.data)
 
     def evaluate(self, call: Call, time: float, x: np.ndarray) -> bool:
         """Run the program for states x, with the nonlinear blocks near their last solution; whether there is one."""
@@ -211,8 +233,8 @@ class Kernel:
         contiguous = len(states) > 0 and (np.diff(states) == 1).all()
         call = Call(
             self.w.ctypes.data,
-            self._numbers.ctypes.data,
-            self._pointers.ctypes.data,
+            self.data.numbers.ctypes.data,
+            self.data.pointers.ctypes.data,
             len(states),
             int(states[0]) if contiguous else -1,
             *(t.ctypes.data for t in tables[:2]),
