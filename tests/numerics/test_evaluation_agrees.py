@@ -55,6 +55,8 @@ def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
 
         try:
             found["C"] = NativeSystem(plan)
+            if len(plan.states):
+                found["C"].compile_jacobian()
         except Unsupported:
             pass
     for system in found.values():

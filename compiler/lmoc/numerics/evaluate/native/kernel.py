@@ -81,6 +81,11 @@ def source_of(program: Program, registers: int, strict: bool = False, blocks: bo
     return Source(text, "-O3" if program_rows(program) > _LONG else "-O2", function)
 
 
+def with_blocks(text: str) -> str:
+    """Return the text of a function behind what it calls for the matrices of blocks."""
+    return PRELUDE + "".join(f"#define {name} {value}\n" for name, value in _PATIENT.items()) + BLOCKS + text
+
+
 class Data:
     """What a generated function is given beside the registers.
 

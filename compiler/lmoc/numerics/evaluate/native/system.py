@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,13 @@ from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
 from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+
+if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.native.slopes import Slopes
+
+
+_JACOBIANS = 60  # evaluations after which that of the Jacobian is compiled as well, of a program …
+_SLOPE_ROWS = 5_000  # … with so many rows at the most
 
 
 def has_branches(plan: Plan) -> bool:
@@ -48,7 +55,7 @@ class _Late:
 
 
 class NativeSystem(VectorSystem):
-    """The program is compiled, blocks included; Jacobians come from numpy, which is asked for them rarely.
+    """The program is compiled, blocks included; Jacobians come from numpy until many are asked for.
 
     Python takes part where C does not find the solution of a nonlinear block: at a start, whose guesses may be far off,
     and where the matrix is singular at the solution.
@@ -75,6 +82,7 @@ class NativeSystem(VectorSystem):
         self._x = np.zeros(len(plan.states) + len(plan.sampled))
         self._own = self._call(np.arange(len(plan.states)))
         self._seeds = np.zeros(0)
+        self._slopes: Slopes | None = None
 
     def _runner(self) -> Runner:
         return _Late(self.plan.program, self.plan.count)
@@ -114,6 +122,26 @@ class NativeSystem(VectorSystem):
         self.interpreter.reset()
         self.interpreter.run(w, time)
         return bool(np.isfinite(w[unknowns]).all())
+
+    def compile_jacobian(self) -> None:
+        """Have the Jacobian compiled, too: for methods that ask for it again and again."""
+        from lmoc.numerics.evaluate.native.slopes import Slopes
+
+        self.pattern()
+        self._slopes = Slopes(self.plan.program, self._derivative, self.plan.count)
+
+    def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        if self._slopes is None and self.jacobians == _JACOBIANS and self.plan.row_count <= _SLOPE_ROWS:
+            self.compile_jacobian()
+        if self._slopes is None:
+            super().jacobian_values(t, x, out)
+            return
+        self.jacobians += 1
+        self._run(t, x)
+        found = self._slopes(self.w, t)
+        if not np.isfinite(found).all():  # a singular block: numpy knows which unknowns it still determines
+            found = self._derivative.values(self.w, t)
+        np.take(found, self._order, out=out)
 
     def mark(self) -> None:
         self.kernel.mark(self._own)
