@@ -22,10 +22,6 @@ STATES = {
     "three_cranks": 2,
     "wheel_with_pendulum": 5,  # the wheel's angle is free beside its place
 }
-LACKING = {
-    "three_cranks": pytest.mark.xfail(reason="constraints that repeat others on the manifold are not dropped yet"),
-}
-RUNNING = [pytest.param(name, marks=LACKING.get(name, ())) for name in STATES]
 
 
 def compiled(name: str, **options) -> lmoc.DAE:
@@ -36,7 +32,7 @@ def test_every_mechanism_is_looked_at():
     assert sorted(STATES) == sorted(path.stem for path in (ROOT / "models/planar").glob("*.lmo"))
 
 
-@pytest.mark.parametrize("name", RUNNING)
+@pytest.mark.parametrize("name", STATES)
 def test_states_are_few_and_the_energy_is_balanced(name):
     dae = compiled(name)
     assert len(dae.states) == STATES[name]

@@ -194,6 +194,32 @@ def test_springs_and_dampers_between_points():
     assert close(found["spring.f"], 50 * (np.hypot(x, y) - 1))
 
 
+def test_elastic_string_is_slack_and_taut_again():
+    """Dropped half a metre above the length of the string; it stretches until the height is spent, and throws back."""
+    found = run("""
+      PointMass mass(m = 1, x(start = 0, fixed = true), y(start = -0.5, fixed = true));
+      Anchor anchor;
+      ElasticCable string(k = 1000, d0 = 1);
+    equation
+      connect(anchor.point, string.a);
+      connect(string.b, mass.point);""")
+    taut = np.sqrt(2 * 0.5 / G)
+    speed, omega, rest = G * taut, np.sqrt(1000.0), G / 1000
+    duration = 2 * (np.pi - np.arctan2(speed / omega, rest)) / omega
+    times = np.array([event.time for event in found.events])
+    assert all(np.abs(times - expected).min() < 1e-8 for expected in (taut, taut + duration))
+    assert np.all(found["string.f"] >= 0) and np.allclose(found["mass.x"], 0)
+    t = taut + duration + 0.3
+    last = run("""
+      PointMass mass(m = 1, x(start = 0, fixed = true), y(start = -0.5, fixed = true));
+      Anchor anchor;
+      ElasticCable string(k = 1000, d0 = 1);
+    equation
+      connect(anchor.point, string.a);
+      connect(string.b, mass.point);""", stop=t)
+    assert abs(last["mass.y"][-1] - (-1 + speed * 0.3 - G * 0.3**2 / 2)) < 1e-6
+
+
 @pytest.mark.parametrize("angle", [-1.5, 0.0, 0.4, 1.5707963267948966, 3.0, -2.5])
 def test_point_mass_on_a_rod_turns_through_all_positions(angle):
     """It starts with a push that carries it around again and again; the rod's tension holds it."""
