@@ -1,8 +1,8 @@
-"""The catalogue of diagnostics: what each code means.
+"""The catalogue of diagnostics: the meaning of each code.
 
 Codes: 01xx syntax, 02xx names, classes and modifications, 03xx types, units and connections, 04xx structure,
 05xx start, inputs and running, 06xx files and commands. The letter is the severity: Error, Warning, Note. Each room
-that can say something has a file of its entries here.
+that issues diagnostics has a file of its entries here.
 
 ``lmoc explain E0312`` prints an entry, ``docs/make_diagnostics.py`` writes them all into a page.
 """
@@ -21,11 +21,12 @@ CATALOGUE: dict[str, Entry] = {
     **STRUCTURE,
     **NUMERICS,
     # -------------------------------------------------- 06xx files, commands
-    "E0601": Entry("no such model", "The model asked for is not in the file, or it is not something that can run."),
+    "E0601": Entry("no such model", "The requested model is not in the file, or it is not a class that can be "
+        "simulated."),
     "E0602": Entry("nothing to run", "The file defines no model, or only partial ones."),
     "E0603": Entry(
         "several models",
-        "More than one model in the file is used by no other. Say which is meant: `--model NAME`, or\n"
+        "More than one model in the file is used by no other. Select one: `--model NAME`, or\n"
         "`model=` in Python.",
     ),
     "E0610": Entry(
@@ -62,29 +63,30 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0624": Entry(
         "unknown type of file",
-        "The ending of the name decides about the format. Results: .csv, .npz, .parquet, .mat.\n"
+        "The file name extension determines the format. Results: .csv, .npz, .parquet, .mat.\n"
         "Pictures: .png, .svg, .pdf.",
     ),
     "E0625": Entry(
         "the table cannot be used",
         "A table for an input is a CSV file with a header line. One column is named `time`, another like the input\n"
-        "(or there is just one other column). All entries are numbers and time increases; a time that stands in two\n"
+        "(or there is just one other column). All entries are numbers and time increases; a time that occurs in two\n"
         "lines is a jump. Between two points the input lies between their values.",
     ),
     "E0629": Entry(
-        "no unit to show results in",
+        "not a unit for results",
         "`--units` and `units=` take units of length, angle, speed, force and the like, one for each quantity,\n"
         "such as `mm,deg,rpm`. They change what is printed and drawn; files keep SI units.",
     ),
     "E0626": Entry(
         "not available",
-        "The option exists in the design of lmoc, but the value asked for is not in this version.",
+        "The option exists, but the requested value is not supported in this version.",
     ),
     # ------------------------------------------------- 066x what a person reads
     "E0660": Entry(
-        "no answer in symbols",
-        "Equations of motion, equilibria and transfer functions in symbols are for scenes of up to a few hundred "
-        "equations whose implicit parts have a solution in closed form. For others there is the numeric form.",
+        "no symbolic result",
+        "Equations of motion, equilibria and transfer functions are available in symbolic form for scenes of up "
+        "to a few "
+        "hundred equations whose implicit parts have a solution in closed form. Other scenes have the numeric form.",
     ),
     "E0661": Entry(
         "no such input, output or variable",
@@ -92,10 +94,11 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0663": Entry(
         "no single equilibrium",
-        "A nonlinear scene is linear about a point. By default that is its only equilibrium; where there are several "
-        "or none, say which: `--equilibrium N` of those that `lmoc equilibria` lists, `--at name=value`, or "
-        "`--at TIME`. A quantity may have no derivative at a point: the share of each of two cubic springs in a row "
-        "where both are relaxed.",
+        "A nonlinear scene is linearized about a point. By default that is its only equilibrium; where there "
+        "are several "
+        "or none, select the point: `--equilibrium N` of those that `lmoc equilibria` lists, `--at name=value`, or "
+        "`--at TIME`. A quantity may have no derivative at a point: the extension of each of two cubic springs in "
+        "series where both are relaxed.",
     ),
     "E0662": Entry(
         "a parameter without a value",
@@ -103,20 +106,22 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "N0630": Entry(
         "flattened again",
-        "A parameter given to this run decides about the structure of the model (the length of an array, a\n"
-        "condition), so the scene has been flattened and reduced anew. The result is kept for further runs with the\n"
+        "A parameter given to this run determines the structure of the model (the length of an array, a\n"
+        "condition), so the scene has been flattened and reduced again. The result is kept for further runs with the\n"
         "same value.",
     ),
     "N0631": Entry(
-        "reduced anew",
-        "The smallest system of equations rested on an assumption about parameter values, such as `J = 0`, which does\n"
-        "not hold for the values of this run. The reduction has been redone, and is kept for further runs.",
+        "reduction redone",
+        "The reduction relied on an assumption about parameter values, such as `J = 0`, which no longer holds for the\n"
+        "values of this run. The reduction has been redone, and is kept for further runs.",
     ),
     "N0632": Entry(
         "coordinates changed",
-        "No choice of coordinates serves a mechanism in all its positions: the height of a pendulum does not tell its\n"
-        "side at the lowest point. The choice is judged at every step of the integrator and replaced where another is\n"
-        "better by a margin; `run.coordinates` lists which held when. Each choice is reduced once and kept. With\n"
-        "`stateSelect` or `states=[…]` an angle that runs through all positions can be preferred, where there is one.",
+        "A choice of coordinates may fail in some positions of a mechanism: the height of a pendulum does not\n"
+        "determine its side at the lowest point. The choice is assessed at every step of the integrator and replaced\n"
+        "where another is better by a margin; `run.coordinates` lists which was used when. Each choice is "
+        "reduced once\n"
+        "and kept. With `stateSelect` or `states=[…]` an angle that is valid in all positions can be preferred, where\n"
+        "there is one.",
     ),
 }

@@ -1,4 +1,4 @@
-"""What the catalogue of diagnostics says about start values, inputs and runs (05xx)."""
+"""Catalogue entries for start values, inputs and runs (05xx)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from lmoc.messages.diagnostics import Entry
 NUMERICS: dict[str, Entry] = {
     "E0520": Entry(
         "an input without a signal",
-        "A top-level `input` has no binding in the model, and the run was given none. Bind it where it is declared, "
+        "A top-level `input` has no binding in the model, and none was given to the run. Bind it where it is declared, "
         "or give the run a number, a formula in `time`, a callable or a table.",
     ),
     "E0521": Entry(
@@ -18,7 +18,7 @@ NUMERICS: dict[str, Entry] = {
     "E0522": Entry(
         "a signal cannot be differentiated",
         "The input prescribes a motion: velocities and forces follow from its derivatives. A formula has all of them, "
-        "a table two (and none where it jumps), a callable only those it gives itself by `derivative(n)`.",
+        "a table two (and none where it jumps), a callable only those it provides by `derivative(n)`.",
     ),
     "N0523": Entry(
         "a derivative of a signal is unknown",
@@ -26,25 +26,27 @@ NUMERICS: dict[str, Entry] = {
     ),
     "W0524": Entry(
         "a signal with kinks is differentiated",
-        "Where the formula has a kink or a jump its derivative is an impulse, which the run leaves out. Smooth the "
+        "Where the formula has a kink or a jump its derivative is an impulse, which the run omits. Smooth the "
         "signal, or give its motion as a table.",
     ),
     "W0525": Entry(
         "a table does not cover the run",
-        "The run begins before the first point of the table or goes on after its last. The outermost values are held "
-        "there, with slope zero.",
+        "The run begins before the first point of the table or continues after its last. The table is "
+        "extrapolated with "
+        "its first and last values, with slope zero.",
     ),
     "W0526": Entry(
         "more kinks than a run stops at",
-        "A run stops wherever a formula of time jumps or bends, so that its steps do not go over such places, but only "
-        "so many times. Behind the last one it is less accurate. Make the run shorter, or replace the fast switching "
-        "by its mean.",
+        "The integration is restarted wherever a formula of time jumps or has a kink, so that no step crosses such a "
+        "point, but the number of restarts is limited. After the last one the run is less accurate. Make the run "
+        "shorter, or replace the fast switching by its mean.",
     ),
     "N0528": Entry(
         "output times too coarse for the motion",
-        "The motion changes so fast that it goes up and down between two output times: a table of them shows another, "
-        "slower motion (a vibration of 50 Hz seen at 62 points a second looks like one of 12 Hz). The values are right "
-        "all the same. Ask for more points, or for a shorter time. Pictures are drawn from points as dense as needed.",
+        "The motion oscillates between two output times, so that the output shows a different, slower motion "
+        "(aliasing: "
+        "a vibration of 50 Hz sampled at 62 points a second looks like one of 12 Hz). The values are correct "
+        "nevertheless. Request more points or a shorter time. Pictures are drawn from points as dense as needed.",
     ),
     "E0530": Entry(
         "a parameter without a value",
@@ -57,13 +59,13 @@ NUMERICS: dict[str, Entry] = {
     ),
     "E0532": Entry(
         "no start was found",
-        "A solution of the fixed values and initial equations, which are not linear, was looked for from several\n"
-        "first guesses, near and far, and not found. Perhaps there is none; else start values closer to it help.",
+        "No solution of the fixed values and the nonlinear initial equations was found from several initial guesses,\n"
+        "near and far. Perhaps there is none; otherwise start values closer to it help.",
     ),
     "W0533": Entry(
         "start values that cannot be met",
         "Values given by `start` without `fixed = true` are met as closely as the constraints allow. These could not "
-        "all be.",
+        "all be met.",
     ),
     "E0534": Entry(
         "this cannot have an initial value",
@@ -75,15 +77,15 @@ NUMERICS: dict[str, Entry] = {
         "A division by zero, a root of a negative number, or an overflow at the start values.",
     ),
     "E0536": Entry(
-        "an initial equation asks for what is not known",
-        "It needs a derivative that the signal of an input does not give, or a force that the model leaves\n"
-        "undetermined (in a loop of rigid parts). All other derivatives can be asked for, of states or not.",
+        "an initial equation uses an unknown quantity",
+        "It uses a derivative that the signal of an input does not provide, or a force that the model leaves\n"
+        "undetermined (in a loop of rigid parts). All other derivatives can be used, of states or not.",
     ),
     "W0537": Entry(
         "a value that is not finite",
-        "A parameter, or a variable that the motion does not depend on, comes out as infinite or as no number at all "
-        "(a division by zero, the logarithm of a negative number); a variable does so at the time that is told and "
-        "perhaps at others. The run goes on; everything computed from it is just as useless.",
+        "A parameter, or a variable that the motion does not depend on, is infinite or NaN "
+        "(a division by zero, the logarithm of a negative number); a variable is so at the reported time and "
+        "perhaps at others. The run continues; everything computed from the value is meaningless as well.",
     ),
     "E0540": Entry("no such solver", "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits."),
     "E0541": Entry(
@@ -91,11 +93,11 @@ NUMERICS: dict[str, Entry] = {
         "Tolerances are positive, times increase, and the stop lies after the start.",
     ),
     "E0542": Entry(
-        "a variable that is to be kept does not exist",
+        "a variable to be kept does not exist",
         "`--keep` and `keep=` take names of variables or of whole arrays of the flat model, such as `mass.q`.",
     ),
     "E0551": Entry(
-        "parameters that break a condition",
+        "parameters that violate a condition",
         "A parameter lies outside its `min` and `max`, or an assertion over parameters alone does not hold. The text "
         "of an assertion is the model's own.",
     ),
@@ -105,13 +107,13 @@ NUMERICS: dict[str, Entry] = {
     ),
     "W0551": Entry(
         "an assertion of level warning does not hold",
-        "The model says itself that something is not as it should be; the message is the model's.",
+        "An assertion of the model with `AssertionLevel.warning` is violated; the message is the model's own.",
     ),
     "W0553": Entry(
-        "energies do not add up",
-        "What sources have supplied, what has become heat, and what the stores hold more than at the start differ by\n"
-        "more than the tolerance of the run explains. The result is not to be trusted. A finer tolerance (`--rtol`),\n"
-        "shorter steps (`--max-step`) or another solver tell whether the integration is to blame. Where the\n"
-        "error stays, a part takes or gives energy that it does not declare as `energy` or `loss`.",
+        "the energy balance does not close",
+        "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"
+        "more than the tolerance of the run explains. The result is not reliable. A tighter tolerance (`--rtol`),\n"
+        "shorter steps (`--max-step`) or another solver show whether the integration is the cause. If the\n"
+        "error persists, a part absorbs or delivers energy that it does not declare as `energy` or `loss`.",
     ),
 }

@@ -1,6 +1,4 @@
-"""What the catalogue of diagnostics says about names, classes and modifications (02xx), and about types, units and
-connections (03xx).
-"""
+"""Catalogue entries for names, classes and modifications (02xx), and for types, units and connections (03xx)."""
 
 from __future__ import annotations
 
@@ -20,12 +18,12 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0203": Entry(
         "unknown function",
-        "There is no function of that name, or the name means something else than a function.",
+        "There is no function of that name, or the name denotes something other than a function.",
     ),
     "E0204": Entry(
         "declared twice",
-        "One name stands for two things in the same class. Something inherited counts as well, unless both\n"
-        "declarations read the same.",
+        "One name denotes two elements of the same class. Inherited elements count as well, unless both\n"
+        "declarations are identical.",
     ),
     "E0205": Entry(
         "nothing of that name to modify",
@@ -39,7 +37,7 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0207": Entry(
         "a value depends on itself",
-        "Following the bindings of parameters, or what the size of an array needs, leads back to where it began.",
+        "The bindings of parameters, or the values that determine the size of an array, form a cycle.",
     ),
     "E0208": Entry(
         "a class contains or extends itself",
@@ -47,20 +45,20 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0209": Entry(
         "partial class",
-        "A `partial` class is meant to be extended: equations are missing in it. Use a model that extends it.",
+        "A `partial` class is meant to be extended: it lacks equations. Use a model that extends it.",
     ),
     "E0210": Entry(
         "protected",
-        "What stands under `protected` belongs to the class alone: it can neither be read nor modified from\n"
+        "Elements under `protected` are private to the class: they can neither be read nor modified from\n"
         "outside.",
     ),
     "E0211": Entry(
         "must be known when compiling",
         "The number of parts, the range of a loop, the condition of a part or of an if-equation, a subscript: these\n"
-        "shape the model and may use parameters, constants and literals only.",
+        "determine the structure of the model and may use parameters, constants and literals only.",
     ),
     "E0212": Entry(
-        "a value is missing that shapes the model",
+        "a structural value is missing",
         "The size of an array or a condition depends on this parameter: give it a value, in the model or with\n"
         "`--set name=value`.",
     ),
@@ -71,8 +69,9 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0214": Entry(
         "outer without inner",
-        "`outer` refers to a declaration `inner` of the same name in one of the parts around. There is none, and none\n"
-        "can be made up: it is a variable, a partial class, or something else has that name.",
+        "`outer` refers to an `inner` declaration of the same name in one of the enclosing parts. There is "
+        "none, and none\n"
+        "can be created: it is a variable, a partial class, or something else has that name.",
     ),
     "E0215": Entry(
         "index out of range",
@@ -80,7 +79,7 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0216": Entry(
         "wrong number of subscripts",
-        "An array needs as many subscripts as it has dimensions, or none for all of it.",
+        "An array needs as many subscripts as it has dimensions, or none for the whole array.",
     ),
     "E0217": Entry(
         "wrong arguments",
@@ -88,7 +87,7 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0218": Entry(
         "absent part",
-        "The part has a condition that is false here. Connections to it vanish with it, but it cannot be used\n"
+        "The part has a condition that is false here. Connections to it are removed with it, but it cannot be used\n"
         "otherwise.",
     ),
     "E0220": Entry(
@@ -102,51 +101,51 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0222": Entry(
         "a function without result",
-        "The algorithm gives an output no value, assigns an input, or does not come to an end.",
+        "The algorithm does not assign an output, assigns an input, or does not terminate.",
     ),
     "E0223": Entry(
         "wrong kind of class",
-        "A function or package cannot be a part, and a part is no class.",
+        "A function or package cannot be a part, and a part is not a class.",
     ),
     "E0225": Entry(
         "an array too large",
-        "An array of parts or numbers, or a range, has more elements than a machine could hold; look at the\n"
+        "An array of parts or numbers, or a range, has more elements than fit into memory; check the\n"
         "parameter that sizes it.",
     ),
     "E0224": Entry(
-        "a value that would have to change",
+        "a constant value that depends on a variable",
         "Parameters, constants, and start, nominal and fixed values are known before the run: they depend on\n"
         "parameters and constants only. The default signal of an input may use time as well.",
     ),
     "E0226": Entry(
         "not possible in this place",
-        "A connector, a record and a package have no equations, a function has an algorithm instead. A declaration\n"
-        "`outer` stands for another one and can be given nothing itself.",
+        "A connector, a record and a package have no equations, a function has an algorithm instead. An `outer`\n"
+        "declaration refers to another one and cannot be modified itself.",
     ),
     "E0227": Entry(
         "a model nested too deeply",
         "Parts in parts, classes that extend each other, functions that call each other or values that use each other\n"
-        "make a chain of some hundred links.",
+        "form a chain of several hundred levels.",
     ),
     "E0228": Entry(
         "an experiment that cannot be run",
-        "The annotation `experiment` gives a run its defaults: it ends after it begins, its interval is positive and\n"
-        "not shorter than makes sense, and its tolerance lies between 1e-14 and 1.",
+        "The annotation `experiment` gives a run its defaults: StopTime is after StartTime, the interval is "
+        "positive and\n"
+        "not unreasonably short, and the tolerance lies between 1e-14 and 1.",
     ),
     "W0229": Entry(
         "an assertion in a function",
-        "An assertion in a function is looked at where its condition is known when compiling. Where it depends on\n"
-        "variables or parameters it is left out: write it in the model that calls the function.",
+        "An assertion in a function is checked where its condition is known when compiling. Where it depends on\n"
+        "variables or parameters it is ignored: write it in the model that calls the function.",
     ),
     "E0230": Entry(
         "not available yet",
-        "The language of lmo grows towards Modelica. This feature is understood, but not yet in this version:\n"
-        "mainly events (`when`, `pre`, `sample`, `reinit`, `terminate`) and discrete variables.",
+        "This feature of Modelica is recognized, but not supported in this version of lmo.",
     ),
     "N0241": Entry(
         "an inner part with its own values",
-        "Parts of the scene share an `outer` part that nobody declared: one of its class is taken, with the values\n"
-        "that stand there. `inner World world(g = 1.62);` gives others.",
+        "Parts of the scene share an `outer` part that is not declared as `inner`: one with the default values of its\n"
+        "class is added. `inner World world(g = 1.62);` gives other values.",
     ),
     "W0231": Entry(
         "unknown entry of an annotation",
@@ -154,42 +153,43 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0232": Entry(
         "unknown kind of law",
-        "A function that stands for a law is marked by `annotation(__lmoc(law = \"...\"))` with one of the kinds\n"
+        "A function that represents a law is marked by `annotation(__lmoc(law = \"...\"))` with one of the kinds\n"
         "unilateral, one-way, dry friction, contact friction.",
     ),
     "E0233": Entry(
-        "a law without anything to determine",
+        "a law with nothing to determine",
         "A law ties a force to a gap or a velocity; both must be able to change in time. A number or a parameter in\n"
         "their place leaves the law nothing to determine.",
     ),
     "E0243": Entry(
         "not a subtype",
-        "What is redeclared must be able to stand in the place of what was declared, or of the class after\n"
-        "`constrainedby`: it needs every public element of it, with the same prefixes and types that fit. A function\n"
+        "A redeclared element must be a subtype of the declared one, or of the class after\n"
+        "`constrainedby`: it needs every public element of it, with the same prefixes and compatible types. A "
+        "function\n"
         "needs the same inputs and outputs in the same order; further inputs need a value.",
         "model E1\n  parameter Real k = 1;\nend E1;\nmodel E2\n  parameter Real c = 1;\nend E2;\n"
         "model S\n  replaceable E1 e;\nend S;\nmodel M\n  S s(redeclare E2 e);\nend M;\n",
     ),
     "E0244": Entry(
-        "a class that is not where it belongs",
+        "a class in the wrong file",
         "A class `Name` is in a file `Name.lmo` or `Name.mo`, or in a folder `Name` with a file `package.lmo` or\n"
         "`package.mo`. A file in the folder of a package begins with `within` and the full name of that package; any\n"
-        "other file that is found has no `within`. No class is there twice.",
+        "other file that is found has no `within`. No class is defined twice.",
     ),
     "W0245": Entry(
-        "a package that does not say all",
+        "an incomplete package",
         "A file in the folder of a package begins with `within` and the name of the package. `package.order` lists\n"
         "the classes and constants of a package in their order, one on a line.",
     ),
     "W0246": Entry(
-        "a class is left out",
-        "The grammar refuses something in a class that the model does not use. Where it is used, it is an error.",
+        "a class is skipped",
+        "A class that the model does not use has a syntax error. Using the class is an error.",
     ),
     "E0250": Entry(
         "pre of a continuous variable",
         "`pre(x)` is the value of x before the present event. Outside of a `when` it makes sense for variables that\n"
         "change at events only: Boolean, Integer and enumeration variables, `discrete Real`, and what a `when`\n"
-        "assigns. In the body of a `when` it can be asked for of every variable.",
+        "assigns. In the body of a `when` it is available for every variable.",
     ),
     "E0251": Entry(
         "a discrete variable that would change between events",
@@ -198,26 +198,26 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0252": Entry(
         "in the wrong place",
-        "`reinit` and `terminate` happen at an instant: they stand in the body of a `when`. A `connect`, a `when`\n"
-        "or a law holds or does not hold for the whole run: it cannot stand in a branch whose condition changes in\n"
+        "`reinit` and `terminate` act at an instant: they belong in the body of a `when`. A `connect`, a `when`\n"
+        "or a law applies to the whole run: it is not allowed in a branch whose condition changes in\n"
         "time, nor in a `when`.",
     ),
     "E0253": Entry(
-        "not to be assigned in a when",
+        "cannot be assigned in a when",
         "An equation in the body of a `when` has a variable alone on its left: that is what changes there. Parameters\n"
         "cannot change, and a continuous variable gets a new value by `reinit`.",
     ),
     "E0254": Entry(
         "determined twice",
-        "A discrete variable has one equation, or is assigned in one when-equation: two could want different values\n"
-        "at the same instant. `elsewhen` says which comes first.",
+        "A discrete variable has one equation, or is assigned in one when-equation: two could assign different values\n"
+        "at the same instant. `elsewhen` defines their priority.",
     ),
     "E0255": Entry(
         "branches of a when assign different variables",
         "All branches of a when-equation assign the same variables. `x = pre(x)` keeps a value.",
     ),
     "E0256": Entry(
-        "reinit of something that is no state",
+        "reinit of something that is not a state",
         "`reinit(x, value)` gives a continuous variable with a derivative a new value at an event.",
     ),
     "E0257": Entry(
@@ -227,8 +227,8 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0301": Entry(
         "wrong type",
-        "A number, a Boolean, a text or a part stands where something else is needed. A condition is a Boolean; an\n"
-        "Integer cannot be given a Real.",
+        "A number, a Boolean, a string or a part is used where something else is needed. A condition is a Boolean; an\n"
+        "Integer cannot be given a Real value.",
     ),
     "E0302": Entry(
         "sizes do not fit",
@@ -237,8 +237,10 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0303": Entry(
         "units do not fit",
-        "What is added, compared or equated has one unit. Units of products follow from those of the factors; a\n"
-        "literal and a variable without unit fit everything. Arguments of sin, exp, ... have the unit 1 (rad is 1).",
+        "Quantities that are added, compared or equated have the same unit. Units of products follow from those "
+        "of the\n"
+        "factors; a literal and a variable without unit are compatible with every unit. Arguments of sin, exp, "
+        "... have the unit 1 (rad is 1).",
     ),
     "E0304": Entry(
         "unknown unit",
@@ -270,24 +272,24 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0310": Entry(
         "input without value",
-        "An input of a part is a signal that someone must give: `Force push(f = 10)`, an equation `push.f =\n"
+        "An input of a part is a signal that must be provided: `Force push(f = 10)`, an equation `push.f =\n"
         "3*time`, or a connection to an output.",
     ),
     "W0311": Entry(
         "kink",
         "abs, min, max and semiLinear of a variable have a kink, and so have if-expressions inside functions. It is\n"
         "integrated over without being located, which costs accuracy and steps. `noEvent(...)` or `smooth(0, ...)`\n"
-        "say that this is meant; an if-expression outside of functions is located.",
+        "mark it as intended; an if-expression outside of functions is located.",
     ),
     "W0318": Entry(
         "a when that does nothing",
-        "The body of a `when` is carried out at the instants at which its condition becomes true. One that does not\n"
+        "The body of a `when` is executed at the instants at which its condition becomes true. One that does not\n"
         "change never becomes true, and an empty body does nothing.",
     ),
     "W0312": Entry(
         "connected to nothing",
-        "A port of a part is not connected. Its flow is zero: nothing holds or drives that end. Often a forgotten\n"
-        "connect.",
+        "A port of a part is not connected. Its flow is zero: nothing holds or drives that end. Often a connect\n"
+        "is missing.",
     ),
     "E0313": Entry(
         "connector too deep inside",

@@ -1,4 +1,4 @@
-"""What the catalogue of diagnostics says about the structure of a model (04xx)."""
+"""Catalogue entries for the structure of a model (04xx)."""
 
 from __future__ import annotations
 
@@ -8,43 +8,43 @@ STRUCTURE: dict[str, Entry] = {
     "E0401": Entry(
         "too many equations",
         "More equations than unknowns: something is prescribed twice, for instance the motion of one point by two\n"
-        "parts. The equations and what they have in common are named (the over-determined part of Dulmage and\n"
-        "Mendelsohn). Take one away, or make one of the prescribed values an unknown.",
+        "parts. The equations and their common unknowns are listed (the over-determined part of Dulmage and\n"
+        "Mendelsohn). Remove one, or make one of the prescribed values an unknown.",
     ),
     "E0402": Entry(
         "nothing fixes a position",
-        "Only differences of some positions stand in the equations, so the whole group can be anywhere. Connect\n"
+        "Only differences of some positions occur in the equations, so the whole group can be anywhere. Connect\n"
         "one of its parts to a `Fixed`, or give one a mass or an inertia.",
     ),
     "E0403": Entry(
         "too few equations",
-        "Fewer equations than unknowns: what is named is not determined by anything. Often a connection or a\n"
+        "Fewer equations than unknowns: no equation determines the unknowns that are listed. Often a connection or a\n"
         "binding is missing.",
     ),
     "E0404": Entry(
         "constraints that cannot be solved near the start",
-        "The positions of a mechanism do not follow from its coordinates where it starts: it stands at a dead\n"
-        "centre, or one constraint repeats others. Start elsewhere, or take the constraint away.",
+        "The positions of a mechanism do not follow from its coordinates at the start: it is at a dead\n"
+        "centre, or one constraint is redundant. Start elsewhere, or remove the constraint.",
     ),
     "E0405": Entry(
         "equations that depend on each other",
-        "There are as many equations as unknowns, but with these parameter values they say the same thing twice.\n"
+        "There are as many equations as unknowns, but with these parameter values they are linearly dependent.\n"
         "Look for a parameter that is zero, or for two that cancel.",
     ),
     "E0406": Entry(
         "not possible as a state",
-        "A variable asked for as a state is prescribed, or follows from others that were asked for as well.",
+        "A variable requested as a state is prescribed, or follows from others that were requested as well.",
     ),
     "N0407": Entry(
         "coordinates were chosen",
-        "Constraints leave fewer coordinates than there are positions; this tells which ones are integrated.\n"
+        "Constraints leave fewer coordinates than there are positions; this note lists those that are integrated.\n"
         "`states=[…]`, `--states` or the attribute `stateSelect` choose others.",
     ),
     "E0411": Entry(
         "constraints contradict each other",
         "Rigid connections form a loop, or end at places that are fixed, and their lengths and offsets do not add up: "
         "two rods of different lengths side by side, a rod between two walls that are further apart. Every place on "
-        "the loop is listed. Change one of them, or put a spring where the real thing gives way.",
+        "the loop is listed. Change one of them, or add a spring where the real system is compliant.",
     ),
     "E0412": Entry(
         "a loop that cannot move",
@@ -61,14 +61,14 @@ STRUCTURE: dict[str, Entry] = {
         "A name given as a preferred state is not a variable of the model.",
     ),
     "E0416": Entry(
-        "a force that nothing takes",
+        "a force that nothing balances",
         "A given force or weight acts on connections without mass that no spring, damper or support holds: the forces "
         "there cannot balance. Connect the force to a part with mass, or to something that holds it.",
         "model A\n  Force push(f = 2);\n  Rod rod;\nequation\n  connect(push.flange, rod.a);\nend A;",
     ),
     "E0418": Entry(
         "laws cannot be simulated yet",
-        "Strings that go slack, stops, dry friction and freewheels are understood and checked, but not simulated yet.",
+        "Strings that go slack, stops, dry friction and freewheels are compiled and checked, but not simulated yet.",
         "model A\n  Fixed w;\n  Mass m(m = 1);\n  Stop s(L = 0);\nequation\n  connect(w.flange, s.a);\n"
         "  connect(s.b, m.flange);\nend A;",
     ),
@@ -88,19 +88,20 @@ STRUCTURE: dict[str, Entry] = {
         "An equation between discrete variables has the variable that it determines alone on one side.",
     ),
     "N0415": Entry(
-        "a constraint repeats others",
-        "A loop of rigid connections gives one constraint more than there are coordinates, and they agree. It is left "
-        "out: the motion is the same, but the forces inside the loop are not unique. They are reported as undetermined "
-        "(NaN); what they do together to the bodies is right.",
+        "a constraint is redundant",
+        "A loop of rigid connections gives one constraint more than there are coordinates, and they are consistent. It "
+        "is dropped: the motion is the same, but the forces inside the loop are not unique. They are reported as "
+        "undetermined (NaN); their combined effect on the bodies is correct.",
     ),
     "W0417": Entry(
         "something that cannot move",
-        "Constraints that are not linear hold a mass or an inertia in one place: an arm of another length beside the "
+        "Nonlinear constraints hold a mass or an inertia in one place: an arm of different length beside the "
         "first, a linkage with a rod too many. It stays at rest. Linear constraints of this kind are an error (E0412).",
     ),
     "E0440": Entry(
         "a law without effect on its own motion",
-        "A law ties a force to a gap or a velocity: the force must be able to change it. That fails where both ends\n"
+        "A law relates a force to a gap or a velocity: the force must be able to change it. That fails where "
+        "both ends\n"
         "are fixed or prescribed, or where the force enters no balance of forces.",
     ),
 }

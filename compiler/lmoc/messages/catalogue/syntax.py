@@ -8,8 +8,8 @@ _open = f"    {'(' * 63}\n" * 4
 
 SYNTAX: dict[str, Entry] = {
     "E0101": Entry(
-        "something unexpected",
-        "The text does not go on as the language allows at this place. What could stand here is listed.",
+        "unexpected text",
+        "The grammar does not allow this text here. The alternatives that are allowed are listed.",
         "model A\n  Real x;\nequation\n  if x > 0 x = 1;\n  end if;\nend A;",
     ),
     "E0102": Entry(
@@ -35,18 +35,19 @@ SYNTAX: dict[str, Entry] = {
     ),
     "E0106": Entry(
         "a character that means nothing here",
-        "Names consist of letters A-Z, a-z, digits and '_'. Other characters can stand in strings, comments and names "
+        "Names consist of letters A-Z, a-z, digits and '_'. Other characters are allowed in strings, comments "
+        "and names "
         "in single quotes.",
         "model A\n  Real x = 3 # 2;\nend A;",
     ),
     "E0107": Entry(
-        "'=', ':=' or '==' for another",
+        "'=', ':=' and '==' confused",
         "An equation says that two sides are equal: '='. A statement in an algorithm gives a variable its value: ':='. "
         "A comparison that is true or false is '=='.",
         "model A\n  Real x;\nequation\n  x := 1;\nend A;",
     ),
     "E0108": Entry(
-        "another name after 'end'",
+        "wrong name after 'end'",
         "A class that begins with 'model A' ends with 'end A;'.",
         "model A\n  Real x = 1;\nend B;",
     ),
@@ -57,7 +58,7 @@ SYNTAX: dict[str, Entry] = {
     ),
     "E0110": Entry(
         "a keyword as a name",
-        "The words of the language cannot be names. In single quotes they can: 'flow'.",
+        "The keywords of the language cannot be names. In single quotes they can: 'flow'.",
         "model A\n  Real flow = 1;\nend A;",
     ),
     "E0111": Entry(
@@ -66,29 +67,29 @@ SYNTAX: dict[str, Entry] = {
         "model A\n  Real x;\nequation\n  x + 1;\nend A;",
     ),
     "E0112": Entry(
-        "a misspelled word of the language",
-        "The text is read as if the word were spelled right.",
+        "a misspelled keyword",
+        "The text is read as if the keyword were spelled correctly.",
         "modle A\n  Real x = 1;\nend A;",
     ),
     "E0113": Entry(
-        "a prefix that does not fit",
-        "Prefixes stand in a fixed order (final, inner, outer, replaceable, flow, parameter or constant or discrete, "
+        "a misplaced prefix",
+        "Prefixes occur in a fixed order (final, inner, outer, replaceable, flow, parameter or constant or discrete, "
         "input or output), each once; classes are 'partial', components are 'flow' or 'parameter'.",
         "model A\n  flow parameter parameter Real x = 1;\nend A;",
     ),
     "E0114": Entry(
         "operators that cannot be chained",
-        "'a^b^c' and 'a < b < c' have no agreed meaning: parentheses or 'and' say what is meant.",
+        "'a^b^c' and 'a < b < c' have no agreed meaning: parentheses or 'and' make the meaning clear.",
         "model A\n  Real x = 2^3^2;\nend A;",
     ),
     "E0115": Entry(
         "a sign directly after an operator",
-        "A sign can stand at the beginning of a sum only; elsewhere it needs parentheses.",
+        "A sign is allowed at the beginning of a sum only; elsewhere it needs parentheses.",
         "model A\n  Real x = 2 * -3;\nend A;",
     ),
     "E0116": Entry(
         "not part of lmo",
-        "A construct of Modelica that lmo does not take.",
+        "A construct of Modelica that lmo does not support.",
         "function f\n  input Real x;\n  output Real y;\nexternal \"C\";\nend f;",
     ),
     "E0117": Entry(
@@ -97,7 +98,7 @@ SYNTAX: dict[str, Entry] = {
         "model A\n  Real x;\nequation\n  x = 2 + ;\nend A;",
     ),
     "E0118": Entry(
-        "arguments in disorder",
+        "arguments in the wrong order",
         "In a call, arguments without names come before those with names, and each name is given once.",
         "model A\n  Real x = max(1, y = 2, 3);\nend A;",
     ),
@@ -113,12 +114,12 @@ SYNTAX: dict[str, Entry] = {
     ),
     "E0121": Entry(
         "an unknown escape in a string",
-        "A backslash stands before ', \", ?, \\, n, t, r, a, b, f or v.",
+        "A backslash is followed by ', \", ?, \\, n, t, r, a, b, f or v.",
         'model A "\\d"\n  Real x = 1;\nend A;',
     ),
     "E0122": Entry(
         "'equation' is missing",
-        "Equations stand below the word 'equation', statements below 'algorithm'.",
+        "Equations follow the word 'equation', statements follow 'algorithm'.",
         "model A\n  Real x;\n  x = 1;\nend A;",
     ),
     "E0124": Entry(
@@ -128,8 +129,8 @@ SYNTAX: dict[str, Entry] = {
     ),
     "E0123": Entry(
         "nested too deeply",
-        "Brackets, if-expressions, blocks and classes inside of each other, more than a hundred: a person cannot read "
-        "that, and the compiler does not try.",
+        "Brackets, if-expressions, blocks and classes inside of each other, more than a hundred levels deep. The "
+        "compiler has a limit, and such a text is unreadable.",
         f"model A\n  Real x =\n{_open}    1\n{_open.replace('(', ')')}    ;\nend A;",
     ),
 }
