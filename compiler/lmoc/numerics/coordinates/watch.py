@@ -44,6 +44,7 @@ class CoordinateWatch:
         self.barred = np.zeros(len(self.constraints.watched), bool)
         self._entries = _entries(system, base, self.constraints)
         self._size = np.zeros(0)
+        self._scale: np.ndarray | None = None
         self.at = np.nan
         self._last: tuple[np.ndarray, Tableau] | None = None
         self._before: tuple[np.ndarray, Tableau] | None = None
@@ -52,7 +53,7 @@ class CoordinateWatch:
     def begin(self, t: float, x: np.ndarray) -> Status:
         """Judge the place where the piece begins; its coordinates are compared with what they are there."""
         matrix = self._matrix(t, x)
-        self._size = np.zeros(matrix.shape)
+        self._size, self._scale = np.zeros(matrix.shape), None
         found = self._look(matrix)
         worst = found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
@@ -149,11 +150,16 @@ class CoordinateWatch:
 
     def _look(self, matrix: np.ndarray) -> Tableau:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
-        with np.errstate(invalid="ignore"):
-            self._size = np.fmax(self._size, np.abs(matrix))
-        row = self._size.max(axis=1, keepdims=True)
-        scale = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
-        return tableau(matrix, self.constraints.watched, np.where(scale > 0, scale, 1.0))
+        size = np.abs(matrix)
+        if not (size <= self._size).all():
+            with np.errstate(invalid="ignore"):
+                self._size = np.fmax(self._size, size)
+            self._scale = None
+        if self._scale is None:
+            row = self._size.max(axis=1, keepdims=True)
+            scale = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
+            self._scale = np.where(scale > 0, scale, 1.0)
+        return tableau(matrix, self.constraints.watched, self._scale)
 
     def _states(self, exchanges: list[tuple[int, int]]) -> list[int]:
         """The columns that are states after some exchanges."""
