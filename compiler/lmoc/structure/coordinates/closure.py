@@ -22,7 +22,7 @@ from lmoc.support.distinct import distinct
 
 # steps until it is given up; relative size of the last one; what keeps the equations for it regular where constraints
 # repeat each other; how many of them are solved densely
-STEPS, CLOSED, DAMPING, DENSE = 40, 1e-9, 1e-13, 200
+STEPS, CLOSED, DAMPING, DENSE = 40, 1e-9, 1e-13, 100
 
 
 def start_point(system: System, c: np.ndarray, highest: int) -> Sample:
