@@ -1,4 +1,4 @@
-"""What a user holds of a compiled scene: names, values, simulation, and the door to symbolic results."""
+"""The user's interface to a compiled scene: names, values, simulation, and access to symbolic results."""
 
 from __future__ import annotations
 
@@ -335,7 +335,7 @@ class DAE:
         return casadi_functions(self.reduced, self.values, self._start_values)
 
     def _start_values(self, registers: np.ndarray) -> StartValues:
-        """Where a run with the default values starts, with the values of some registers."""
+        """Return the start of a run with the default values, with the values of some registers."""
         from lmoc.numerics.evaluate.functions import StartValues
         from lmoc.numerics.observe.slices import slice_of
 
@@ -502,7 +502,7 @@ class DAE:
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the scene, and what can be asked of it."""
+        """Return the HTML representation for notebooks: the scene, and its main methods."""
         from lmoc.report.page import named_lists
 
         names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}

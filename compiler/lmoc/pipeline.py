@@ -53,7 +53,7 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the user gave: enough to flatten and reduce again for other parameter values.
+    """The user's input: enough to flatten and reduce again for other parameter values.
 
     Attributes
     ----------

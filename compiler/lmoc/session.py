@@ -85,7 +85,7 @@ class Session:
         return self, Prepared(self.flat, self._reduction(values, _MODEL, clock), values, (note,))
 
     def _resizes(self, name: str, value: Value) -> bool:
-        """Whether an array is given that is longer or shorter than that of the model: its size may be open."""
+        """Return whether an array is given that is longer or shorter than that of the model: its size may be open."""
         variables = self.flat.find(name)
         if variables is None or self.flat.kind[variables[0]] != Kind.PARAMETER or np.ndim(value) == 0:
             return False
@@ -93,7 +93,7 @@ class Session:
         return bool(dims) and np.size(value) != len(variables)
 
     def _reshapes(self, name: str, value: Value) -> bool:
-        """Whether a value shapes the flat model and differs from the one that has shaped it."""
+        """Return whether a value shapes the flat model and differs from the one that has shaped it."""
         variables = self.flat.find(name)
         return self.flat.block_at(int(variables[0])).structural and bool(np.any(self.values[variables] != value))
 

@@ -73,7 +73,7 @@ def equilibrium(dae: DAE, n: int | None) -> Equilibrium:
 
 
 def _rest(dae: DAE, rest: Equilibrium) -> str:
-    """Where the deviations are counted from: the coordinates that are not zero there."""
+    """Describe the reference point of the deviations: the coordinates that are not zero there."""
     from lmoc.symbolic.notation import Notation
 
     away = {name: value for name, value in rest.items() if value != 0}

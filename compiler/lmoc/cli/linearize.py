@@ -123,7 +123,7 @@ def _numbers(model: LinearModel) -> str:
 
 
 def _of_derivatives(title: str, matrices: tuple, rows: list[str], inputs: list[str]) -> list[str]:
-    """What the inputs' derivatives do, where they do anything: B1, B2, …"""
+    """Return the effect of the inputs' derivatives, where there is any: B1, B2, …"""
     return [
         matrix(f"{title}{k}", m, rows, ["der(" * k + u + ")" * k for u in inputs])
         for k, m in enumerate(matrices)

@@ -1,4 +1,4 @@
-"""What the command is to the system: its standard streams, the signals that end it, and how it ends quietly."""
+"""The command as a process: its standard streams, the signals that end it, and its quiet exit."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def interruption_code() -> int:
 
 
 def came_from_interruption(error: BaseException) -> bool:
-    """Whether an exception follows from Ctrl-C: C extensions report one that meets their import as an error of it."""
+    """Return whether an exception follows from Ctrl-C: C extensions turn it into an ImportError while they load."""
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, KeyboardInterrupt):
@@ -73,7 +73,7 @@ def came_from_interruption(error: BaseException) -> bool:
 
 
 def is_lost_output(error: OSError) -> bool:
-    """Whether standard output could not be written (errors of files are ModelErrors or have a file name)."""
+    """Return whether standard output could not be written (errors of files are ModelErrors or have a file name)."""
     return error.filename is None and error.errno in _OUTPUT_LOST
 
 

@@ -1,4 +1,4 @@
-"""What is going on, on a terminal, when it takes more than a second."""
+"""Progress display on a terminal, for work that takes more than a second."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def _start(text: str) -> str | tuple[str, object]:
 
 
 def _initial(given: list) -> str | dict[str, float]:
-    """Where to start: the equilibrium, or what is fixed by name."""
+    """Return the start: the equilibrium, or the values fixed by name."""
     if "equilibrium" in given:
         if len(given) > 1:
             raise UsageError([Diagnostic("E0620", "--init equilibrium and --init name=value exclude each other")])

@@ -1,4 +1,4 @@
-"""What the verbs for equations, equilibria, linear models and transfer functions share."""
+"""Functions shared by the verbs for equations, equilibria, linear models and transfer functions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_place_arguments(parser: Parser) -> None:
 
 
 def place(dae: DAE, arguments: argparse.Namespace, inputs: Mapping[str, float]) -> float | Mapping | None:
-    """Where `--at` and `--equilibrium` say: a time, a point by names, or None."""
+    """Return the point given by `--at` and `--equilibrium`: a time, a point by names, or None."""
     given: list[str] = arguments.at
     if arguments.equilibrium is not None:
         if given:

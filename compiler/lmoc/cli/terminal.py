@@ -1,4 +1,4 @@
-"""What the command writes to standard error: diagnostics, failures, and the calm word about an internal error."""
+"""Output to standard error: diagnostics, failures, and the report of an internal error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _COLOUR = {"error": "31", "warning": "33", "note": "36"}
 
 
 def coloured(stream: TextIO) -> bool:
-    """Whether to write colours to a stream: a terminal, and NO_COLOR not set."""
+    """Return whether to write colours to a stream: a terminal, and NO_COLOR not set."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 

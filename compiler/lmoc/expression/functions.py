@@ -19,7 +19,7 @@ Lowering = str | Callable
 
 
 class UnitRule(Enum):
-    """What the units of the arguments must be, and that of the result."""
+    """The rule for the units of the arguments and of the result."""
 
     KEPT = "the unit of its argument"
     COMMON = "the arguments have one unit, which is that of the result"
@@ -35,7 +35,7 @@ class UnitRule(Enum):
 
 
 class Kind(Enum):
-    """How a function is treated where it is called in a model."""
+    """The treatment of a function that is called in a model."""
 
     OPERATOR = "written between or before its arguments"
     SMOOTH = "differentiable where it is defined"
@@ -90,12 +90,12 @@ class Function:
 
     @property
     def text(self) -> str:
-        """How it is called in a model."""
+        """Return its name in a model."""
         return self.spelling or self.name
 
     @property
     def losable(self) -> bool:
-        """Whether finite arguments of moderate size may give no finite value."""
+        """Return whether finite arguments of moderate size may give no finite value."""
         return self.domain is not None or self.divides or self.overflows
 
 

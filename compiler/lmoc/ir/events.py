@@ -1,4 +1,4 @@
-"""What happens at instants: relations, discrete equations, whens.
+"""Events of a flat model: relations, discrete equations, whens.
 
 Discrete variables (`Kind.DISCRETE`) are slots that change between two steps only. Everything here is tables of indices
 of flat variables, as in `lmoc.ir.flat`; shapes use slots of order 0 only. The meaning is that of the Modelica

@@ -24,7 +24,7 @@ from lmoc.messages.source import Span
 
 
 class Kind(IntEnum):
-    """What a variable is to the solver."""
+    """The role of a variable for the solver."""
 
     CONSTANT = 0
     PARAMETER = 1
@@ -189,7 +189,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What a model asks of its runs; None where it says nothing."""
+    """The settings of a model for its runs; None where not stated."""
 
     start: float | None = None
     stop: float | None = None
@@ -264,7 +264,7 @@ class FlatDAE:
         return self.blocks[bisect_right(self._offsets, variable) - 1]
 
     def declared_at(self, variable: int) -> Span | None:
-        """Where the part that a variable belongs to is declared; for one of the model itself, its own declaration."""
+        """Return the declaration of the part that owns a variable; for one of the model itself, its own declaration."""
         block = self.block_at(variable)
         return self.parts[block.part].span or block.span
 

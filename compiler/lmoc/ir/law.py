@@ -80,7 +80,7 @@ class Laws:
 
     @property
     def carries_impulse(self) -> bool:
-        """Whether the force may be an impulse; bounded friction is none, even while it sticks."""
+        """Return whether the force may be an impulse; bounded friction is none, even while it sticks."""
         return self.kind is not LawKind.DRY_FRICTION
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -91,7 +91,7 @@ class Laws:
 
 @dataclass(frozen=True, eq=False)
 class Switched:
-    """Where the laws are in the switched form of a flat model (`structure.laws.switched`), an entry for each law.
+    """The places of the laws in the switched form of a flat model (`structure.laws.switched`), an entry for each law.
 
     Attributes
     ----------

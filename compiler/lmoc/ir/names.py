@@ -60,7 +60,7 @@ def names_of(given: str | Sequence[str] | None) -> tuple[str, ...] | None:
 
 
 def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda block: True) -> str:
-    """What may have been meant by a name that the model does not have."""
+    """Suggest names for one that the model does not have."""
     blocks = {_base(b): b for b in flat.blocks if b.size and among(b)}
     plain = _SUBSCRIPT.sub("", str(name)).strip()
     same = blocks.get(plain)
@@ -70,7 +70,7 @@ def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda b
 
 
 def hint_among(known: Mapping[str, str], name: str) -> str:
-    """What may have been meant by a name that is not among some.
+    """Suggest names for one that is not among the given ones.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What linear elimination hands on: groups over root jets, and the way back to every variable."""
+"""The result of linear elimination: groups over root jets, and the recovery of every variable."""
 
 from __future__ import annotations
 

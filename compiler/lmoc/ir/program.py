@@ -70,7 +70,7 @@ Program = tuple[Step, ...]
 
 
 class Role(IntEnum):
-    """What fills a register."""
+    """The source of a register's value."""
 
     KNOWN = 0  # a constant, a parameter: from FlatDAE.parameter_values
     DERIVED = 1  # computed from KNOWN once for each parameter set (elimination factors, offsets)

@@ -81,7 +81,7 @@ class Constraints:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """What reduction leaves.
+    """The result of reduction.
 
     Attributes
     ----------

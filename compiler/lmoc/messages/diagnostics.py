@@ -1,4 +1,4 @@
-"""What the compiler says about a model: errors, warnings and notes with their place.
+"""Diagnostics of the compiler: errors, warnings and notes with their place.
 
 Each stage collects into a `Report` and goes on as far as it can, so that one run names several
 mistakes; `Report.check` raises one `ModelError` for all of them at the end of the stage.
@@ -58,7 +58,7 @@ class Diagnostic:
 
 @dataclass(frozen=True)
 class Entry:
-    """What a code means, as the catalogue tells it.
+    """The catalogue's explanation of a code.
 
     Attributes
     ----------

@@ -113,7 +113,7 @@ def _column(edges: Sequence[int], position: int) -> int:
 
 
 def _width(text: str) -> int:
-    """How many columns of a screen a text takes."""
+    """Return the number of screen columns of a text."""
     if text.isascii():
         return len(text)
     return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text)

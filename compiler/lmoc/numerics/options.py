@@ -1,4 +1,4 @@
-"""What a run is asked for, and what follows where nothing is said."""
+"""The options of a run, and their defaults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def solver_hint(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Where a run begins and ends, s, and its output times (k,), none of them outside."""
+    """Start and stop of a run, s, and its output times (k,), all within."""
 
     start: float
     end: float

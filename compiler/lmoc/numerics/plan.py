@@ -25,7 +25,7 @@ LEDGER = ("ledger.work", "ledger.heat")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan:
-    """What is integrated.
+    """The system that is integrated.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Plan:
 
     @property
     def has_large_blocks(self) -> bool:
-        """Whether a block needs sparse factors: then C pays for fewer rows too."""
+        """Return whether a block needs sparse factors: then C pays for fewer rows too."""
         return any(isinstance(s, Solve) and s.unknowns.shape[1] > LARGE_BLOCK for s in self.program)
 
     @cached_property
@@ -281,7 +281,7 @@ def _wanted_quadratures(reduced: Reduced, energy: bool) -> np.ndarray:
 
 
 def _unknown_power(reduced: Reduced, absent: list[int]) -> bool:
-    """Whether the ledger needs derivatives that no signal gives: then there is none."""
+    """Return whether the ledger needs derivatives that no signal gives: then there is none."""
     if not absent:
         return False
     rates = reduced.quadrature_derivatives[~_wanted_quadratures(reduced, False)]

@@ -1,4 +1,4 @@
-"""How large the motion is: absolute tolerances are parts of it, and never of a unit that somebody has chosen."""
+"""The size of the motion: absolute tolerances are relative to it, and independent of the choice of units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all pieces of a run have in common, and one piece under way."""
+"""The data shared by all pieces of a run, and one piece in progress."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Coordinates(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What all pieces of a run have in common.
+    """The data shared by all pieces of a run.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Stretch:
 
 
 class Cost:
-    """What the pieces of a run have cost, added up.
+    """The accumulated cost of the pieces of a run.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ from lmoc.numerics.simulate import Simulator
 
 @dataclass(frozen=True, eq=False)
 class Lowered:
-    """What a run with the model's own signals integrates."""
+    """The system that a run with the model's own signals integrates."""
 
     reduced: Reduced
     plan: Plan

@@ -136,7 +136,7 @@ def step(tf: TransferFunction, path: str | Path | None = None, title: str = "", 
 
 
 def _times(poles: np.ndarray) -> tuple[float, int]:
-    """How long, for the slowest to decay or for some periods of what hardly does, and at how many times."""
+    """Return duration and number of times: until the slowest mode decays, or some periods of a lightly damped one."""
     decay = -poles.real[poles.real < -ON_AXIS * np.abs(poles)]
     turning = np.abs(poles.imag[np.abs(poles.imag) > ON_AXIS * np.abs(poles)])
     longest = [6.0 / decay.min()] if len(decay) else []

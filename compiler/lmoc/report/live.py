@@ -270,7 +270,7 @@ def _variable(flat: FlatDAE, name: str) -> np.ndarray:
 
 
 def _is_smooth(run: Run) -> bool:
-    """Whether nothing switches, and no coordinates have to be watched."""
+    """Return whether nothing switches, and no coordinates have to be watched."""
     flat, reduced = run.flat, run.reduced
     nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)
     return not flat.laws and flat.events is None and not nonlinear and len(reduced.states) > 0

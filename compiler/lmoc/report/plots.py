@@ -119,7 +119,7 @@ def head(figure: Figure, title: str) -> None:
 
 
 def choose(run: Result) -> list[str]:
-    """What a picture shows when nothing is asked for: what was kept, else the outputs or the states, and the inputs."""
+    """Return the default variables of a picture: those kept, else the outputs or the states, and the inputs."""
     if run.kept is not None:
         return list(run.kept)
     registers = run.reduced.states

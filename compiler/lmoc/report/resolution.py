@@ -1,4 +1,4 @@
-"""How many output times show a motion: as many as its steps need."""
+"""Choice of the number of output times that resolve a motion."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ MANY = 2000  # variables: tables of larger scenes hold outputs and states unless
 
 
 class Result:
-    """What a simulation has computed.
+    """The result of a simulation.
 
     Variables that nobody integrates are computed when first asked for.
 
@@ -75,7 +75,7 @@ class Result:
 
     @property
     def complete(self) -> bool:
-        """Whether the run has come to its end."""
+        """Return whether the run has come to its end."""
         return self.broke_off is None
 
     # ---------------------------------------------------------------------- variables
@@ -139,7 +139,7 @@ class Result:
 
     @property
     def end(self) -> End:
-        """Where the run has ended, in full: ``simulate(initial=run.end)`` goes on as if it had never stopped."""
+        """Return the complete final state: ``simulate(initial=run.end)`` continues as if the run had never stopped."""
         return self.trajectory.end
 
     @property
@@ -239,7 +239,7 @@ def _members(block: Block) -> np.ndarray:
 
 
 def _is_array(flat: FlatDAE, name: str) -> bool:
-    """Whether a name stands for several variables: an index is missing or is a range."""
+    """Return whether a name stands for several variables: an index is missing or is a range."""
     block: Block = flat.block_at(int(flat.find(name)[0]))
     subscripts = name.count("[") and sum(len(s.split("]")[0].split(",")) for s in name.split("[")[1:])
     return subscripts < len(block.dims) or ":" in name

@@ -9,7 +9,7 @@ from lmoc.report.result import Result
 
 
 class Run(Result):
-    """What a simulation has computed; see `Result`."""
+    """The result of a simulation; see `Result`."""
 
     def save(self, path: str | Path, names: str | Sequence[str] | None = None) -> Path:
         """Write a table of the run: .csv, .npz, .parquet or .mat by the ending of the name.
@@ -41,7 +41,7 @@ class Run(Result):
         return plot(self, names, path, units)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the summary that `lmoc run` prints."""
+        """Return the HTML representation for notebooks: the summary that `lmoc run` prints."""
         from html import escape
 
         from lmoc.report.summary import summary

@@ -19,7 +19,7 @@ _MOST_ROWS = 24
 
 
 def summary(run: Result, units: str | Sequence[str] | None = None) -> str:
-    """What was solved, at which cost, how well, and where it ended; quantities in some units (`display`)."""
+    """Return the summary of a run: system, cost, accuracy and final values, in the units of `display`."""
     shown = display(units)
     rows = [(name, shown.value(value, u), shown.unit(u), text) for name, value, u, text in final_rows(run)]
     title = run.flat.name + (f": {run.flat.description}" if run.flat.description else "")
@@ -103,7 +103,7 @@ def counted(n: int, things: str) -> str:
 
 
 def _broke_off(run: Result) -> str:
-    """How the last output time and the end of a run that failed belong together."""
+    """Describe how the last output time relates to the end of a run that failed."""
     if run.complete:
         return ""
     if f"{run.broke_off:g}" == f"{run.time[-1]:g}":

@@ -212,7 +212,7 @@ class Assembler:
         return result
 
     def literal_values(self) -> list[Assignments]:
-        """What the literals are."""
+        """Return the values of the literals."""
         if self.literals is None:
             return []
         at = self.literals.offset + np.arange(self.literals.size)

@@ -111,7 +111,7 @@ class ActionDraft:
 
 @dataclass
 class Drafts:
-    """What the equations and bindings of the whole model have become so far."""
+    """The equations and bindings of the whole model translated so far."""
 
     groups: list[GroupDraft] = field(default_factory=list)
     initial: list[GroupDraft] = field(default_factory=list)
@@ -216,7 +216,7 @@ def spread(
 
 
 def _axes(alike: tuple[bool, ...], at: tuple[int, ...]) -> tuple[tuple, tuple]:
-    """How a piece at these positions indexes the target's further axes, and how its columns get the alike ones."""
+    """Return how a piece at these positions indexes the target's further axes, and how its columns get equal ones."""
     choice, kept, k = [], [], 0
     for same in alike:
         if same:

@@ -185,7 +185,7 @@ class EquationSection:
             self.trying -= 1
 
     def branch(self, outer: Context, e: tree.IfEquation) -> None:
-        """Where conditions are known when compiling and differ between rows, the rows go their own ways."""
+        """Split the rows by conditions that are known when compiling and differ between them."""
         context = self._fresh(outer)
         conditions, e = self._open_branches(context, e)
         if any(changes(context, c) for c in conditions):

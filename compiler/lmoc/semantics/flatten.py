@@ -161,7 +161,7 @@ class _Flattening:
         self.report.check()  # what follows needs all equations
 
     def _mark_discrete(self) -> None:
-        """What when-equations assign is discrete (3.8.4); what they reinit is a state (4.4.4.2)."""
+        """Mark variables assigned in when-equations as discrete (3.8.4), and those of reinit as states (4.4.4.2)."""
         for instance in self.model.root.instances():
             for scope in instance.cls.lineage():
                 context = Context(self.model, instance, scope)
@@ -247,7 +247,7 @@ class _Flattening:
 
 
 def _may_be_open(port: Instance) -> bool:
-    """Whether ``annotation(__lmoc(open = true))`` says that a port works unconnected as well."""
+    """Return whether ``annotation(__lmoc(open = true))`` says that a port works unconnected as well."""
     value = vendor_entry(port.component.annotation, "open")
     return isinstance(value, tree.Boolean) and value.value
 
@@ -262,7 +262,7 @@ def _derived(draft: GroupDraft) -> Iterator[Variable]:
 
 
 def _zeros(drafts: Drafts, count: int) -> np.ndarray:
-    """Which constants and parameters are written as zero: they add nothing to the ledger."""
+    """Return which constants and parameters are written as zero: they add nothing to the ledger."""
     zero = np.zeros(count, bool)
     for draft in drafts.bindings:
         if draft.shape is dag.ZERO and draft.variable.kind == Kind.CONSTANT:

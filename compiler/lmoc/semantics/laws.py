@@ -99,7 +99,7 @@ def _inputs(function: Scope) -> dict[str, tree.Component]:
 
 
 def _arguments(context: Context, function: Scope, call: tree.Call) -> dict[str, tuple[Value, Span]]:
-    """What each input is given, defaults included."""
+    """Return the argument of each input, defaults included."""
     inputs = _inputs(function)
     given: dict[str, tuple[Value, Span]] = {}
     for name, argument in _pairs(list(inputs), function, call):

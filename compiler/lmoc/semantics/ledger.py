@@ -31,7 +31,7 @@ DESCRIPTION = {
 
 @dataclass(frozen=True, eq=False)
 class Ledger:
-    """What the ledger adds to a flat model."""
+    """The additions of the energy ledger to a flat model."""
 
     blocks: list[Block]
     groups: list[Group]

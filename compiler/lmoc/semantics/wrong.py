@@ -1,4 +1,4 @@
-"""How a mistake leaves the place where it was found."""
+"""The exception that carries a mistake from where it was found."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_ELEMENTS = 50_000_000  # of one array of parts or numbers, or rounds of a lo
 
 @dataclass
 class Budget:
-    """What the making of one model may cost, so that nobody waits for one that no machine could make.
+    """A limit on the cost of building one model, so that models of unmanageable size are rejected early.
 
     Attributes
     ----------

@@ -92,7 +92,7 @@ def _texts() -> tuple[tuple[str, str], ...]:
 
 @once
 def _program() -> bytes:
-    """What the trees are made by: they are made again when it changes."""
+    """Return the key of the code that builds the trees: they are rebuilt when it changes."""
     import lmoc.grammar
     import lmoc.messages.source
 

@@ -1,4 +1,4 @@
-"""What a user names as a model: files, or a class in a folder; and the folders in which further classes are found."""
+"""The model named by a user: files, or a class in a folder; and the folders in which further classes are found."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def folders_of_path(path: Named | None) -> tuple[Folder, ...]:
 
 
 def _is_class_name(name: str | os.PathLike) -> bool:
-    """Whether a name that is no file's can be that of a class."""
+    """Return whether a name that is no file's can be that of a class."""
     if not isinstance(name, str) or not _CLASS_NAME.fullmatch(name) or name.endswith(SUFFIXES):
         return False
     return not Path(name).exists() or Path(name).is_dir() and not name.startswith(".")

@@ -127,7 +127,7 @@ def _holds(
 
 
 def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
-    """What the states are where the constraints hold, near the start values."""
+    """Return the values of the states where the constraints hold, near the start values."""
     if selection.start is None:
         return None
     variable, order = selection.layout.jets

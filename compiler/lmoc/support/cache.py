@@ -50,7 +50,7 @@ def own_folder(*below: str) -> str | None:
 
 
 def is_own(path: str) -> bool:
-    """Whether a file or folder belongs to the user alone: nobody else could have written to it.
+    """Return whether a file or folder belongs to the user alone: nobody else could have written to it.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def _keep_others_out(path: str) -> bool:
 
 
 def read(name: str, key: bytes) -> bytes | None:
-    """What was kept under `name` if it was made from `key`, is undamaged and the user's own, else None."""
+    """Return the entry kept under `name` if it was made from `key`, is undamaged and the user's own, else None."""
     place = _place(name)
     if place is None:
         return None

@@ -33,7 +33,7 @@ def numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def distinct_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each distinct row of a table stands first, in this order, and for each row the number of its like."""
+    """Return the first occurrence of each distinct row of a table, in order, and for each row its class."""
     order = np.lexsort(table.T)
     ordered = table[order]
     start = np.ones(len(order), bool)

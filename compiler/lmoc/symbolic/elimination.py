@@ -22,7 +22,7 @@ Sparse = dict[int, Element]
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """What elimination found.
+    """The result of elimination.
 
     Attributes
     ----------

@@ -214,7 +214,7 @@ def _linear(equations: list, unknowns: list, inputs: set) -> list[Root]:
 
 
 def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
-    """What must vanish, without factors that cannot."""
+    """Return the expression that must vanish, without factors that cannot."""
     import sympy as sp
 
     top = sp.numer(cancelled(condition))

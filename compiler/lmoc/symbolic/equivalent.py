@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Equivalent:
-    """What a network is between two ports.
+    """The equivalent of a network between two ports.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ def _port(flat: FlatDAE, name: str) -> tuple[int, int]:
 
 
 def _port_hint(name: str, ports: list[str]) -> str:
-    """Which port may have been meant: of a part one of its own, of a variable one of the same part."""
+    """Suggest a port: for a part one of its own, for a variable one of the same part."""
     inside = [port for port in ports if port.startswith(f"{name}.")]
     beside = [port for port in ports if port.rpartition(".")[0] == name.rpartition(".")[0]]
     if inside:

@@ -1,4 +1,4 @@
-"""What can be derived from a scene, as functions of a `Prepared`: one for each thing that a textbook shows.
+"""Symbolic results as functions of a `Prepared`: one for each kind that a textbook shows.
 
 Symbols are plain ``sympy.Symbol("dotted.name")``; an input's derivative is ``Symbol("der(u)")``.
 """

@@ -77,7 +77,7 @@ class LinearModel:
 
     @property
     def Bd(self) -> Matrix | None:
-        """What the inputs' first derivatives do to the states; None where they do nothing."""
+        """Return the effect of the inputs' first derivatives on the states; None where there is none."""
         return self.Bs[1] if len(self.Bs) > 1 and any(self.Bs[1].ravel() if not self.symbolic else self.Bs[1]) else None
 
     @property
@@ -215,7 +215,7 @@ class LinearModel:
         return f"<LinearModel: {sizes}; {'in symbols' if self.symbolic else self.stability}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: of a small model the matrices that are not zero."""
+        """Return the HTML representation for notebooks: for a small model the nonzero matrices."""
         title = repr(self).strip("<>")
         if max(len(self.states), len(self.inputs), len(self.outputs)) > MOST_SHOWN:
             return matrices_html(title, ())

@@ -1,4 +1,4 @@
-"""What each part does by itself: its flows from the motion of its ports, without any balance of forces.
+"""The behaviour of each part by itself: its flows from the motion of its ports, without any balance of forces.
 
 The flat equations without the connections are solved forwards from the potentials: ``extension = b.q − a.q``, then
 ``f = k·extension``, then ``a.f = −f``; a mass gives ``flange.f = m·a − m·g`` with the acceleration as a symbol. Flows
@@ -51,7 +51,7 @@ class PartLaws:
         self._order()
 
     def _order(self) -> None:
-        """Which row gives which variable: rows with one variable left, over and over."""
+        """Assign rows to variables: rows with one variable left, repeatedly."""
         open_of: list[set[int]] = []
         waiting: dict[int, list[int]] = defaultdict(list)
         for i, (group, row) in enumerate(self.rows):
@@ -82,13 +82,13 @@ class PartLaws:
         return self.flat.kind[variable] == Kind.UNKNOWN and variable not in self.kinematics.known
 
     def _gives(self, i: int, variable: int) -> bool:
-        """Whether a row is solved for a variable without dividing by what moves."""
+        """Return whether a row is solved for a variable without dividing by what moves."""
         group, row = self.rows[i]
         leaves = [s for s in _leaves(group) if group.slots[row][s.value[0]] == variable]
         return all(s.value[1] == 0 and self._is_plain(group, s) for s in leaves)
 
     def _is_plain(self, group: Group, leaf: Expr) -> bool:
-        """Whether only numbers and parameters multiply a variable in the equations of a group."""
+        """Return whether only numbers and parameters multiply a variable in the equations of a group."""
         key = id(group), leaf
         if key not in self._plain:
             factor = differentiate(group.residual, leaf)

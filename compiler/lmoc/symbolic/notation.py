@@ -136,7 +136,7 @@ class Formula:
         return join_terms(((negative, text) for negative, text, _ in parts), self.style)
 
     def _spoken(self, term: sympy.Expr) -> tuple[str, str]:
-        """What a sum is sorted by: the term without its number, in any style the same."""
+        """Return the sort key of a term of a sum: the term without its number, in any style the same."""
         number, rest = term.as_coeff_Mul()
         return Formula(self.notation, ASCII).product(rest if rest != 1 else abs(number)), str(number)
 

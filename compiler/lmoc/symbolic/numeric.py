@@ -130,11 +130,11 @@ class NumericSystem:
 
     @property
     def program(self) -> Program:
-        """What gives the rates and the outputs."""
+        """Return the function of the rates and the outputs."""
         return self._interpreter.program
 
     def finite(self, shown: np.ndarray) -> bool:
-        """Whether the outputs of a mask have values where the programs have run last."""
+        """Return whether the outputs of a mask have values where the programs have run last."""
         seen = self.reduced.register_of[self.outputs[shown]]
         return bool(np.isfinite(self._w[seen[seen >= 0]]).all())
 
@@ -155,7 +155,7 @@ class NumericSystem:
 
     @cached_property
     def pose(self) -> Pose | None:
-        """Where the scene starts with inputs of zero; None where that does not matter, or where it cannot start."""
+        """Return the start of the scene with inputs of zero; None where it is irrelevant or does not exist."""
         unknowns = [step.unknowns.ravel() for step in self._interpreter.program if _is_nonlinear(step)]
         if not unknowns:
             return None

@@ -1,4 +1,4 @@
-"""Which symbol, or which number, stands for each parameter.
+"""The symbol or number for each parameter.
 
 A person writes ``J1``, not ``rotor.J``: bindings are followed to the parameters that are not bound to others. Numbers
 that nobody asked for (a library default left alone, like ``g = 0`` of a mass) and zeros are inserted as numbers.
@@ -79,7 +79,7 @@ class ParameterSymbols:
 
 
 def _has_cases(shape: Expr) -> bool:
-    """Whether an expression is no single formula (slopes of a table, say): a person wants no more than the name."""
+    """Return whether an expression is not a single formula (slopes of a table, say): only its name is printed."""
     return any(node.op in _CASES for node in postorder(shape))
 
 

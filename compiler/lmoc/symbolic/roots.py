@@ -42,7 +42,7 @@ class Root:
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """What a numeric search has found, and how it searched."""
+    """The result of a numeric search, and its method."""
 
     roots: list[Root]
     how: str

@@ -78,7 +78,7 @@ def _same(x: np.ndarray, y: np.ndarray, turning: np.ndarray) -> bool:
 
 
 def _member(x: np.ndarray, rest: Rest, turning: np.ndarray) -> bool:
-    """Whether a zero belongs to what is known."""
+    """Return whether a zero belongs to what is known."""
     return rest.straight and _same(x, rest.at + rest.along @ x[list(rest.free)], turning)
 
 

@@ -101,6 +101,6 @@ def stability(found: Spectrum, A: np.ndarray) -> str:
 
 
 def _eigenvectors(A: np.ndarray, value: complex, rounding: float) -> int:
-    """How many independent ones there are of an eigenvalue."""
+    """Return the number of independent eigenvectors of an eigenvalue."""
     singular = np.linalg.svd(balanced(A) - value * np.eye(len(A)), compute_uv=False)
     return int(np.sum(singular <= 10 * NEAR_AXIS * abs(value) + rounding))

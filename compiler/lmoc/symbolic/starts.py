@@ -22,7 +22,7 @@ EQUILIBRIUM = "equilibrium"
 
 
 def in_symbols(initial: object) -> bool:
-    """Whether start values are to be worked out: a word, or a mapping with expressions."""
+    """Return whether start values are to be worked out: a word, or a mapping with expressions."""
     return isinstance(initial, str) or (
         isinstance(initial, Mapping)
         and any(hasattr(value, "free_symbols") for _, value in initial.items())  # its own `values` are others

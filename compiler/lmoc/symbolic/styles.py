@@ -1,4 +1,4 @@
-"""How the pieces of a formula look: for the terminal, in plain ASCII, as LaTeX, as MathML."""
+"""Styles of the pieces of a formula: for the terminal, in plain ASCII, as LaTeX, as MathML."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ class SymbolicSystem:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """What moves, without its equations: as `SymbolicSystem`, for derivations that need no solved form."""
+    """The coordinates of a scene without its equations, as `SymbolicSystem`: for derivations without a solved form."""
 
     name: str
     states: tuple[sympy.Symbol, ...]

@@ -156,7 +156,7 @@ class TransferFunction:
         return Scipy(*self.coefficients)
 
     def _repr_latex_(self) -> str:
-        """What a notebook shows."""
+        """Return the LaTeX representation for notebooks."""
         notation = Notation.of(self.numerator, self.denominator, names=(self.output, self.input))
         quotient = notation.quotient(self.numerator, self.denominator, "s", LATEX)
         names = (notation.name(name, LATEX) for name in (self.output, self.input))
@@ -191,7 +191,7 @@ class InputOutputEquation:
         return self.write(notation, UNICODE)
 
     def _repr_latex_(self) -> str:
-        """What a notebook shows."""
+        """Return the LaTeX representation for notebooks."""
         notation = Notation.of(self.left, self.right, names=(self.input, self.output))
         return f"$\\displaystyle {self.write(notation, LATEX)}$"
 

@@ -68,7 +68,7 @@ class Trial:
         return float(found) if found.is_real else float("nan")
 
     def vanishes(self, value: sympy.Expr) -> bool:
-        """Whether an expression is zero but for the rounding of its terms."""
+        """Return whether an expression is zero but for the rounding of its terms."""
         terms = np.array([self.number(term) for term in value.as_ordered_terms()])
         return bool(abs(terms.sum()) <= ROUNDING * np.abs(terms).sum())
 

@@ -1,4 +1,4 @@
-"""What the grammar's rules for files, classes, components and modifications make."""
+"""Actions of the grammar's rules for files, classes, components and modifications."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the grammar's rules for equations and statements make."""
+"""Actions of the grammar's rules for equations and statements."""
 
 from __future__ import annotations
 

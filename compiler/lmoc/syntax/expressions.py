@@ -1,4 +1,4 @@
-"""What the grammar's rules for expressions, names and modifications make.
+"""Actions of the grammar's rules for expressions, names and modifications.
 
 One method for each rule or alias of ``grammar/lmo.lark``, of the same name. A method takes the list of its symbols'
 values and the range of characters that they cover. Tokens come as their text; what is no node of the tree (a name, a

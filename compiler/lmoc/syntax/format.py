@@ -132,7 +132,7 @@ def _class(page: _Page, c: tree.Class) -> None:
 
 
 def _closing(c: tree.Class) -> str:
-    """What follows the name after ``end``."""
+    """Return the text after the name that follows ``end``."""
     if c.constrained_by is None:
         return ""
     return f" constrainedby {show.expression(c.constrained_by)}{show.modification(c.constraint)}"

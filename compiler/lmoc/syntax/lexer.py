@@ -183,7 +183,7 @@ def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
 
 
 def _first_open(text: str, tokens: Tokens, irregular: list[tuple[str, int]], doubtful: bool) -> int | None:
-    """Where the first string or comment begins that is not closed, None if all are.
+    """Return where the first unclosed string or comment begins, None if there is none.
 
     Where a closing quote is missing, the next opening one closes the string, and a letter follows it at once.
     """

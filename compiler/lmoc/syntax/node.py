@@ -1,4 +1,4 @@
-"""What the nodes of the syntax tree have in common."""
+"""The base class of the nodes of the syntax tree."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def walk(item: object) -> Iterator[Node]:
 
 
 def alike(a: object, b: object) -> bool:
-    """Whether two trees say the same, wherever they stand."""
+    """Return whether two trees are equal apart from their spans."""
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(alike, a, b))
     if not isinstance(a, Node):

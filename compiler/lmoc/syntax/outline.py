@@ -29,7 +29,7 @@ def outline(root: object) -> Iterator[str]:
 
 
 def _attributes(node: object) -> tuple[list[str], list[tuple[str, list]]]:
-    """What stands on a node's own line, and the headings of its children with them."""
+    """Return the text of a node's own line, and its children with their headings."""
     plain, children = [], []
     for f in fields(node):
         value = getattr(node, f.name)

@@ -23,7 +23,7 @@ _UNSUPPORTED = {
 
 
 class PrefixActions(EquationActions):
-    """What the grammar's rules for prefixes make."""
+    """Actions of the grammar's rules for prefixes."""
 
     def prefix(self, v: list, start: int, end: int) -> Word:
         return Word(v[0], start, end)

@@ -108,7 +108,7 @@ def _skip(trouble: Trouble) -> Slip | None:
 
 
 def _can_begin(trouble: Trouble, token: int) -> bool:
-    """Whether something new can begin at a token, whatever came before."""
+    """Return whether something new can begin at a token, whatever came before."""
     symbols = trouble.tokens.symbols
     begins_class = symbols[token] in CLASSES and trouble.breaks_before(token)
     return symbols[token] in FRESH or begins_class or (token > 0 and symbols[token - 1] == ";")

@@ -173,13 +173,13 @@ def _argument(argument: tree.Argument) -> str:
 
 
 def description(text: str, annotation: tree.Modification | None = None) -> str:
-    """What follows a declaration or an equation, with the space before it."""
+    """Return the text after a declaration or an equation, with the space before it."""
     shown = f" {quote(text)}" if text else ""
     return shown + (f" annotation{modification(annotation)}" if annotation is not None else "")
 
 
 def external(e: tree.External) -> str:
-    """What follows the word ``external``."""
+    """Return the text after the word ``external``."""
     target = f" {expression(e.target)} =" if e.target is not None else ""
     return ' "builtin"' + target + (f" {expression(e.call)}" if e.call is not None else "")
 

@@ -418,7 +418,7 @@ class External(Node):
 
 @node
 class ShortClass(Node):
-    """What stands after the '=' of a short class definition."""
+    """The right-hand side of a short class definition."""
     base: Ref
     dimensions: tuple[Expression, ...]
     modification: Modification | None

@@ -97,7 +97,7 @@ class Trouble:
 
     @property
     def breaks_line(self) -> bool:
-        """Whether the wrong token is the first of its line."""
+        """Return whether the wrong token is the first of its line."""
         return self.breaks_before(self.at)
 
     def span(self, token: int | None = None, last: int | None = None) -> Span:
@@ -131,7 +131,7 @@ class Trouble:
         return reduced
 
     def breaks_before(self, token: int) -> bool:
-        """Whether a token is the first of its line."""
+        """Return whether a token is the first of its line."""
         return token == 0 or "\n" in self.source.text[self.tokens.ends[token - 1] : self.tokens.starts[token]]
 
     def statement_start(self) -> int:
@@ -143,7 +143,7 @@ class Trouble:
         return 0
 
     def reach(self, edit: Edit) -> int:
-        """How many of the tokens after a change, and not before the wrong one, can be read; at most `CERTAIN`."""
+        """Return how many tokens after a change, and not before the wrong one, can be parsed; at most `CERTAIN`."""
         node: Node | None = self.trail[edit.at]
         for symbol in edit.inserted:
             node = advance(self.tables, node, symbol, edit.at)

@@ -59,7 +59,7 @@ _NAMES = {
 
 
 def is_word(symbol: str) -> bool:
-    """Whether a symbol is a keyword."""
+    """Return whether a symbol is a keyword."""
     return symbol[0].islower()
 
 
@@ -79,7 +79,7 @@ def found(trouble: Trouble, token: int | None = None) -> str:
 
 
 def completed(trouble: Trouble) -> str:
-    """What a ';' would end here."""
+    """Return what a ';' would end here."""
     tokens = trouble.tokens
     if trouble.at > 1 and tokens.symbols[trouble.at - 2] == "end":
         return f"'end {tokens.texts[trouble.at - 1]}'"
@@ -90,7 +90,7 @@ def completed(trouble: Trouble) -> str:
 
 
 def expectation(trouble: Trouble) -> str:
-    """What could stand at the place, in words."""
+    """Return the tokens allowed at the place, in words."""
     possible = trouble.can_follow()
     words = []
     for needed, covered, name in _CONCEPTS:

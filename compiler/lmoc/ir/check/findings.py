@@ -1,4 +1,4 @@
-"""What is wrong with a structure that a stage has made: a mistake in the compiler, never in the user's model."""
+"""Defects of a structure that a stage has made: a mistake in the compiler, never in the user's model."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def _registers(reduced: Reduced, findings: Findings) -> bool:
 
 
 def _jets(reduced: Reduced, findings: Findings) -> bool:
-    """What is given from outside, and what is integrated."""
+    """Return the registers given from outside, and those integrated."""
     count, flat = reduced.registers.count, reduced.flat.count
     if findings.indices(reduced.known, 0, max(count, flat), "known", (2, None)):
         _roles(reduced, reduced.known[0], Role.KNOWN, "known", findings)

@@ -1,4 +1,4 @@
-"""What linear elimination has left, as text: the equations in roots, and what stands for every other variable."""
+"""The result of linear elimination as text: the equations in roots, and the formula for every other variable."""
 
 from __future__ import annotations
 

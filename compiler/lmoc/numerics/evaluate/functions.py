@@ -61,7 +61,7 @@ class IndexOne:
 
     @cached_property
     def start(self) -> StartValues:
-        """Where the model starts, with consistent algebraic variables.
+        """Return the start of the model, with consistent algebraic variables.
 
         Raises
         ------

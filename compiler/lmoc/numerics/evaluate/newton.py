@@ -45,7 +45,7 @@ def dense_solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def vanishes(a: np.ndarray, r: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Which instances are solved to rounding: (instances,), from matrix, residual and unknowns."""
+    """Return which instances are solved to rounding: (instances,), from matrix, residual and unknowns."""
     terms = (np.abs(a) @ np.abs(u)[..., None])[..., 0]
     return (np.abs(r) <= _ROUNDING * terms).all(axis=-1)
 
@@ -97,7 +97,7 @@ class Newton:
 
     @property
     def near(self) -> bool:
-        """Whether the last search has ended not far off, where its first step pointed: the solution that is meant."""
+        """Return whether the last search has ended near where its first step pointed: at the intended solution."""
         if self.last is None:
             return False
         with np.errstate(invalid="ignore"):

@@ -11,7 +11,7 @@ from lmoc.numerics.integrate import dop853_table as table
 
 
 class RightHandSide(Protocol):
-    """What a step needs of a system."""
+    """The interface of a system to a step."""
 
     n: int
 

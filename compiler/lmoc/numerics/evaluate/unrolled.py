@@ -28,7 +28,7 @@ _NEAR, _LOOSE = 0.25, 1e-8  # as in `newton`
 
 
 def can_unroll(program: Program) -> bool:
-    """Whether everything can be written out."""
+    """Return whether everything can be written out."""
     return can_segment(program) and program_rows(program) <= _ROWS and all(map(_is_small, program))
 
 
@@ -217,7 +217,7 @@ def _block_function(step: Solve, reads: np.ndarray, count: int):
 
 
 def _conditions(own: range, first, target, found, changes) -> tuple:
-    """Whether an instance has converged, and to where its first step has pointed."""
+    """Return whether an instance has converged, and to where its first step has pointed."""
     import casadi as ca
 
     def largest(x):

@@ -1,4 +1,4 @@
-"""What happens in a run: its events and its laws, as one.
+"""The events and laws of a run, combined.
 
 Both change values that the continuous equations take as given between two events: discrete variables, and the modes of
 laws. At an instant the laws go first, then the discrete equations, and the laws again where those have changed

@@ -164,7 +164,7 @@ class Hybrid:
 
     @property
     def roots(self) -> Roots | None:
-        """What ends the present piece earlier."""
+        """Return what ends the present piece earlier."""
         if not self.layout.zero_count:
             return None
         return Roots(self.machine.roots, self.machine.signs())

@@ -1,4 +1,4 @@
-"""What events need of a plan: root functions, time events, and the variables that the discrete equations read."""
+"""The data of a plan for events: root functions, time events, and the variables that the discrete equations read."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Layout:
 
     @cached_property
     def looks_at_time(self) -> bool:
-        """Whether relations depend on time other than linearly, or on inputs."""
+        """Return whether relations depend on time other than linearly, or on inputs."""
         timed = {t.relation for t in self.timed}
         for k, r in enumerate(self.events.relations):
             kinds = {int(self.flat.kind[v]) for v in r.slots[0]} if r.rows else set()

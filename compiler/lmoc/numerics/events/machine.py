@@ -45,7 +45,7 @@ class NotAState(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Happened:
-    """What an event has done.
+    """The effect of an event.
 
     Attributes
     ----------

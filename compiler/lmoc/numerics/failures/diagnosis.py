@@ -1,4 +1,4 @@
-"""Which variable lost its value first."""
+"""Diagnosis of the variable that became NaN or infinite first."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SUSPECTS = 10  # of the times at which something seems to be lost, so many are 
 
 @np.errstate(all="ignore")
 def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, stop: float) -> str:
-    """What has no finite value at (time, x), or else a little further on along the motion; empty where nothing."""
+    """Describe what has no finite value at (time, x), or else a little further along the motion; empty if nothing."""
     found = first_not_finite(observer, time, x)[0]
     rate = np.empty(len(x))
     system.rhs(time, x, rate)
@@ -175,7 +175,7 @@ def _moving_slice(plan: Plan) -> Slice:
 def sentence(
     reduced: Reduced, bad: np.ndarray, w: np.ndarray, nonlinear: bool, signals: Mapping[int, Signal]
 ) -> tuple[str, Span | None]:
-    """What is said of registers without a finite value, all filled by the same step, and the place of the first in the
+    """Describe registers without a finite value, all filled by the same step, and the place of the first in the
     model, where it is not a signal that the caller has given.
 
     Parameters
@@ -206,7 +206,7 @@ def _names(reduced: Reduced, registers: list[int]) -> str:
 
 
 def _place(flat: FlatDAE, variable: int) -> Span | None:
-    """Where the user declared the part with this variable, else the variable's own declaration."""
+    """Return where the user declared the part with this variable, else the variable's own declaration."""
     block = flat.block_at(variable)
     part = flat.parts[block.part].span if 0 < block.part < len(flat.parts) else None
     return part or block.span

@@ -1,4 +1,4 @@
-"""Which values may be lost although all that they are made of have one: quotients, roots, logarithms, solved blocks.
+"""Operations that can yield NaN from finite operands: quotients, roots, logarithms, solved blocks.
 
 One look at these tells whether all variables have a value: sums and products of what a motion can reach stay finite.
 Most of them depend on parameters alone, so that a look at the start is enough; the others are looked at along the run.
@@ -17,7 +17,7 @@ from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, wri
 
 
 def losable(program: Program, count: int) -> tuple[Program, np.ndarray, int]:
-    """What fills, and which are, the registers that tell whether `program` loses a value.
+    """Return the registers that show whether `program` yields NaN, and the steps that fill them.
 
     Returns
     -------
@@ -55,7 +55,7 @@ class Moving:
 
 
 def moving(found: tuple[Program, np.ndarray, int], sources: np.ndarray, largest: int) -> Moving:
-    """What of `losable` changes with the registers in `sources` and with the time.
+    """Return the part of `losable` that changes with the registers in `sources` and with the time.
 
     Parameters
     ----------
@@ -110,6 +110,6 @@ def _inverse(divisor: Expr) -> Expr:
 
 
 def _is_polynomial(node: Expr) -> bool:
-    """Whether it is a power with a whole, positive exponent."""
+    """Return whether it is a power with a whole, positive exponent."""
     exponent = node.args[-1]
     return node.op == "pow" and exponent.is_const and exponent.value >= 0 and exponent.value == int(exponent.value)

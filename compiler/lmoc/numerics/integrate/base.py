@@ -1,4 +1,4 @@
-"""What integrators are given, what they give back, and the table of what each can do."""
+"""The interface of integrators: problems, outcomes, and the table of their properties."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Problem:
 
     @property
     def needs_steps(self) -> bool:
-        """Whether somebody looks at every accepted step."""
+        """Return whether every accepted step is inspected."""
         return self.guard is not None or self.roots is not None
 
 
@@ -97,7 +97,7 @@ class Roots:
 
 @dataclass
 class Outcome:
-    """How far an integration came.
+    """The outcome of an integration.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Properties:
-    """What an integrator can do; the rows of the table in the documentation.
+    """The properties of an integrator; the rows of the table in the documentation.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which integrator, and why.
+"""Choice of the integrator, with the reason.
 
 After reduction most mechanisms are not stiff, and DOP853 is the fastest and the most accurate (BDF loses energy of
 undamped motion). So it begins; it notices stiffness by itself, and a stiff method goes on from where it gave up.
@@ -28,7 +28,7 @@ _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger 
 
 
 def table() -> tuple[Properties, ...]:
-    """What each integrator can do."""
+    """Return the properties of each integrator."""
     return tuple(_module(name).PROPERTIES for name in NAMES)
 
 
@@ -81,7 +81,7 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
 
 @dataclass(frozen=True)
 class _Used:
-    """Which methods have taken over from each other, and why."""
+    """The methods used in sequence, and the reasons."""
 
     solvers: tuple[str, ...]
     reason: str
@@ -129,7 +129,7 @@ def _edges(problem: Problem) -> Iterator[float]:
 
 
 def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
-    """What remains of a problem, from behind one edge to just before the next; an output on an edge is before it."""
+    """Return the rest of a problem, from just after one edge to just before the next, with outputs on that edge."""
     done, times = outcome.reached, problem.times
     end = min(problem.end, edge - _near(edge) / 2)
     inside = times[done : np.searchsorted(times, end if np.isinf(edge) else edge + _near(edge), "right")]
@@ -183,7 +183,7 @@ def patience(system: System) -> float:
 
 
 def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
-    """What goes on where DOP853 has given up, and why.
+    """Return the method that takes over where DOP853 has given up, and why.
 
     BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
     below the tolerance; if not it must be followed, which DOP853 does best.
@@ -212,7 +212,7 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
 
 
 def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np.ndarray, k: int) -> bool:
-    """Whether the amplitude of mode k is above the tolerances."""
+    """Return whether the amplitude of mode k is above the tolerances."""
     rate = np.empty(problem.system.n)
     problem.system.rhs(outcome.time, outcome.x, rate)
     try:
@@ -224,7 +224,7 @@ def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np
 
 
 def _rest(problem: Problem, outcome: Outcome, name: str) -> Problem:
-    """What remains of a problem from where an integrator gave up."""
+    """Return the rest of a problem from where an integrator gave up."""
     done = outcome.reached
     factor = _TIGHTER if name == "cvode" else 1.0
     return replace(

@@ -94,7 +94,7 @@ class Dop853(Integration):
             self.grow = 1.0
 
     def _is_rough(self, t: float, h: float) -> bool:
-        """Whether the dense output of the step just tried is much less accurate than the step itself.
+        """Return whether the dense output of the step just tried is much less accurate than the step itself.
 
         So it may be where stability limits the step and not accuracy: the stages then swing about the solution.
         """
@@ -115,7 +115,7 @@ class Dop853(Integration):
         return Status.OK
 
     def _has_become_stiff(self, limited: bool, h: float) -> bool:
-        """Whether too many steps lie ahead and the last ones were limited by stability."""
+        """Return whether too many steps lie ahead and the last ones were limited by stability."""
         if limited:
             self.stiff_count, self.calm_count = self.stiff_count + 1, 0
             return self.stiff_count >= _STIFF_STEPS and (self.end - self.t) / h > self.problem.patience

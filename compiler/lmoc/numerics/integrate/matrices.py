@@ -1,4 +1,4 @@
-"""How an implicit method stores the Jacobian: dense when small, band where the band is narrow, sparse otherwise."""
+"""Storage of the Jacobian of an implicit method: dense when small, band where the band is narrow, sparse otherwise."""
 
 from __future__ import annotations
 

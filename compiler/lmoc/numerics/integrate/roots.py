@@ -1,4 +1,4 @@
-"""Where functions of time and state change their sign within a step: on the step's own dense output, in order.
+"""Location of sign changes of functions of time and state within a step: on the step's own dense output, in order.
 
 Between the ends of a step a function may cross zero and come back. It is therefore looked at inside as well, and
 where it comes near zero and turns, at its extremum (Shampine & Thompson, Event location for ordinary differential

@@ -1,4 +1,4 @@
-"""How an integration has ended, and what a solver's library may lack."""
+"""The outcome of an integration, and errors of missing solver libraries."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Status(Enum):
 
     @property
     def failed(self) -> bool:
-        """Whether the run cannot go on."""
+        """Return whether the run cannot go on."""
         return self not in (Status.OK, Status.STIFF, Status.ROOT, Status.COORDINATES)
 
 

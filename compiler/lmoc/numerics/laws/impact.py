@@ -26,7 +26,7 @@ CREATED = 1e-12  # energy gained beyond this share of the energy that the impact
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """What an impact does.
+    """The effect of an impact.
 
     Attributes
     ----------

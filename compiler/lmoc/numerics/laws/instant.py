@@ -1,4 +1,4 @@
-"""What the laws of a scene see at one instant: gaps, rates, what their forces would change, and their limits."""
+"""The laws of a scene at one instant: gaps, rates, the effect of their forces, and their limits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = tuple(LawKind)
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """What does not change during a run, an entry for each law.
+    """The constants of a run, an entry for each law.
 
     Attributes
     ----------

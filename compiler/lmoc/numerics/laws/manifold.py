@@ -1,4 +1,4 @@
-"""What closed laws keep at zero, and the way back to it: gaps, rates and sliding velocities as functions of the states.
+"""Gaps, rates and sliding velocities that closed laws keep at zero, as functions of the states, and the projection.
 
 The equations of a closed law hold on the level at which its force is felt; what is below stays as the integrator
 carries it. Constraints that are linear in the states stay to rounding (Runge-Kutta and multistep methods keep linear

@@ -20,7 +20,7 @@ ROUNDING = 1e-10  # by which a friction force may pass its limit and still stick
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """Which laws are closed, and in which direction open friction slips.
+    """The mode of the laws: which are closed, and in which direction open friction slips.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are ov
 
 @dataclass(frozen=True, eq=False)
 class Trigger:
-    """What has ended a piece.
+    """The reason for the end of a piece.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Trigger:
 
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """What follows from an instant.
+    """The consequences of an instant.
 
     Attributes
     ----------

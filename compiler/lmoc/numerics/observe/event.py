@@ -1,4 +1,4 @@
-"""What a run reports of an event."""
+"""The record of an event in a run."""
 
 from __future__ import annotations
 

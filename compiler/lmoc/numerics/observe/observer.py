@@ -16,7 +16,7 @@ from lmoc.numerics.signals.signals import Signal
 
 @dataclass(eq=False, repr=False)
 class Observer:
-    """What is needed to compute variables from states: the plan, and the parameter values and signals of the run.
+    """The data needed to compute variables from states: the plan, and the parameter values and signals of the run.
 
     Attributes
     ----------

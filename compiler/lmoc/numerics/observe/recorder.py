@@ -1,4 +1,4 @@
-"""What is kept of the states that an integrator hands over."""
+"""Recording of the states that an integrator hands over."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class End(Mapping):
-    """Where a run has ended, in full: what `simulate(initial=run.end)` goes on from. A mapping {state name: value}.
+    """The complete final state of a run, where `simulate(initial=run.end)` continues. A mapping {state name: value}.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class Trajectory:
 
     @cached_property
     def end(self) -> End:
-        """Where it has ended, in full."""
+        """Return the complete final state."""
         (time, x), piece = self.last, self.pieces[-1]
         values = piece.observer(np.arange(self.flat.count), np.array([time]), x[None])[0]
         return End(time, tuple(piece.coordinates), x, values, piece.mode)
@@ -252,7 +252,7 @@ def _changes(entries: list[tuple[float, object]]) -> list:
 
 
 def _is_integrated(observer: Observer, variable: np.ndarray) -> bool:
-    """Whether work or heat is integrated along, or known without that, since it is zero at all times."""
+    """Return whether work or heat is integrated, or known to be zero at all times."""
     reduced = observer.plan.reduced
     table = reduced.registers.variable
     if np.isin(variable, table[observer.plan.states]).any():

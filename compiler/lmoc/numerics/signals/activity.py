@@ -1,4 +1,4 @@
-"""Where something happens in what depends on time alone: an integrator at rest would step over a short pulse.
+"""Detection of activity in expressions of time alone: an integrator at rest would step over a short pulse.
 
 The functions of time in the equations, and the signals that are callables, are looked at on a fine grid. Where the
 cubic through four neighbouring points misses the point in their middle, something happens on the scale of these points
@@ -186,7 +186,7 @@ def is_steady(expression: Expr) -> bool:
 
 
 def _is_steady(node: Expr, timed: set[Expr], steady: set[Expr]) -> bool:
-    """Whether a node is, if `steady` are those among its arguments that are."""
+    """Return whether a node is, if `steady` are those among its arguments that are."""
     if node not in timed or node.op in _LEVELS:
         return True
     if node.op in ("sin", "cos"):

@@ -56,7 +56,7 @@ def _candidates(shape: Expr) -> Iterator[Expr]:
 
 
 def _quotient(node: Expr) -> Expr:
-    """What is a whole number where a function of `_STAIRS` jumps."""
+    """Return the expression that is an integer where a function of `_STAIRS` jumps."""
     return node.args[0] / node.args[1] if len(node.args) == 2 else node.args[0]
 
 
@@ -111,7 +111,7 @@ def _sampled(expression: Expr, parameters: np.ndarray, start: float, stop: float
 
 
 def _grid(expression: Expr, values: Callable[[Expr, np.ndarray], np.ndarray], even: np.ndarray) -> np.ndarray:
-    """Where to look at the sign of an expression: evenly, and so that nothing between two points turns or jumps.
+    """Return points at which to sample the sign of an expression: evenly, without a turn or jump between two points.
 
     A function that repeats itself turns or jumps where its argument, divided by `_PART`, is a whole number. Points on
     both sides of these places see every change of a sign that depends on one such function alone, however short.

@@ -71,7 +71,7 @@ class Function:
         return make(order) if make is not None else self.slope if self.estimates(order) else None
 
     def estimates(self, order: int) -> bool:
-        """Whether differences stand for a derivative: good enough for the work of a source, not for a motion."""
+        """Return whether differences stand for a derivative: good enough for the work of a source, not for a motion."""
         first, last = self.span
         return order == 1 and not hasattr(self.call, "derivative") and 0 < last - first < np.inf
 
@@ -119,7 +119,7 @@ def formula_derivative(shape: Expr, order: int) -> Expr:
 
 
 def gives(signal: Signal, order: int, required: bool = True) -> bool:
-    """Whether the signal has a derivative of that order; where no state needs it, whether it can be estimated."""
+    """Return whether the signal has a derivative of that order; if no state needs it, whether it can be estimated."""
     if isinstance(signal, Table):
         return signal.gives(order)
     if isinstance(signal, Function):
@@ -144,7 +144,7 @@ def default_signals(flat: FlatDAE) -> dict[int, Signal]:
 
 
 def is_own(signal: Signal, flat: FlatDAE, variable: int) -> bool:
-    """Whether it is the binding that the model itself gives its input."""
+    """Return whether it is the binding that the model itself gives its input."""
     own = default_signals(flat).get(variable)
     return isinstance(signal, Formula) and own is not None and signal.shape is own.shape
 

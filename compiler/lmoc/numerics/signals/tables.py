@@ -36,7 +36,7 @@ class Table:
         return self.curve.jumps
 
     def gives(self, order: int) -> bool:
-        """Whether the curve has a derivative of that order: where the values jump it has none."""
+        """Return whether the curve has a derivative of that order: where the values jump it has none."""
         return order == 0 or (order <= curves.SMOOTHEST and not len(self.jumps))
 
     def smooth(self, order: int) -> Table:
@@ -161,7 +161,7 @@ def _content(cell: Span) -> str:
 
 
 def _is_row(cells: list[Span], width: int, title: str, name: str, report: Report) -> bool:
-    """Whether a line has as many numbers as the header has names; the first few mistakes of a file are told."""
+    """Return whether a line has as many numbers as the header has names; report the first few mistakes of a file."""
     if len(report.errors) >= 3:
         return False
     message = f"{title} for input '{name}' cannot be used"

@@ -30,7 +30,7 @@ _SCATTERED = (0.1, 0.1, 1.0, 1.0, 1.0, 10.0)
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where an iteration has ended.
+    """The end of an iteration.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Start:
         return not self.finite, int(self.hard.sum()), float(size[self.hard].sum()), float(size[self.soft].sum())
 
     def better_than(self, other: Start) -> bool:
-        """Whether this start is better by more than what is taken for equal."""
+        """Return whether this start is better by more than the tolerance for equality."""
         *mine, own = self.badness
         *others, most = other.badness
         return mine[:2] < others[:2] or (mine[:2] == others[:2] and own < (1.0 - _CLEARLY) * most)

@@ -183,5 +183,5 @@ def _with_given(system: StartSystem, group: np.ndarray, hint: str) -> str:
 
 
 def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:
-    """Where the iteration has ended: values, and of equations what is left between their sides."""
+    """Describe the end of the iteration: values, and residuals of equations."""
     return ", ".join(system.reached(k, float(start.residual[k])) for k in group[:SHOWN].tolist())

@@ -60,7 +60,7 @@ class Components:
         return np.isin(self.part_of_row, self.part_of_row[rows])
 
     def excluded(self, jacobian, residual: np.ndarray, rows: np.ndarray, straight: np.ndarray) -> bool:
-        """Whether it is certain that no states satisfy these rows, which some states miss.
+        """Return whether it is certain that no states satisfy these rows, which some states miss.
 
         Either the straight ones contradict each other, or they leave no freedom to what the others read.
 

@@ -43,7 +43,7 @@ def _report_missing(flat: FlatDAE, missing: np.ndarray, values: np.ndarray, repo
 
 
 def check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
-    """What follows from parameters alone has a value, too; nothing that moves depends on it if it has none."""
+    """Check that quantities of parameters alone are finite, too; the motion does not depend on those that are not."""
     variables, registers = plan.derived
     lost = variables[~np.isfinite(base[registers])]
     if len(lost) and not np.isnan(base[plan.known[0]]).any():

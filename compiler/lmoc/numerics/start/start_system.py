@@ -22,7 +22,7 @@ _ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
 def _parts(
     plan: Plan, equations: InitialEquations, outputs: np.ndarray
 ) -> tuple[Program, Interpreter, Jacobian]:
-    """What evaluates the outputs; without initial equations it depends on them alone, and is kept for the next run."""
+    """Return the evaluator of the outputs; without initial equations it depends on them alone, and is cached."""
     kept = plan.once(_kept_parts) if not len(equations.out) else {}
     key = outputs.tobytes()
     if key not in kept:
@@ -105,13 +105,13 @@ class StartSystem:
         return f"{self.name(k)} = {self.value[k]:g}" if k < len(self.targets) else self.name(k)
 
     def reached(self, k: int, residual: float) -> str:
-        """What came out instead: a value, or by how much an equation is missed."""
+        """Describe what resulted instead: a value, or the residual of an equation."""
         if k < len(self.targets):
             return f"{self.name(k)} = {self.value[k] + residual:.6g}"
         return f"a difference of {residual:.6g} between the sides of {self.name(k)}"
 
     def given(self, k: int) -> bool:
-        """Whether the caller wants it, and not the model."""
+        """Return whether the caller wants it, and not the model."""
         return k < len(self.targets) and bool(self.targets.given[k])
 
     def span_of(self, group: np.ndarray) -> Span | None:
@@ -128,7 +128,7 @@ class StartSystem:
         return self.place(k - len(self.targets))[0].span
 
     def lost(self, k: int) -> tuple[str, Span | None]:
-        """Which value was lost first in the last evaluation, in which residual k is not finite, and its place."""
+        """Return which value became NaN first in the last evaluation, where residual k is not finite, and its place."""
         for step in self.program:
             nonlinear = isinstance(step, Solve) and not step.linear
             filled = step.unknowns.ravel() if isinstance(step, Solve) else step.out

@@ -1,4 +1,4 @@
-"""Which model of the files is meant, and the scopes that its names are looked up in."""
+"""Choice of the model among those of the files, and the scopes in which its names are looked up."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def open_scopes(
 
 
 def mistakes_in(files: Sequence[tree.File]) -> list[Diagnostic]:
-    """What the grammar has refused in the classes of the files."""
+    """Return the syntax errors in the classes of the files."""
     return [d for definition in _with_inner(c for file in files for c in file.classes) for d in definition.mistakes]
 
 
@@ -148,7 +148,7 @@ def _named(root: Scope, models: list[Scope], name: str) -> Scope:
 
 
 def _no_model(inside: Scope, part: str, name: str, models: list[Scope]) -> Wrong:
-    """What to say where a class has no class of that name in it."""
+    """Return the mistake for a class that contains no class of that name."""
     inside.refuse_files(part)
     names = [s.full_name for s in models]
     hint = nearest(name, names) or nearest(part, list(inside.names()))
@@ -160,7 +160,7 @@ def _no_model(inside: Scope, part: str, name: str, models: list[Scope]) -> Wrong
 
 
 def _uses(classes: Sequence[Scope]) -> list[tuple[Scope, tree.Ref, Scope]]:
-    """Which class uses which other one, as the type of a part, a base or under a new name, and where it says so."""
+    """Return which class uses which other one, as the type of a part, a base or under a new name, and where."""
     uses: list[tuple[Scope, tree.Ref, Scope]] = []
     for scope in classes:
         definition = scope.definition

@@ -1,4 +1,4 @@
-"""What a class may hold, by its kind (Modelica specification, 4.6 and 5.4), and whether its imports exist."""
+"""Checks of the contents of a class by its kind (Modelica specification, 4.6 and 5.4), and of its imports."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def of_class(modifier: Modifier, between: int = 0) -> Modifier:
 
 
 def merge(outer: Modifier, inner: Modifier, name: str = "") -> Modifier:
-    """What holds where `outer` is applied over `inner`; a change of something `final` is an error."""
+    """Merge `outer` over `inner`; a change of something `final` is an error."""
     if inner is NOTHING:
         return outer
     if outer is NOTHING:
@@ -114,7 +114,7 @@ def merge(outer: Modifier, inner: Modifier, name: str = "") -> Modifier:
 
 
 def descend(modifier: Modifier, name: str, dimensions: int) -> Modifier:
-    """What a modifier of a component with this many own dimensions gives to its element `name`.
+    """Return the part of a modifier that applies to element `name` of a component with this many own dimensions.
 
     Values marked `each` are alike along those dimensions; the others are arrays over them.
     """

@@ -121,7 +121,7 @@ class Overrides:
 
 
 def _other_way(name: str, found: Variable, given: Mapping[str, object]) -> str:
-    """How a variable that is no parameter gets a value."""
+    """Return a hint on how a variable that is not a parameter gets a value."""
     value = given[name]
     value = f"{value:g}" if isinstance(value, float) else value
     if found.kind == Kind.INPUT and found.parent is not None and found.parent.parent is None:
@@ -132,7 +132,7 @@ def _other_way(name: str, found: Variable, given: Mapping[str, object]) -> str:
 
 
 def other_type(type_: str, value: np.ndarray) -> str:
-    """What a parameter of this type must be, if a number given to it is not; empty where it fits."""
+    """Describe what a parameter of this type must be, if a number given to it is not; empty where it is valid."""
     if type_ == "Boolean":
         return "true or false" if np.any((value != 0) & (value != 1)) else ""
     if type_ == "Real" or not np.any(value != np.round(value)):

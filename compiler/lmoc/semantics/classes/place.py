@@ -1,4 +1,4 @@
-"""What following definitions, collecting elements and hints need of a class in its place."""
+"""The view of a class in its place that resolution, collection of elements and hints share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a redeclaration keeps of the declaration that it replaces (Modelica specification, 7.3)."""
+"""The properties that a redeclaration keeps of the declaration it replaces (Modelica specification, 7.3)."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def resolve(found: Place | Builtin) -> Resolved:
 
 
 def _constraints(scope: Place) -> Iterator[tuple[tree.ShortClass, Place]]:
-    """What ``constrainedby`` says of a class, and what it said of the classes in whose place this one stands."""
+    """Return the constraints by ``constrainedby`` on a class, and on the classes that this one replaces."""
     definition = scope.definition
     if definition is not None and definition.constraint is not None:
         base, modification = definition.constrained_by, definition.constraint

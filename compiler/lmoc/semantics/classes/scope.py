@@ -150,7 +150,7 @@ class Scope:
 
     @property
     def complete(self) -> bool:
-        """Whether its elements can be asked for: not while they are being collected."""
+        """Return whether its elements can be asked for: not while they are being collected."""
         return self.definition is not None and not self._open and not self._searching
 
     # -------------------------------------------------------- inheritance
@@ -254,7 +254,7 @@ class Scope:
         return visit(self)
 
     def is_made_of(self, scope: Scope) -> bool:
-        """Whether a class is this one or one that it extends."""
+        """Return whether a class is this one or one that it extends."""
         return any(own.definition is scope.definition for own in self.lineage())
 
     def require_grammar(self) -> None:
@@ -278,7 +278,7 @@ class Scope:
         return BUILTINS.get(name)
 
     def element(self, name: str) -> Member | Scope | None:
-        """What the class has of that name: itself, or inherited."""
+        """Return the element of that name, own or inherited."""
         found = None if self.definition is None or self._searching else self.table.get(name)
         return found or self.class_in(name)
 
@@ -331,7 +331,7 @@ class Scope:
             scope = scope.parent
 
     def type_of(self, component: tree.Component) -> Resolved:
-        """What the type of a component that is written in this class means."""
+        """Return the meaning of the type of a component that is written in this class."""
         found = self._types.get(id(component.type))
         if found is None:
             found = self._types[id(component.type)] = resolve(self.find_class(component.type))

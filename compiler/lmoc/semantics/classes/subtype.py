@@ -1,4 +1,4 @@
-"""Whether a class can stand in the place of another one (Modelica specification, 6.4 and 6.5).
+"""The subtype relation of classes (Modelica specification, 6.4 and 6.5).
 
 Types are compared by what they consist of, not by their names: every public element of the constraining class must be
 there, as the same kind of thing and with a type that is a subtype itself.
@@ -38,7 +38,7 @@ def check_subtype(new: Resolved, old: Resolved, place: Span) -> None:
 
 
 def _difference(new: Resolved, old: Resolved, compared: set[tuple[int, int]]) -> tuple[str, Span | None] | None:
-    """What `new` lacks to be a subtype of `old`; None where it is one."""
+    """Return what `new` lacks to be a subtype of `old`; None where it is one."""
     a, b = new.base, old.base
     if isinstance(a, Builtin) or isinstance(b, Builtin):
         same = isinstance(a, Builtin) and isinstance(b, Builtin)

@@ -96,7 +96,7 @@ def check_balance(
 
 
 def _is_input(variable: Variable) -> bool:
-    """Whether an unknown is an input of a part; a protected one is its own affair."""
+    """Return whether an unknown is a public input of a part."""
     if variable.causality != "input" or variable.kind not in (Kind.UNKNOWN, Kind.DISCRETE):
         return False
     return variable.parent.owner.parent is not None and not variable.hidden
@@ -165,7 +165,7 @@ def _connected_signals(connections: Connections) -> np.ndarray:
 
 
 def _is_given(variable: Variable, counts: dict[int, _Count], connected: np.ndarray) -> bool:
-    """Whether an equation outside its part mentions an input, or a connection reaches it."""
+    """Return whether an equation outside its part mentions an input, or a connection reaches it."""
     if connected[variable.offset : variable.offset + variable.size].any():
         return True
     around = variable.parent.owner.parent
@@ -206,14 +206,14 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
 
 
 def _start_hint(count: _Count) -> str:
-    """What was probably meant by a value for an unknown that has an equation already."""
+    """Return a hint for a value given to an unknown that already has an equation."""
     variable, text = count.given_variables[0], count.given_outside[0].text
     start = f"'{variable.name}(start = {text}, fixed = true)'"
     return f"its own equations determine '{variable.name}': for a start write {start}"
 
 
 def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows: float) -> str:
-    """What may be missing."""
+    """Return a hint at what may be missing."""
     own = [v for v in variables if v.parent.owner is part and v.kind in (Kind.UNKNOWN, Kind.DISCRETE) and not v.flow]
     unused = [v for v in own if id(v) not in count.used and not v.causality and not v.connector]
     if unused:

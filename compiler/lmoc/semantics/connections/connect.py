@@ -94,7 +94,7 @@ def _variables(leaf: Variable, end: Node, elements: np.ndarray) -> np.ndarray:
 
 
 def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
-    """Whether it is a connector of the very part in which the connect stands (an "outside connector", 9.1.2)."""
+    """Return whether it is a connector of the class that contains the connect (an "outside connector", 9.1.2)."""
     top = end
     while top.parent is not None and top.parent.kind in ("connector", "record"):
         top = top.parent
@@ -113,7 +113,7 @@ def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
 
 
 def _gives_signal(variable: Variable, inside: bool) -> bool:
-    """Whether a signal comes from here: the output of a part, or an input of the class around (9.3)."""
+    """Return whether a signal comes from here: the output of a part, or an input of the class around (9.3)."""
     return variable.causality == ("input" if inside else "output") and not (inside and variable.hidden)
 
 

@@ -91,7 +91,7 @@ def _of_laws(flat: FlatDAE) -> np.ndarray:
 
 
 def _is_discrete(flat: FlatDAE, group: Group) -> bool:
-    """Whether a group as it is written is an equation between discrete variables."""
+    """Return whether a group as it is written is an equation between discrete variables."""
     if group.origin == ASSIGNED:
         return True
     leaves = [leaf for side in (group.left, group.right) for leaf in dag.outside_events(side) if leaf.op == "slot"]

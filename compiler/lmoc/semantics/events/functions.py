@@ -63,7 +63,7 @@ def _edge(context: Context, call: tree.Call) -> Value:
 
 
 def rises(now: Expr, earlier: Expr) -> Expr:
-    """Whether a logical value becomes true."""
+    """Return whether a logical value becomes true."""
     return dag.function("and", now, dag.function("not", earlier))
 
 

@@ -111,7 +111,7 @@ class _Table:
         return dag.slot(self.slots.shape[1] - 1)
 
     def jump(self, node: Expr) -> Expr:
-        """What stands for a node below an `event`."""
+        """Return the replacement of a node below an `event`."""
         if node.op in ("gt", "ge", "lt", "le"):
             a, b = node.args if node.op in ("gt", "ge") else node.args[::-1]
             return self.relation("gt" if node.op in ("gt", "lt") else "ge", dag.sub(a, b), node)

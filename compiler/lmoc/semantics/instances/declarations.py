@@ -1,4 +1,4 @@
-"""What declarations give: bindings, and attributes such as start, fixed, unit (Modelica specification, 4.4 and 4.9)."""
+"""Bindings and attributes given by declarations, such as start, fixed, unit (Modelica specification, 4.4 and 4.9)."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _value(model: Elaboration, drafts: Drafts, variable: Variable, binding: Bind
 
 
 def binding_span(binding: Binding) -> Span | None:
-    """Where a value is written."""
+    """Return the place where a value is written."""
     return getattr(binding.expression, "span", binding.span)
 
 
@@ -194,7 +194,7 @@ def _limit(model: Elaboration, drafts: Drafts, variable: Variable, name: str, bi
 
 
 def _place(variable: Variable) -> Span:
-    """Where a parameter got its value, in the user's text if it can be."""
+    """Return the place where a parameter got its value, in the user's text if possible."""
     value = variable.value
     if value is not None and value.scope is not None and not value.scope.library and binding_span(value) is not None:
         return binding_span(value)

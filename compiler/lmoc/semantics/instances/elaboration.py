@@ -158,7 +158,7 @@ class Elaboration:
         return self._instance(instance, component, member, resolved, modifier, dims)
 
     def _of_short_class(self, short: tree.ShortClass, instance: Instance, where: Scope) -> Modifier:
-        """What a short class definition gives to a component of `instance`, alike in all elements of its array."""
+        """Return the modification by a short class definition for a component of `instance`, equal in all elements."""
         node = instance.around(where)
         between = len(instance.total) - (len(node.total) if node else 0)
         key = (id(short), id(where), id(node), between)
@@ -351,7 +351,7 @@ class Elaboration:
             self.report.warning(code, message, span, **more)
 
     def not_said(self, code: str, span: Span) -> bool:
-        """Whether this is the first time that something is to be said of a place; from now on it counts as said."""
+        """Return whether this is the first report of a code at a place, and record it."""
         key = (code, id(span.source), span.start)
         first = key not in self.said
         self.said.add(key)

@@ -44,7 +44,7 @@ class Binding:
 
 @dataclass(frozen=True, slots=True)
 class Modifier:
-    """What is given to one element and to what lies inside it."""
+    """The modification of one element and of its contents."""
 
     value: Binding | None = None
     inside: dict[str, Modifier] = field(default_factory=dict)
@@ -57,7 +57,7 @@ NOTHING = Modifier()
 
 
 class Node:
-    """What a declared name stands for.
+    """The instance of a declared name.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Variable(Node):
 
     @property
     def hidden(self) -> bool:
-        """Whether it is protected within its part, and belongs to no port of it."""
+        """Return whether it is protected within its part, and belongs to no port of it."""
         node: Node = self
         while node is not self.parent.owner:
             if node.protected:

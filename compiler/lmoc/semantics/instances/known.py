@@ -124,6 +124,6 @@ class KnownValues:
 
 
 def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:
-    """What to say of a discrete variable whose value would have to be known when compiling."""
+    """Return the mistake for a discrete variable whose value would have to be known when compiling."""
     message = f"'{variable.name}' decides about the structure of the model, but changes while it runs"
     return Wrong("E0211", message, variable.span, hint=hint, found=found)

@@ -1,4 +1,4 @@
-"""Where an expression stands: whose class, which rows, which iteration variables."""
+"""The context of an expression: its class, rows and iteration variables."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ class Context:
         return np.broadcast_to(flat[0], value.dims)
 
     def _difference(self, value: Value, numbers: np.ndarray) -> dict[str, object]:
-        """What to say where numbers, one row for each of the space, should be the same: which two elements differ."""
+        """Describe which two elements differ, where numbers, one row for each of the space, should be the same."""
         if not self.space.whole or self.node is None or self.space.shape != self.node.total:
             return {}  # the rows are rounds of a loop
         differing = int(np.flatnonzero((numbers != numbers[0]).reshape(len(numbers), -1).any(axis=1))[0])

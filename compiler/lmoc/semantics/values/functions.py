@@ -144,7 +144,7 @@ class _Body:
         return outputs
 
     def _has_gap(self, value: Value) -> bool:
-        """Whether an element of an array has never been assigned."""
+        """Return whether an element of an array has never been assigned."""
         if value.items is not None:
             return any(self._has_gap(item) for item in value.items)
         return value.expr is not None and value.expr.is_const and math.isnan(value.expr.value)
@@ -187,7 +187,7 @@ class _Body:
         return [n for n, m in members if isinstance(m, Member) and m.component.causality == "input"]
 
     def _arguments(self) -> Iterator[tuple[str, tree.Expression]]:
-        """What the call gives to each input, records field by field."""
+        """Return the argument for each input, records field by field."""
         names, e = self._formal(), self.call
         if len(e.arguments) > len(names):
             raise Wrong("E0217", f"'{self.function.name}' is called with {len(e.arguments)} arguments", e.span,

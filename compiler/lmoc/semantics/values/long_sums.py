@@ -39,7 +39,7 @@ class LongSums:
         self._names: dict[tuple[int, str], int] = {}
 
     def fits(self, context: Context, array: Value) -> bool:
-        """Whether a sum over this array is long and of one form, in rows that an array of variables can follow."""
+        """Return whether a sum over this array is long and uniform, in rows that an array of variables can follow."""
         return (
             context.node is not None
             and array.uniform

@@ -1,4 +1,4 @@
-"""What a name in an expression refers to, as index arrays (Modelica specification, chapter 5 and 10.5)."""
+"""Resolution of names in expressions to index arrays (Modelica specification, chapter 5 and 10.5)."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def reference(context: Context, ref: tree.Ref) -> Value:
 
 
 def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
-    """What to say where the first name of a reference means nothing."""
+    """Return the mistake for a reference whose first name is unknown."""
     name = ref.parts[0].name
     candidates = [*context.names, *_variables(context, len(ref.parts) > 1), "time"]
     owner = next((e for e, literals in ENUMERATIONS.items() if name in literals), "")
@@ -107,7 +107,7 @@ def _variables(context: Context, classes: bool) -> Iterator[str]:
 
 
 def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Builtin | None:
-    """What the first name of a reference means: a node of the instance tree, a constant of a package, a class."""
+    """Return the meaning of the first name of a reference: a node of the instance tree, a package constant, a class."""
     name = ref.parts[0].name
     if context.node is not None and not ref.absolute and isinstance(context.scope.table.get(name), Member):
         return context.model.child(context.node, name)

@@ -185,7 +185,7 @@ def dims_text(dims: tuple[int, ...]) -> str:
 
 
 def sizes_differ(what: str, left: tuple[int, ...], right: tuple[int, ...], span: Span) -> Wrong:
-    """What to say where two sizes do not fit."""
+    """Return the mistake for two incompatible sizes."""
     return Wrong(
         "E0302", f"{what} do not fit: {dims_text(left)} and {dims_text(right)}", span,
         expected=dims_text(left), found=dims_text(right),
@@ -193,7 +193,7 @@ def sizes_differ(what: str, left: tuple[int, ...], right: tuple[int, ...], span:
 
 
 def changes(context: Context, *values: Value) -> bool:
-    """Whether a value changes in time: it depends on a variable, an input or time."""
+    """Return whether a value changes in time: it depends on a variable, an input or time."""
     for value in values:
         for scalar in value.items if value.items is not None else ():
             if changes(context, scalar):
@@ -210,7 +210,7 @@ def changes(context: Context, *values: Value) -> bool:
 
 
 def continuous(context: Context, value: Value) -> bool:
-    """Whether a scalar may change between events: by time, an input, or a variable that is not discrete."""
+    """Return whether a scalar may change between events: by time, an input, or a variable that is not discrete."""
     for leaf in dag.outside_events(value.expr):
         if leaf is dag.TIME:
             return True
@@ -230,7 +230,7 @@ def at_event(context: Context, value: Value) -> Value:
 
 
 def _changes_with_variables(context: Context, *values: Value) -> bool:
-    """Whether a value depends on more than time: where time alone decides, a run stops at the kink."""
+    """Return whether a value depends on more than time: where time alone decides, a run stops at the kink."""
     for value in values:
         for _, piece in context.arrays.pieces(value):
             if piece.expr is not None and any(

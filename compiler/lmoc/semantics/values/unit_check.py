@@ -148,7 +148,7 @@ def infer(root: Expr, units: Sequence[Unit | None]) -> Unit | None:
 
 
 def has_unit(root: Expr, variables: Sequence[Variable | None]) -> bool:
-    """Whether a shape has a unit that is known, other than 1."""
+    """Return whether a shape has a unit that is known, other than 1."""
     try:
         unit = infer(root, [unit_of(v) for v in variables])
     except _Mismatch:

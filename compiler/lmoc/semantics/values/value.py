@@ -1,4 +1,4 @@
-"""What an expression means: one shape for all elements of an array, or a value for each where they differ."""
+"""The meaning of an expression: one shape for all elements of an array, or a value for each where they differ."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def first_occurrence(table: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What blocks need to know of the rest, and what they tell it.
+    """The data that blocks exchange with the rest of the system.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where a scene starts, as far as its constraints tell: the nearest point to the start values that satisfies them.
+"""The start of a scene: the nearest point to the start values that satisfies its constraints.
 
 Newton's method for fewer equations than unknowns: each step is the smallest one, in a weighted norm, that satisfies
 the linearized constraints (Ben-Israel, J. Math. Anal. Appl. 15, 1966). Values that the user has given hardly move.

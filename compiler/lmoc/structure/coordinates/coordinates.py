@@ -1,4 +1,4 @@
-"""Which jets are states: dummy derivatives (Mattsson & Söderlind, SIAM J. Sci. Comput. 14, 1993) with preferences.
+"""Selection of states: dummy derivatives (Mattsson & Söderlind, SIAM J. Sci. Comput. 14, 1993) with preferences.
 
 A constraint that must be differentiated c times ties its variables at c orders below the highest. For each order, as
 many of the tied jets as there are constraints are computed from the others; these are found greedily, from the
@@ -25,7 +25,7 @@ UNUSABLE = 5
 
 
 class Wish(IntEnum):
-    """How much the user wants a variable for a state."""
+    """The user's preference for a variable as a state."""
 
     NONE = 0
     MARKED = 1  # stateSelect
@@ -34,7 +34,7 @@ class Wish(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What selection gives.
+    """The result of selection.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wish: np.
 
 
 def determined_at_start(tied: Tied, c: np.ndarray, d: np.ndarray, choice: Choice) -> bool:
-    """Whether the dependent jets follow from the others where the scene starts."""
+    """Return whether the dependent jets follow from the others where the scene starts."""
     for stage, columns in enumerate(choice.dependent, 1):
         part = tied.take((c[tied.row] >= stage) & (d[tied.column] >= stage))
         shared = _sharing(part)

@@ -1,4 +1,4 @@
-"""What constraints that are not linear leave no freedom: an inertia between two arms of different length.
+"""Inertias without freedom because of nonlinear constraints: one between two arms of different length.
 
 Freedom spreads from coordinates that are states, and from prescribed motions, through each constraint to the position
 that is computed from it. Positions that it does not reach are constants.

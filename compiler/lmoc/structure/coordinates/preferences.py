@@ -1,4 +1,4 @@
-"""Who is wanted as a state, and how much.
+"""Preferences for states.
 
 In this order: what the user asks for; ``stateSelect``; what the rest follows from by explicit formulas (``theta`` in
 ``q = l·sin(theta)``, the joint coordinates of a tree); coordinates of inertias; what is declared first.
@@ -30,7 +30,7 @@ def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:
 
 
 def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> np.ndarray:
-    """How much each column is wanted as a state: a permutation rank, the higher the more.
+    """Return the preference of each column as a state: a permutation rank, higher is preferred.
 
     What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
     is constant, that of theta is not.
@@ -149,7 +149,7 @@ def _implicit(system: System, match: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 
 def _among_positions(system: System, batch: Batch, rows: np.ndarray) -> bool:
-    """Whether an equation is geometry: all its unknowns are potentials of connectors, lengths or angles."""
+    """Return whether an equation is geometry: all its unknowns are potentials of connectors, lengths or angles."""
     flat = system.flat
     number = int(system.source[batch.row[rows][0]])
     blocks = [flat.block_at(v) for v in Equations(flat).unknowns(number)]

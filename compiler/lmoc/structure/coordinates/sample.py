@@ -36,7 +36,7 @@ class Sample:
     time: float
 
     def column(self, batch: Batch) -> Callable[[int, int], np.ndarray]:
-        """What `expression.evaluate` asks for."""
+        """Return the values that `expression.evaluate` reads."""
         return lambda k, order: self.value[order, batch.slots[:, k]]
 
 
@@ -55,7 +55,7 @@ def generic(system: System, highest: int) -> Sample:
 
 
 def given(system: System, highest: int) -> tuple[Sample, np.ndarray]:
-    """What the model itself says of its start: start values, and inputs at the start time; all else is nearly zero.
+    """Return the start as the model states it: start values, and inputs at the start time; all else is nearly zero.
 
     Returns
     -------

@@ -21,7 +21,7 @@ from lmoc.support.indices import INDEX
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What has been selected.
+    """The selection of states.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Selection:
         return int(np.count_nonzero(self.is_state & ~self.quadrature))
 
     def startable(self, values: np.ndarray) -> bool:
-        """Whether the computed coordinates follow from the states at the start.
+        """Return whether the computed coordinates follow from the states at the start.
 
         Parameters
         ----------

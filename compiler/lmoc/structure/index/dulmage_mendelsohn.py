@@ -1,4 +1,4 @@
-"""Which equations are too many and which unknowns too free: the coarse decomposition of Dulmage and Mendelsohn.
+"""Over- and under-determined parts: the coarse decomposition of Dulmage and Mendelsohn.
 
 A. L. Dulmage, N. S. Mendelsohn, "Coverings of bipartite graphs", Canad. J. Math. 10 (1958); computed as in A. Pothen,
 C.-J. Fan, "Computing the block triangular form of a sparse matrix", ACM TOMS 16 (1990).

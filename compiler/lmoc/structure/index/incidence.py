@@ -1,4 +1,4 @@
-"""Which unknowns stand in which equations, and how often differentiated: the input of every graph algorithm here."""
+"""Incidence of unknowns in equations, with orders of differentiation: the input of every graph algorithm here."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def ranges(start: np.ndarray, items: np.ndarray) -> np.ndarray:
 
 
 def pointers(sorted_keys: np.ndarray, count: int) -> np.ndarray:
-    """Where each key ``0 … count-1`` begins in a sorted array: the ``start`` of a compressed table."""
+    """Return where each key ``0 … count-1`` begins in a sorted array: the ``start`` of a compressed table."""
     return np.concatenate([[0], np.cumsum(np.bincount(sorted_keys, minlength=count))])
 
 

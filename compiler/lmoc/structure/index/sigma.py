@@ -1,4 +1,4 @@
-"""How often each equation must be differentiated: the Σ-method (J. D. Pryce, BIT 41, 2001).
+"""The number of differentiations of each equation: the Σ-method (J. D. Pryce, BIT 41, 2001).
 
 A highest-value transversal of the signature matrix (an assignment of equations to unknowns whose derivative orders
 have the largest sum) gives the number of degrees of freedom; its smallest dual solution gives the offsets: equation i

@@ -1,4 +1,4 @@
-"""What a shape says about its unknowns, found once for each shape: linear form, aliases, factors that may vanish."""
+"""Properties of a shape in its unknowns, found once for each shape: linear form, aliases, factors that may vanish."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROUNDOFF = 1e-12
 
 
 class Role(IntEnum):
-    """What a row can do for elimination."""
+    """The role of a row in elimination."""
 
     NONE = 0
     ALIAS = 1  # a·x + b·y + c = 0 with y an unknown, an input, or absent

@@ -254,7 +254,7 @@ class Elimination:
         step.put(linked, Affine(linked, *_OWN.columns()[1:]))
 
     def _fixed(self, old: Rows, step: Affine) -> bool:
-        """Whether an unknown of the rows has become a number that other unknowns may be multiplied by."""
+        """Return whether an unknown of the rows has become a constant, which may be a factor of other unknowns."""
         if linear_form(old.shape, old.kinds) is not None:
             return False
         columns = [c for c, kind in enumerate(old.kinds) if kind == UNKNOWN]

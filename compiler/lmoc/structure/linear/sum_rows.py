@@ -49,7 +49,7 @@ class SumRows:
 
 @dataclass(frozen=True, eq=False)
 class SumView:
-    """What the rows look like with roots in the place of their variables.
+    """The rows with roots in place of their variables.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ from lmoc.structure.linear.substitution import Rows, partition
 
 
 class Missing(IntEnum):
-    """What a parameter without a value is taken for."""
+    """The value assumed for a parameter without one."""
 
     ANYTHING = 0  # a number that nothing cancels
     EQUAL = 1  # equal to the others: gears in a loop are meant to agree
@@ -77,7 +77,7 @@ class _Changed:
 def vanishes(
     expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters, missing: Missing
 ) -> np.ndarray:
-    """Where the value is zero to within the roundoff of its terms; one bool a row."""
+    """Return where the value is zero to within the roundoff of its terms; one bool a row."""
     zero, unclear = _judged(expr, table, known, derived)
     if unclear.any():
         if missing == Missing.FITTING:
@@ -91,7 +91,7 @@ def vanishes(
 
 
 def _judged(expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters):
-    """Where the value vanishes, and where there is none."""
+    """Return where the value vanishes, and where it is undefined."""
     rounded = any(n.op in ("add", "sub", "sin", "cos", "tan") for n in postorder(expr))
     if rounded or (table.size and table.max() >= derived.base):
         value, size = value_and_size(expr, known[table], derived.sizes(known, table))
@@ -158,7 +158,7 @@ class Splitter:
         return self._tested[key]
 
     def _text(self, group: Rows, expr: Expr, zero: np.ndarray) -> str:
-        """What is assumed, on the first row that vanishes, or on the first of all."""
+        """Return the assumption in words, for the first row that vanishes, or for the first of all."""
         some = bool(zero.any())
         row = int(np.argmax(zero)) if some else 0
         count = int(zero.sum()) if some else len(zero)

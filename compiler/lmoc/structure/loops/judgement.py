@@ -1,4 +1,4 @@
-"""What the loops of a scene say: constraints that repeat others, contradict them, or leave rest only."""
+"""Judgement of the loops of a scene: constraints that are redundant, contradictory, or leave rest only."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message
 
 
 def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[Diagnostic]:
-    """What is said about constraints that were dropped.
+    """Report the constraints that were dropped.
 
     Parameters
     ----------

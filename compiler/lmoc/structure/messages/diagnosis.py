@@ -1,4 +1,4 @@
-"""What is wrong with a system that has no unique solution, in the user's terms."""
+"""Diagnosis of a system that has no unique solution, in the user's terms."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ class _Floating:
         self._start = np.searchsorted(self._piece[self._row], np.arange(len(self._pieces) + 1))
 
     def around(self, row: int) -> np.ndarray:
-        """What the piece with this row leaves open."""
+        """Return what the piece with this row leaves undetermined."""
         piece = int(self._piece[row])
         members, columns = self._pieces[piece]
         if not 0 < len(columns) <= LARGEST_DENSE:

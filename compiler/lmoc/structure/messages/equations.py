@@ -140,6 +140,6 @@ class Loops:
 
 
 def _unshared(paths: list[list[int]]) -> list[int]:
-    """What stands on some of the paths to a root, but not on all of them."""
+    """Return the items on some of the paths to a root, but not on all of them."""
     shared = set.intersection(*map(set, paths)) if len(paths) > 1 else set()
     return [e for path in paths for e in path if e not in shared]

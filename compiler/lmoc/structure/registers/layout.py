@@ -1,4 +1,4 @@
-"""Where everything stands: the numbering of registers, names of jets, and the way back to every variable."""
+"""The layout of registers: their numbering, names of jets, and the recovery of every variable."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def names_of_jets(system: System, layout: Layout) -> tuple[np.ndarray, np.ndarra
 
 
 def way_back(system: System, layout: Layout, helpers: int) -> tuple[np.ndarray, list[Apply], np.ndarray]:
-    """Where each flat variable stands, and the steps that compute those which are no jet themselves.
+    """Return the register of each flat variable, and the steps that compute those which are not jets themselves.
 
     Parameters
     ----------

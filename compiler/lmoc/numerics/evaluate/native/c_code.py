@@ -178,7 +178,7 @@ def write_rounds(writer: Writer, steps: tuple[Apply, ...], rounds: int) -> None:
 
 
 def is_short(writer: Writer, step: Step) -> bool:
-    """Whether the rows of a step are written one by one."""
+    """Return whether the rows of a step are written one by one."""
     return writer.literal and len(written(step)) <= FEW
 
 

@@ -28,7 +28,7 @@ RESCUE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 
 
 class Call(ctypes.Structure):
-    """What C functions need to evaluate derivatives (``lmoc_call`` in `native.prelude`)."""
+    """The arguments with which C functions evaluate derivatives (``lmoc_call`` in `native.prelude`)."""
 
     _fields_ = [
         ("w", ctypes.c_void_p),
@@ -53,7 +53,7 @@ class Call(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What is compiled for a program: the whole text, the compiler's option, and the data of the function."""
+    """The input of the C compiler for a program: the whole text, the compiler's option, and the function's data."""
 
     text: str
     optimization: str
@@ -209,7 +209,7 @@ class Kernel:
 
     @property
     def has_constant_blocks(self) -> bool:
-        """Whether `factorize` has anything to do."""
+        """Return whether `factorize` has anything to do."""
         return bool(self._factors)
 
     def __call__(self, time: float) -> int:

@@ -27,7 +27,7 @@ _SLOPE_ROWS = 5_000  # … with so many rows at the most
 
 
 def has_branches(plan: Plan) -> bool:
-    """Whether nonlinear blocks are constraints of a mechanism, which can be closed in several ways."""
+    """Return whether nonlinear blocks are constraints of a mechanism, which can be closed in several ways."""
     return plan.reduced.nearby is not None
 
 
@@ -156,7 +156,7 @@ class NativeSystem(VectorSystem):
         return NumpyStepper(self) if self.samplers else NativeStepper(self)
 
     def shared_call(self) -> Call:
-        """What the C code of a stepper needs."""
+        """Return the arguments of the C code of a stepper."""
         return self._own
 
 

@@ -14,7 +14,7 @@ from lmoc.numerics.integrate.sundials import sundials as sun
 
 @dataclass(frozen=True)
 class Matrix:
-    """How the Jacobian is stored.
+    """The storage of the Jacobian.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What CVODE and IDA have in common: the objects of one integration, steps, and values between them."""
+"""Code shared by CVODE and IDA: the objects of one integration, steps, and values between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lmoc.numerics.integrate.sundials.matrix import Matrix, Solver
 
 @dataclass(frozen=True)
 class Given:
-    """What is integrated, from where and how accurately.
+    """The problem of an integration, its start and its accuracy.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Session(ABC):
         return getattr(self.lib, self.name + function)(self.memory, *arguments)
 
     def guarded(self, action: Callable[[], int]) -> int:
-        """What a callback returns: what `action` does, or the sign of an error that ends the run."""
+        """Run `action` in a callback and return its result, or the code of an error that ends the run."""
         try:
             return -1 if self.error is not None else action()
         except BaseException as error:

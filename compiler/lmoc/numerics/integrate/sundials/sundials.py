@@ -139,7 +139,7 @@ def load() -> Library:
 
 
 def available() -> bool:
-    """Whether the libraries are found."""
+    """Return whether the libraries are found."""
     return _load() is not None
 
 
