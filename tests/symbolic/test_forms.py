@@ -99,7 +99,7 @@ def test_modes_of_a_damped_oscillator():
     [
         ({"m": 1, "k": 4, "c": 0}, "stable"),
         ({"m": 1, "k": 0, "c": 1}, "neutral"),
-        ({"m": 1, "k": 0, "c": 0}, "unstable"),
+        ({"m": 1, "k": 0, "c": 0}, "marginal"),
         ({"m": 1, "k": -4, "c": 1}, "unstable"),
         ({"m": 1, "k": 4, "c": -0.1}, "unstable"),
     ],

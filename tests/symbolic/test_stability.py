@@ -36,7 +36,11 @@ COUPLED_TWICE[1, 2] = 1.0  # the second drives the first at its own frequency
         (oscillator(4, -1e-6), "unstable"),
         (oscillator(-4), "unstable"),
         (oscillator(1e8, 2e4), "asymptotically stable"),  # a double root by critical damping
-        (oscillator(0), "unstable"),  # drifts
+        (oscillator(0), "marginal"),  # drifts
+        (block(oscillator(0), oscillator(4)), "marginal"),  # a hanging crane
+        (block(oscillator(0), oscillator(-4)), "unstable"),  # an upright one
+        (np.eye(3, k=1), "unstable"),  # grows with the square of time
+        (block(oscillator(0), [[0]]), "marginal"),
         (oscillator(0, 1), "neutral"),
         (np.zeros((2, 2)), "neutral"),
         (np.zeros((0, 0)), "asymptotically stable"),

@@ -138,7 +138,9 @@ class LinearModel:
 
     @property
     def stability(self) -> str:
-        """``asymptotically stable``, ``stable`` (undamped), ``neutral`` (a family of equilibria) or ``unstable``."""
+        """``asymptotically stable``, ``stable`` (undamped), ``neutral`` (a family of equilibria), ``marginal`` (one
+        that drifts at constant speed once pushed) or ``unstable``.
+        """
         return stability(self._spectrum, self._numeric_A)
 
     # ---------------------------------------------------------------- forms

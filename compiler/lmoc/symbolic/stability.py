@@ -78,9 +78,10 @@ def stability(found: Spectrum, A: np.ndarray) -> str:
     Returns
     -------
     ``asymptotically stable``, ``stable`` (some motions neither grow nor decay), ``neutral`` (a family of states of
-    rest) or ``unstable``. Several equal eigenvalues on the imaginary axis are stable only with as many eigenvectors.
+    rest), ``marginal`` (a family that drifts at constant speed once pushed, with nothing that grows faster) or
+    ``unstable``. Several equal eigenvalues on the imaginary axis are stable only with as many eigenvectors.
     """
-    if len(found.chains) > 1:
+    if len(found.chains) > 2:  # grows with the square of time
         return "unstable"
     moving = found.values[sum(found.chains) :]
     moving = moving[moving.imag >= 0]  # of a pair, one tells all
@@ -96,7 +97,7 @@ def stability(found: Spectrum, A: np.ndarray) -> str:
     if np.any(moving.real[~on_axis] > 0):
         return "unstable"
     if found.chains:
-        return "neutral"
+        return "neutral" if len(found.chains) == 1 else "marginal"
     return "stable" if on_axis.any() else "asymptotically stable"
 
 
