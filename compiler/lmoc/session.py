@@ -81,7 +81,7 @@ class Session:
         broken = self.reduced.broken_guard(values)
         if broken is None:
             return self, Prepared(self.flat, self.reduced, values)
-        note = Diagnostic("N0631", f"the equations have been reduced anew: it no longer holds that {broken}")
+        note = Diagnostic("N0631", f"the reduction was redone because an assumption no longer holds: {broken}")
         return self, Prepared(self.flat, self._reduction(values, _MODEL, clock), values, (note,))
 
     def _resizes(self, name: str, value: Value) -> bool:
@@ -132,7 +132,7 @@ class Session:
         if other.state_names == reduced.state_names:
             return None
         lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
-        note = Diagnostic("N0631", f"the equations have been reduced anew: {lost}")
+        note = Diagnostic("N0631", f"the reduction was redone because {lost}")
         return replace(prepared, reduced=other, notes=(*prepared.notes, note))
 
     def continuing(self, prepared: Prepared, states: Sequence[str], clock: Clock) -> Prepared:

@@ -46,7 +46,7 @@ def test_members_that_are_not_all_side_by_side():
 def test_what_is_cut_is_counted():
     unlike = [(f"{name} floats", "") for name in "abcd"]
     assert told(*unlike) == [("a floats", ""), ("b floats | 2 more such mistakes are not shown", "")]
-    assert told(*unlike[:2], unseen=1)[-1] == ("b floats | 1 more place was not looked at", "")
+    assert told(*unlike[:2], unseen=1)[-1] == ("b floats | 1 more place was not examined", "")
     assert told(*unlike, most=4)[-1] == ("d floats", "")
 
 

@@ -227,7 +227,7 @@ def test_a_function_for_an_input_that_returns_no_number(solver):
         (([0.0], [1.0]), "E0625", "one point, and needs two"),
         (([], []), "E0625", "no points, and needs two"),
         (([0, 2, 1], [0, 1, 2]), "E0625", "1 follows 2"),
-        (([0, 1, 1, 1], [0, 1, 2, 3]), "E0625", "1 stands more than twice"),
+        (([0, 1, 1, 1], [0, 1, 2, 3]), "E0625", "1 occurs more than twice"),
         (([0, 1], [0, np.nan]), "E0625", "not a finite number"),
         (([0, 1e-300], [0, 1]), "E0625", "too close together"),
         (([0, 1], [1]), "E0521", "not understood"),

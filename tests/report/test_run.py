@@ -416,6 +416,6 @@ def test_a_balance_that_the_tolerance_does_not_explain_is_a_warning():
     from lmoc.report.balance import unbalanced
 
     one, zero = np.array([1.0, 0.8]), np.zeros(2)
-    assert "do not add up: 20 %" in unbalanced(Energy(one, zero, zero, 1.0), 1e-6).message
+    assert "does not close: 20 %" in unbalanced(Energy(one, zero, zero, 1.0), 1e-6).message
     assert unbalanced(Energy(np.array([1.0, 0.9999]), zero, zero, 1.0), 1e-6) is None
     assert unbalanced(None, 1e-6) is None

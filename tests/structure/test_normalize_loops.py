@@ -300,7 +300,7 @@ def test_ten_loops_lose_ten_reactions():
     text = "\n".join(re.sub(r"\b([ABCDrsto])\.", rf"\g<1>{k}.", line) for k in range(10) for line in lines)
     n = reduced(text)
     assert len([r for g in n.groups if g.residual.op == "slot" for r in g.source]) == 10 and is_square(n)
-    assert n.notes[-1].hint == "7 more constraints repeat others"
+    assert n.notes[-1].hint == "7 more constraints are redundant"
 
 
 def test_a_force_on_a_massless_rod():

@@ -110,7 +110,7 @@ def test_an_equation_that_repeats_another_determines_nothing():
     (error,) = errors(CIRCLE + "2*y**2 + 2*x**2 = 2")
     assert error.code == "E0403"
     assert "3 equations for 4 unknowns" in error.message
-    assert "2*y^2 + 2*x^2" in error.found and "repeats others" in error.found
+    assert "2*y^2 + 2*x^2" in error.found and "is redundant" in error.found
 
 
 def test_several_mistakes_in_one_run():

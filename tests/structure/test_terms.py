@@ -170,7 +170,7 @@ def test_other_lengths_are_another_structure():
     dae = lmoc.compile_text(scene("Arm a(l = 1.5), b(l = 1.5);", TWO_ARMS).replace("fixed = true", "fixed = false"))
     assert dae.reduced.broken_guard(dae.flat.parameter_values()) is None
     at = int(dae.flat.find("b.l")[0])
-    assert "repeat others" in dae.reduced.broken_guard(dae.flat.parameter_values({at: 1.6}))
+    assert "are redundant" in dae.reduced.broken_guard(dae.flat.parameter_values({at: 1.6}))
 
 
 def test_many_pairs_are_one_shape():

@@ -102,7 +102,7 @@ def _about(model: LinearModel) -> str:
         values = [*values[:8], "…"]
     place = ", ".join(values) if values else "zero"
     moving = " (no equilibrium: the model tells deviations from the motion through it)"
-    moment = "" if model.time is None else f" at t = {model.time:g} s, for time stands in the equations: see --at TIME"
+    moment = "" if model.time is None else f" at t = {model.time:g} s (the equations depend on time: see --at TIME)"
     return f"about {place}{moment}" + ("" if model.at_rest else moving)
 
 

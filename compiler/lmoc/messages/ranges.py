@@ -34,7 +34,7 @@ def report_alike(found: Iterable[Diagnostic], report: Report, most: int, unseen:
     shown = [d for family in list(families.values())[:most] for d in _merged(family)]
     more = sum(len(family) for family in list(families.values())[most:])
     told = [f"{more} more such {'mistake is' if more == 1 else 'mistakes are'} not shown"] if more else []
-    told += [f"{unseen} more {'place was' if unseen == 1 else 'places were'} not looked at"] if unseen else []
+    told += [f"{unseen} more {'place was' if unseen == 1 else 'places were'} not examined"] if unseen else []
     if told and shown:
         shown[-1] = replace(shown[-1], hint="; ".join(filter(None, [shown[-1].hint, *told])))
     report.diagnostics += shown

@@ -254,7 +254,7 @@ def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, t
             f"the signal of input '{name}' does not give its derivative {jet}",
             flat.block_at(variable).span,
             expected=f"a signal with {order} derivative{'s' * (order > 1)}: it prescribes a motion",
-            hint="a table has two derivatives, and none where a time stands twice: there its values jump"
+            hint="a table has two derivatives, and none where a time occurs twice: there its values jump"
             if table
             else "a formula in time has all derivatives, a table two, a callable those of its method derivative(n)",
         )

@@ -14,12 +14,12 @@ _MULTIPLE, _LEAST, _MOST = 1e4, 1e-3, 0.1
 
 
 def unbalanced(energy: Energy | None, rtol: float) -> Diagnostic | None:
-    """Return the warning that energies do not add up, None where they do or are not known."""
+    """Return the warning that the energy balance does not close, None where it does or is unknown."""
     if energy is None or not energy.balance > min(_MOST, max(_LEAST, _MULTIPLE * rtol)):
         return None
     return Diagnostic(
         "W0553",
-        f"supplied, lost and stored energy do not add up: {100 * energy.balance:.2g} % are missing or too much, at a "
+        f"the energy balance does not close: {100 * energy.balance:.2g} % of the energy is unaccounted for, at a "
         f"relative tolerance of {rtol:g}",
         hint="a finer tolerance (--rtol, rtol=), shorter steps (--max-step, max_step=) or another solver; if the error "
         "stays the same, a part does not declare all its energy and loss",

@@ -145,7 +145,7 @@ def times_text(timings: Mapping[str, float]) -> str:
 
 def energy_text(run: Result) -> str:
     """Stored, supplied and lost energy at the end, and the error of their balance."""
-    return "not asked for" if run.energy is None else str(run.energy)
+    return "not requested" if run.energy is None else str(run.energy)
 
 
 def final_rows(run: Result) -> list[tuple[str, float, str, str]]:

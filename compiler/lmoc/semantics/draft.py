@@ -244,7 +244,7 @@ def _size_mismatch(found: tuple[int, ...], expected: tuple[int, ...], binding: B
     if not found and of_parts:
         hint = f"write 'each' to give all the same: '{_with_each(binding, variable)}'"
         if any(binding.each):
-            hint = f"'each' stands too far inside, move it out: '{_with_each(binding, variable)}'"
+            hint = f"'each' is too deeply nested, move it out: '{_with_each(binding, variable)}'"
         message = f"'{variable.label}' is in an array of parts and needs one value for each"
         return Wrong("E0213", message, binding.span, expected=dims_text(expected), found="a scalar", hint=hint)
     row = len(expected) == 1 and found in ((1, *expected), (*expected, 1))

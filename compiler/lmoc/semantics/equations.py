@@ -327,13 +327,13 @@ class EquationSection:
 
     def _law(self, outer: Context, function: Scope, e: tree.CallEquation) -> None:
         if self.initial:
-            raise Wrong("E0305", "a law holds all the time: it cannot stand in an initial equation", e.span)
+            raise Wrong("E0305", "a law holds all the time: it is not allowed in an initial equation", e.span)
         add_law(self.drafts, self._fresh(outer), function, e)
 
     def when(self, outer: Context, e: tree.When) -> None:
         """``when condition then … elsewhen … end when``."""
         if self.initial:
-            raise Wrong("E0252", "'when' cannot stand in an initial equation: it is about what happens later", e.span)
+            raise Wrong("E0252", "'when' is not allowed in an initial equation: it is about what happens later", e.span)
         WhenEquation(self.drafts, self.node, self._fresh(outer), e).add()
 
 

@@ -82,7 +82,7 @@ def flatten(
     except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
         wrong.put_into(report)
     except RecursionError:
-        hint = "hundreds of classes stand inside of each other, or hundreds of values use each other"
+        hint = "hundreds of classes are nested, or hundreds of values use each other"
         message = f"what '{cls.full_name}' is made of is nested too deeply"
         report.error("E0227", message, cls.definition.name_span, hint=hint)
     report.check()

@@ -101,7 +101,7 @@ class EquationActions(ExpressionActions):
     def _without_annotations(self, items: list) -> list:
         for item in items:
             if isinstance(item, tree.Modification):
-                self.report.error("E0101", "an annotation of its own can only stand at the end of a class", item.span)
+                self.report.error("E0101", "an annotation of its own is allowed only at the end of a class", item.span)
         return [item for item in items if not isinstance(item, tree.Modification)]
 
     def if_equation(self, v: list, start: int, end: int) -> tree.IfEquation:

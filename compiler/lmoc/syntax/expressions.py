@@ -251,7 +251,7 @@ class ExpressionActions:
             elif named:
                 self.report.error(
                     "E0118",
-                    "an argument without a name stands after one with a name",
+                    "an argument without a name follows one with a name",
                     argument.span,
                     hint="arguments without names come first",
                 )

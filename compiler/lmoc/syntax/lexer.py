@@ -97,7 +97,7 @@ def _in_our_signs(source: Source, text: str, wrong: list[int]) -> tuple[str, Dia
     quote = next((at for at in wrong if ord(text[at]) in _QUOTES), None)
     if quote is not None:
         place = Span(source, quote, quote + 1)
-        hint = "a text stands in straight quotes: \"…\""
+        hint = "a string is written in straight quotes: \"…\""
         return text.translate(_QUOTES), Diagnostic("E0106", f"'{text[quote]}' means nothing here", place, hint=hint)
     odd = {at for at in wrong if text[at] in "%#"}
     comments = [m.span(1) for m in _OTHER_COMMENT.finditer(text) if m.start(1) in odd] if odd else []
@@ -136,8 +136,8 @@ def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
             message, hint = "'end' is a word of the language and cannot be a name", "take another name"
             said.append(Diagnostic("E0110", message, Span(source, start, end), hint=hint))
         elif symbol == "INDEX_END" and not depth:
-            hint = "as the last index it stands inside the brackets of an array: 'x[end]'"
-            said.append(Diagnostic("E0101", "'end' cannot stand here", Span(source, start, end), hint=hint))
+            hint = "as the last index it belongs inside the brackets of an array: 'x[end]'"
+            said.append(Diagnostic("E0101", "'end' is not allowed here", Span(source, start, end), hint=hint))
     return said
 
 
@@ -243,7 +243,7 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
     word = text[start:end]
     place = Span(source, start, end)
     hint = f"a name in quotes can have it: \"'{word}'\""
-    return [Diagnostic("E0106", f"'{text[offset]}' cannot stand in the name '{word}'", place, hint=hint)]
+    return [Diagnostic("E0106", f"'{text[offset]}' is not allowed in the name '{word}'", place, hint=hint)]
 
 
 def _put_name(source: Source, tokens: Tokens, start: int, end: int) -> tuple[int, int]:

@@ -45,7 +45,7 @@ class PrefixActions(EquationActions):
             self.report.error("E0116", _UNSUPPORTED[text], place)
             return
         if text in before:
-            self.report.error("E0113", f"'{text}' stands here twice", place)
+            self.report.error("E0113", f"'{text}' occurs here twice", place)
             return
         for group in EXCLUSIVE:
             for other in group & before.keys() - {text}:
@@ -54,7 +54,8 @@ class PrefixActions(EquationActions):
                     return
         later = [other for other in before if other in _ORDER and _ORDER.index(other) > _ORDER.index(text)]
         if later:
-            self.report.error("E0113", f"'{text}' stands before '{later[0]}'", place, hint=f"write '{text} {later[0]}'")
+            hint = f"write '{text} {later[0]}'"
+            self.report.error("E0113", f"'{text}' belongs before '{later[0]}'", place, hint=hint)
 
     def _refuse(self, prefixes: dict[str, Word], wrong: set[str], what: str) -> None:
         for text, prefix in prefixes.items():

@@ -72,7 +72,7 @@ def unexpected(trouble: Trouble) -> Diagnostic:
     """The plain message: this cannot stand here, that could."""
     return Diagnostic(
         "E0101",
-        f"{found(trouble)} cannot stand here",
+        f"{found(trouble)} is not allowed here",
         trouble.span() if trouble.found != END_OF_TEXT else trouble.gap(),
         expected=expectation(trouble),
         found=found(trouble),
@@ -93,7 +93,7 @@ def _hint(trouble: Trouble) -> str:
     if trouble.found in ("{", "}", ":", ";") and "end" in trouble.can_follow():
         return "a class is written 'model Name … end Name;', with nothing behind its name and no braces"
     if trouble.at == 0:
-        return "everything stands inside a class: 'model Name', its parts and equations, 'end Name;'"
+        return "everything belongs inside a class: 'model Name', its parts and equations, 'end Name;'"
     return ""
 
 
@@ -137,7 +137,7 @@ def _semicolon_after_section(trouble: Trouble) -> Iterator[Slip]:
     """``equation;``"""
     word = trouble.tokens.texts[trouble.at - 1] if trouble.at else ""
     if trouble.found == ";" and trouble.before in FRESH | {"then", "else", "loop"} and trouble.before != "end":
-        explain = partial(Diagnostic, "E0101", f"no ';' stands after '{word}'", trouble.span(), hint="leave it out")
+        explain = partial(Diagnostic, "E0101", f"there is no ';' after '{word}'", trouble.span(), hint="leave it out")
         yield Slip(Edit(trouble.at, 1, ()), explain)
 
 
@@ -194,7 +194,7 @@ def _declaration_among_equations(trouble: Trouble) -> Iterator[Slip]:
             Edit(start, stop - start, ()),
             lambda: Diagnostic(
                 "E0120",
-                f"a declaration cannot stand below '{section}'",
+                f"a declaration is not allowed below '{section}'",
                 trouble.span(start, stop - 1),
                 hint=f"put it before '{section}'",
             ),
@@ -312,9 +312,9 @@ def _hint_for_missing(trouble: Trouble, word: str) -> str:
     if word == "," and any(node.symbol == "connect" for node in trouble.stack()):
         return "'connect(a, b)' joins two connectors"
     if word == "," and trouble.before == "STRING" and trouble.found == "=":
-        return "a description stands behind the value: 'x = 1 \"what it is\"'"
+        return "a description follows the value: 'x = 1 \"what it is\"'"
     if word == "," and trouble.tokens.texts[trouble.at] in _ATTRIBUTES:
-        return f"attributes stand in parentheses: '{_text(trouble, -1)}({_text(trouble, 0)} = ...)'"
+        return f"attributes are written in parentheses: '{_text(trouble, -1)}({_text(trouble, 0)} = ...)'"
     return ""
 
 
@@ -380,7 +380,7 @@ def _missing_name(trouble: Trouble) -> Iterator[Slip]:
 def _hint_for_type(trouble: Trouble) -> str:
     """``parameter k = 3``: the only name there is would be the type."""
     prefix, name = trouble.tokens.texts[trouble.at - 2 : trouble.at] if trouble.at > 1 else ("", "")
-    return f"a type stands before the name: '{prefix} Real {name}'" if prefix in _DECLARES else ""
+    return f"the type precedes the name: '{prefix} Real {name}'" if prefix in _DECLARES else ""
 
 
 def _stray_token(trouble: Trouble) -> Iterator[Slip]:

@@ -114,7 +114,7 @@ def missing_block_word(trouble: Trouble) -> Iterator[Slip]:
             Edit(trouble.at, 0, (word,)),
             lambda: Diagnostic(
                 "E0109",
-                f"after 'end' stands the word of what ends: '{word}'",
+                f"'end' is followed by the keyword of what ends: '{word}'",
                 trouble.gap(),
                 expected=f"'end {word};'",
                 found=found(trouble),
@@ -146,7 +146,7 @@ def missing_end_name(trouble: Trouble) -> Iterator[Slip]:
             Edit(trouble.at, 0, ("IDENT",), owner[0]),
             lambda: Diagnostic(
                 "E0108",
-                f"after 'end' stands the name of what ends: '{owner[0]}'",
+                f"'end' is followed by the name of what ends: '{owner[0]}'",
                 trouble.gap(),
                 expected=f"'end {owner[0]};'",
                 found=found(trouble),

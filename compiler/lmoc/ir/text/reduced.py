@@ -24,7 +24,7 @@ def reduced_text(reduced: Reduced) -> str:
         program_lines("the derivatives, step by step", reduced, reduced.rhs),
         ["assumed about the parameters", *(f"    {text}" for text in _unique(g.text for g in reduced.guards))],
         ["notes", *(f"    {d.message}" for d in reduced.notes)],
-        [f"computed when asked for: {_rows(reduced.observe)} quantities in {len(reduced.observe)} steps"],
+        [f"computed on demand: {_rows(reduced.observe)} quantities in {len(reduced.observe)} steps"],
     ]
     return "\n\n".join("\n".join(s) for s in sections if len(s) > 1 or s and s[0].startswith("computed"))
 

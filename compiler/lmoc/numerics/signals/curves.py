@@ -26,7 +26,7 @@ class Curve:
 
     Attributes
     ----------
-    knots : (n,) not decreasing; a time that stands twice is a jump
+    knots : (n,) not decreasing; a time that occurs twice is a jump
     values : (n,)
     coefficients : (degree+1, n-1)
         Coefficient k belongs to ``u**k`` with u = (t - knot)/(next knot - knot).

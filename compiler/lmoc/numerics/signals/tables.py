@@ -22,7 +22,7 @@ class Table:
 
     Attributes
     ----------
-    times, values : (n,); a time that stands twice is a jump
+    times, values : (n,); a time that occurs twice is a jump
     curve : Curve, as smooth as the equations need it
     """
 
@@ -84,12 +84,12 @@ def checked_table(points: Points, name: str, report: Report) -> Table | None:
         return None
     steps = np.diff(times)
     for row in (np.flatnonzero(steps < 0) + 1)[:1].tolist():
-        hint = "a time that stands twice is a jump; otherwise times increase"
+        hint = "a time that occurs twice is a jump; otherwise times increase"
         refuse(f"its times decrease: {times[row]:g} follows {times[row - 1]:g}", row, hint=hint)
         return None
     for row in (np.flatnonzero((steps[1:] == 0) & (steps[:-1] == 0)) + 2)[:1].tolist():
         hint = "two lines with one time are a jump, from the value of the first to that of the second"
-        refuse(f"the time {times[row]:g} stands more than twice", row, hint=hint)
+        refuse(f"the time {times[row]:g} occurs more than twice", row, hint=hint)
         return None
     finest = curves.fit(times, values, curves.SMOOTHEST)
     for row in np.flatnonzero(~np.isfinite(finest.coefficients).all(axis=0))[:1].tolist():

@@ -25,7 +25,7 @@ def resolve(found: Place | Builtin) -> Resolved:
         if definition is not None and definition.literals is not None:
             twice = next((t for k, t in enumerate(definition.literals) if t in definition.literals[:k]), None)
             if twice is not None:
-                raise Wrong("E0204", f"the literal '{twice}' stands in '{name}' twice", definition.name_span)
+                raise Wrong("E0204", f"the literal '{twice}' occurs in '{name}' twice", definition.name_span)
             return Resolved(Builtin(found.full_name, definition.literals), tuple(steps), name, kind)
         if definition is not None and definition.short is not None:
             steps.append((definition.short, found.parent))

@@ -33,7 +33,7 @@ def check_subtype(new: Resolved, old: Resolved, place: Span) -> None:
         return
     text, at = reason
     labels = (Label(at, "needed here"),) if at is not None and at.source is not None else ()
-    raise Wrong("E0243", f"'{new.name}' cannot stand in the place of '{old.name}': {text}", place, labels=labels,
+    raise Wrong("E0243", f"'{new.name}' cannot replace '{old.name}': {text}", place, labels=labels,
                 hint=f"what is redeclared needs everything that '{old.name}' has")  # fmt: skip
 
 

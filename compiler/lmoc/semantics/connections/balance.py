@@ -218,7 +218,7 @@ def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows
     unused = [v for v in own if id(v) not in count.used and not v.causality and not v.connector]
     if unused:
         names = ", ".join(f"'{v.name}'" for v in unused[:5])
-        return f"{names} {'stands' if len(unused) == 1 else 'stand'} in no equation of the class"
+        return f"{names} {'occurs' if len(unused) == 1 else 'occur'} in no equation of the class"
     if count.inputs:
         names = ", ".join(f"'{v.label}'" for v in count.inputs[:5])
         return f"the inputs of its parts are among the unknowns: {names}"

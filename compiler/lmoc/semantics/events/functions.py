@@ -99,7 +99,7 @@ def _sample(context: Context, call: tree.Call) -> Value:
             raise Wrong("E0211", f"the {name} of 'sample' must be known before the run, but changes in time",
                         given[name].span)  # fmt: skip
     if context.node is None:
-        raise Wrong("E0301", "'sample' cannot stand in a function", call.span)
+        raise Wrong("E0301", "'sample' is not allowed in a function", call.span)
     drafts, space = context.model.drafts, context.space
     variable, index, slot = drafts.helpers.add(
         context.node, space, context.leaves, call.span.text, Kind.DISCRETE, "Boolean"

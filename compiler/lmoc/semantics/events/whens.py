@@ -147,7 +147,7 @@ class WhenEquation:
                 self._if(context, e, guard)
             else:
                 what = "'connect'" if isinstance(e, tree.Connect) else "another 'when'"
-                raise Wrong("E0252", f"{what} cannot stand in a 'when'", e.span)
+                raise Wrong("E0252", f"{what} is not allowed in a 'when'", e.span)
 
     def _loop(self, context: Context, e: tree.For, guard: Expr, k: int) -> None:
         if k == len(e.indices):
@@ -184,7 +184,7 @@ class WhenEquation:
 
     def _assign(self, context: Context, left: tree.Expression, value: Value, guard: Expr, span: Span) -> None:
         if not isinstance(left, tree.Ref):
-            raise Wrong("E0253", "in a 'when' a variable stands alone on the left", left.span,
+            raise Wrong("E0253", "in a 'when' a variable is alone on the left", left.span,
                         expected="variable = expression", found=left.span.text)  # fmt: skip
         target = context.value(left)
         if target.dims != value.dims:

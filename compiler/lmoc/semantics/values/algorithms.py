@@ -148,7 +148,7 @@ class Algorithm:
         if condition.type != "Boolean" or condition.dims:
             raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
         if not condition.expr.is_const:
-            self.context.model.say_once("W0229", "this assertion is not looked at while it runs", s.span,
+            self.context.model.say_once("W0229", "this assertion is not checked while it runs", s.span,
                                         hint="write it in the model that calls the function")  # fmt: skip
         elif not condition.expr.value:
             raise Wrong("E0222", f"'{self.function.name}' does not take this: {message.text}", self.call.span,

@@ -65,7 +65,7 @@ def _find(context: Context, e: tree.Call) -> Scope:
     except Wrong as wrong:
         if wrong.code == "E0223":
             raise Wrong("E0203", f"'{e.function}' is no function", e.function.span,
-                        hint=f"subscripts stand in brackets: '{e.function}[…]'") from None  # fmt: skip
+                        hint=f"subscripts are written in brackets: '{e.function}[…]'") from None  # fmt: skip
         if wrong.code != "E0202":
             raise
         name = str(e.function)

@@ -91,7 +91,7 @@ def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
     hint = "the time is called 'time'" if name == "t" else nearest(name, candidates)
     plain = name.strip("'")  # the quotes around a name with other characters belong to it
     if plain != name:
-        hint = f'a text stands in double quotes: "{plain}"'
+        hint = f'a string is written in double quotes: "{plain}"'
     if owner and not hint:
         hint = f"the literal is written '{owner}.{name}'"
     if name == "pi" or [part.name for part in ref.parts] == ["Modelica", "Constants", "pi"]:

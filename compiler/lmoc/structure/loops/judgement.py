@@ -138,7 +138,7 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
             return core.judged(derived.extended(values), derived) == judged
 
         parts = loops.equations.parts(core.source.tolist())
-        guards.append(Guard(holds, f"which constraints of {listed(parts) or 'the model'} repeat others"))
+        guards.append(Guard(holds, f"which constraints of {listed(parts) or 'the model'} are redundant"))
     dropped: dict[int, list[int]] = {}
     contradictory: dict[int, list[int]] = {}
     for number, others, consistent in judged:
@@ -179,8 +179,8 @@ def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[D
         around = loops.among([number, *others]) if others else loops.around(number)
         parts = listed(loops.equations.parts(around))
         where = f"; the forces in the loop {parts} are not unique" if parts else ""
-        message = f"the constraint '{loops.equations.text(number)}' repeats others{where}"
-        hint = f"{more} more constraints repeat others" if i == SHOWN - 1 and more > 0 else ""
+        message = f"the constraint '{loops.equations.text(number)}' is redundant{where}"
+        hint = f"{more} more constraints are redundant" if i == SHOWN - 1 and more > 0 else ""
         spans = loops.equations.spans(around)
         labels = tuple(Label(s, "also here") for s in spans[1:])
         yield Diagnostic("N0415", message, spans[0] if spans else None, hint=hint, labels=labels)

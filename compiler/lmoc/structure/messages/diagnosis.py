@@ -75,7 +75,7 @@ def _too_few(
     if len(positions):
         names = _carriers(flat, positions)
         message = f"nothing fixes the absolute position of {listed(names)}"
-        hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
+        hint = "only differences of positions occur in their equations: fix one of them, or give one a mass or inertia"
         if also_too_many:
             hint = "too much is prescribed where nothing gives way: leave one force open, or add a mass or inertia"
         _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, int(positions[0])))
@@ -142,7 +142,7 @@ def dependent_constraints(system: System, jacobian: Tied, rows: np.ndarray, repo
     noun = "constraint" if len(sources) == 1 else "constraints"
     message = f"the {noun} of {listed(parts or names)} cannot be solved near the start"
     found = "; ".join(equations.text(s) for s in sources[:SHOWN])
-    hint = f"give {listed(names[:3])} start values away from a dead centre, or remove a constraint that repeats others"
+    hint = f"give {listed(names[:3])} start values away from a dead centre, or remove a redundant constraint"
     _at(equations, sources, report, "E0404", message, found=found, hint=hint)
 
 
@@ -209,7 +209,7 @@ class _Floating:
 
 def _floats(system: System, equations: Equations, positions: np.ndarray, rows: np.ndarray, report: Report) -> None:
     message = f"nothing fixes the absolute position of {listed(_carriers(system.flat, positions))}"
-    hint = "only differences of positions stand in their equations: fix one of them, or give one a mass or inertia"
+    hint = "only differences of positions occur in their equations: fix one of them, or give one a mass or inertia"
     _at(equations, system.source[rows].tolist(), report, "E0402", message, hint=hint)
 
 
