@@ -12,7 +12,7 @@ import lmoc
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.linearize import linearize
 from lmoc.symbolic.numeric import NumericSystem, linearize_numerically
-from lmoc.symbolic.system import NoSymbolsError
+from lmoc.symbolic.too_long import NoSymbolsError
 
 ROOT = Path(__file__).parents[2]
 MODELS = sorted(f"{folder}/{p.stem}" for folder in ("notes", "hard") for p in (ROOT / "models" / folder).glob("*.lmo"))

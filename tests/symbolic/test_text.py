@@ -12,6 +12,7 @@ from oracles.symbolic_truth import IMPLICIT, equal
 import lmoc
 from lmoc.expression.to_sympy import exact
 from lmoc.messages.diagnostics import ModelError
+from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, unit_text
 from lmoc.symbolic.system import jet_symbol
@@ -186,3 +187,16 @@ def test_numbers_stay_as_written():
 def test_what_has_no_readable_equations_is_refused(name):
     with pytest.raises(ModelError, match="no solution in closed form"):
         compiled(ROOT / f"models/hard/{name}.lmo").equations()
+
+
+def test_equations_that_grow_while_they_are_solved_are_refused():
+    with pytest.raises(ModelError, match="too long to be solved in symbols"):
+        compiled(ROOT / "models/hard/h27_car_axis.lmo").equations()
+
+
+def test_an_elimination_of_short_coefficients_has_no_limit():
+    n = 40
+    k = sp.Symbol("k")
+    rows = [{i: 2 * k} | {j: -k for j in (i - 1, i + 1) if 0 <= j < n} for i in range(n)]
+    found = eliminate(rows).solution
+    assert sp.cancel(found[0][0] - sp.Rational(n, n + 1) / k) == 0

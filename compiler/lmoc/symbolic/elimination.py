@@ -12,8 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from lmoc.symbolic.too_long import no_symbols
+
 if TYPE_CHECKING:
     import sympy
+
+MOST_TERMS = 2_000  # of a coefficient; operations where it is no rational function of symbols
 
 Row = dict[int, "sympy.Expr"]
 Element = Any  # of a field of rational functions; a factor of a hundred faster than expressions
@@ -47,6 +51,11 @@ def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int]
     rows : coefficients by unknown, for each equation
     keep_last : unknowns
         Taken as pivots only when nothing else is left: they stay free where the equations leave a choice.
+
+    Raises
+    ------
+    ModelError
+        E0660 (`NoSymbolsError`) where a coefficient grows beyond `MOST_TERMS`.
     """
     import sympy as sp
     from sympy.polys.constructor import construct_domain
@@ -113,10 +122,18 @@ def _size(element: Element) -> int:
     return 0 if top.is_ground and bottom.is_ground else len(top) + len(bottom)
 
 
+def _check_length(element: Element) -> None:
+    expression = getattr(element, "ex", None)  # where the field is that of arbitrary expressions
+    length = _size(element) if expression is None else expression.count_ops()
+    if length > MOST_TERMS:
+        raise no_symbols("the equations are too long to be solved in symbols", hint="`lmoc linearize` works in numbers")
+
+
 def _subtract(target: Sparse, source: Sparse, factor: Element) -> None:
     for x, c in source.items():
         value = target[x] - factor * c if x in target else -factor * c
         if value:
+            _check_length(value)
             target[x] = value
         else:
             target.pop(x, None)

@@ -18,7 +18,8 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.symbolic import places
 from lmoc.symbolic.places import Moment, Point
-from lmoc.symbolic.system import NoSymbolsError, SymbolicSystem, refuse, symbolic_system
+from lmoc.symbolic.system import SymbolicSystem, refuse, symbolic_system
+from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.values import read_values
 
 if TYPE_CHECKING:

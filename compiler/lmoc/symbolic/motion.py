@@ -23,7 +23,8 @@ from lmoc.ir.reduced import Reduced
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, NoSymbolsError, Outline, SymbolicSystem, jet_symbol, symbolic_system
+from lmoc.symbolic.system import Interpreter, Outline, SymbolicSystem, jet_symbol, symbolic_system
+from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import Trial
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
+from lmoc.symbolic.too_long import no_symbols
 
 if TYPE_CHECKING:
     import sympy
@@ -132,15 +133,6 @@ def _check_size(reduced: Reduced) -> None:
             f"{reduced.flat.name or 'the model'} has {count} equations and {states} states: too many for symbols",
             hint="a linear model in numbers has no such limit: `lmoc linearize`",
         )
-
-
-class NoSymbolsError(ModelError):
-    """Symbols give no answer, or a too long one; numbers may."""
-
-
-def no_symbols(message: str, hint: str = "") -> NoSymbolsError:
-    """Return the error for what symbols cannot do, though numbers may."""
-    return NoSymbolsError([Diagnostic("E0660", message, hint=hint)])
 
 
 def refuse(message: str, hint: str = "") -> ModelError:

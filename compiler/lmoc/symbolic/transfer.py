@@ -18,7 +18,8 @@ from lmoc.symbolic.linearize import LinearModel, python_control
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.styles import LATEX, UNICODE, Style
-from lmoc.symbolic.system import NoSymbolsError, no_symbols, refuse
+from lmoc.symbolic.system import refuse
+from lmoc.symbolic.too_long import NoSymbolsError, no_symbols
 
 if TYPE_CHECKING:
     import sympy
