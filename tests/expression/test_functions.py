@@ -115,6 +115,8 @@ def test_derivatives_agree_with_differences(name):
     looked_at = 0
     for k in range(40 * entry.arity):
         at = [RANDOM.uniform(-3, 3) for _ in range(entry.arity)]
+        if entry.divides:  # remainders of small divisors jump more often than the differences can see
+            at[1] += math.copysign(0.1, at[1])
         for j in range(entry.arity):
             ahead = [[x + d * h * (i == j) for i, x in enumerate(at)] for d in (-2, -1, 0, 1, 2)]
             values = by_numpy(name, np.array(ahead))

@@ -59,9 +59,7 @@ def reduce(
     report = Report() if report is None else report
     values = flat.parameter_values() if values is None else values
     if flat.laws and flat.closed is None:
-        span = flat.parts[flat.laws[0].part].span
-        report.error("E0418", "a law that holds on one side only cannot be simulated yet", span)
-        report.check()
+        raise ValueError("a flat model with laws is reduced by structure.laws.reduce, or in one of its modes")
     discrete = discrete_steps(flat, report)
     normalized = checked(without_dependent(checked(normalize(flat, values, states, report))))
     return checked(replace(assemble(solve_structure(normalized, states, report)), discrete=discrete))

@@ -66,12 +66,6 @@ STRUCTURE: dict[str, Entry] = {
         "there cannot balance. Connect the force to a part with mass, or to something that holds it.",
         "model A\n  Force push(f = 2);\n  Rod rod;\nequation\n  connect(push.flange, rod.a);\nend A;",
     ),
-    "E0418": Entry(
-        "laws cannot be simulated yet",
-        "Strings that go slack, stops, dry friction and freewheels are compiled and checked, but not simulated yet.",
-        "model A\n  Fixed w;\n  Mass m(m = 1);\n  Stop s(L = 0);\nequation\n  connect(w.flange, s.a);\n"
-        "  connect(s.b, m.flange);\nend A;",
-    ),
     "E0420": Entry(
         "nothing determines a discrete variable",
         "A variable that changes at events only needs an equation with itself alone on one side, or a `when` that "
