@@ -68,4 +68,4 @@ def _write(path: Path, text: str) -> None:
     except OSError as error:
         reason = error.strerror or error
         message = f"'{path}' cannot be written: {reason}"
-        raise ModelError([Diagnostic("E0623", message, hint="the file is as it was")]) from None
+        raise ModelError([Diagnostic("E0623", message, hint="the file is unchanged")]) from None

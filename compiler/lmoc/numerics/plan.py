@@ -240,7 +240,7 @@ def _report_unbound(reduced: Reduced, variable: int, report: Report) -> None:
         "E0520",
         f"input '{name}' has no signal",
         block.span,
-        hint=f"bind it in the model (`input Real {name} = sin(time)`), or say --input {name}='sin(time)'",
+        hint=f"bind it in the model (`input Real {name} = sin(time)`), or give --input {name}='sin(time)'",
     )
 
 
@@ -268,7 +268,7 @@ def _report_kink(reduced: Reduced, variable: int, order: int, report: Report) ->
     report.warning(
         "W0524",
         f"the formula of input '{flat.variable_name(variable)}' has kinks or jumps, and "
-        f"{flat.jet_name(variable, order)} is used: the impulse at a kink is left out",
+        f"{flat.jet_name(variable, order)} is used: the impulse at a kink is omitted",
         flat.block_at(variable).span,
     )
 

@@ -77,7 +77,7 @@ class Live:
             where it was before the call.
         """
         if not 0 < dt < math.inf:
-            raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s leads nowhere", expected="seconds, above 0")])
+            raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s is not possible", expected="seconds, above 0")])
         target = self.time + dt
         if self._smooth is not None:
             self._smooth.go(target)

@@ -316,7 +316,7 @@ class EquationSection:
             return
         name = str(e.call.function)
         if name in ("reinit", "terminate"):
-            raise Wrong("E0252", f"'{name}' happens at an instant: it belongs into a 'when'", e.span,
+            raise Wrong("E0252", f"'{name}' happens at an instant: it belongs in a 'when'", e.span,
                         expected=f"when … then {name}(…); end when;")  # fmt: skip
         if name != "assert":
             raise Wrong("E0203", f"there is no statement '{name}'", e.call.function.span,
@@ -333,7 +333,7 @@ class EquationSection:
     def when(self, outer: Context, e: tree.When) -> None:
         """``when condition then … elsewhen … end when``."""
         if self.initial:
-            raise Wrong("E0252", "'when' is not allowed in an initial equation: it is about what happens later", e.span)
+            raise Wrong("E0252", "'when' is not allowed in an initial equation: it acts after the start", e.span)
         WhenEquation(self.drafts, self.node, self._fresh(outer), e).add()
 
 

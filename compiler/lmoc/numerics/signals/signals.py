@@ -238,5 +238,5 @@ def note_held_ends(signals: Mapping[int, Signal], flat: FlatDAE, times: np.ndarr
                 report.warning(
                     "W0525",
                     f"the table for input '{flat.variable_name(variable)}' covers {first:g} … {last:g} s of a run over "
-                    f"{times[0]:g} … {times[-1]:g} s: its outermost values are held",
+                    f"{times[0]:g} … {times[-1]:g} s: it is extrapolated with its end values",
                 )

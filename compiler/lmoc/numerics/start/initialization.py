@@ -165,7 +165,7 @@ def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: 
     names = listed([f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows.tolist()])
     report.warning(
         "W0533",
-        f"not all start values can hold together: {names}",
+        f"the start values contradict each other: {names}",
         system.span(int(rows[0])),
         hint="fixed = true on the ones that matter makes the others follow",
     )

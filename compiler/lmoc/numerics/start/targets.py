@@ -43,7 +43,7 @@ def targets(flat: FlatDAE, values: np.ndarray, initial: Mapping[str, float], rep
         variables = flat.find(name)
         if variables is None:
             hint = hint_for(flat, name, lambda b: b.kind == Kind.UNKNOWN)
-            report.error("E0622", f"there is no variable '{name}' to start from", hint=hint)
+            report.error("E0622", f"there is no variable '{name}' to initialize", hint=hint)
         elif flat.events is not None and flat.kind[variables[0]] == Kind.DISCRETE:
             continue  # which the events take
         elif flat.kind[variables[0]] != Kind.UNKNOWN:

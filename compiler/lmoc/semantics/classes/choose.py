@@ -104,7 +104,7 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     labels = tuple(Label(scope.definition.name_span, "or this one") for scope in candidates[1:_SHOWN])
     names = ", ".join(scope.full_name for scope in candidates)
     raise Wrong("E0603", message, candidates[0].definition.name_span, found=names, labels=labels,
-                hint="say which with --model NAME")  # fmt: skip
+                hint="select one with --model NAME")  # fmt: skip
 
 
 def _first_line(files: Sequence[tree.File]) -> Span | None:
@@ -212,7 +212,7 @@ def _cycle(path: Sequence[tuple[Scope, tree.Ref, Scope]]) -> Wrong:
     labels = tuple(Label(ref.span, f"'{user.name}' needs '{target.name}'") for user, ref, target in rest)
     return Wrong(
         "E0208", f"'{first.full_name}' contains or extends itself", place.span, labels=labels,
-        found=" → ".join([*names, names[0]]), hint="a class cannot be made of itself: take one of these places away",
+        found=" → ".join([*names, names[0]]), hint="a class cannot contain itself: remove one of these declarations",
     )  # fmt: skip
 
 

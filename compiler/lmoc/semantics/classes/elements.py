@@ -127,7 +127,7 @@ def _in_place_of(
 ) -> Member | Place:
     if old is None or isinstance(old, Member) != isinstance(element, tree.Component):
         raise Wrong("E0205", f"there is no '{element.name}' to redeclare in '{scope.name}'", element.name_span,
-                    hint=nearest(element.name, table) or "only what is inherited can be redeclared")  # fmt: skip
+                    hint=nearest(element.name, table) or "only inherited elements can be redeclared")  # fmt: skip
     if not isinstance(old, Member):
         made = scope.local[element.name]
         made.take_place_of(old, element.name_span)

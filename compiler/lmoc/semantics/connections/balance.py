@@ -73,7 +73,7 @@ def check_balance(
         part = variable.parent.owner
         report.error(
             "E0310",
-            f"the input '{variable.label}' is given nothing",
+            f"the input '{variable.label}' has no value",
             part.span,
             hint=f"write {part.name}({variable.name} = …), or an equation or a connect for it",
         )

@@ -40,7 +40,7 @@ def check_sources(edges: Sequence[SignalEdge], report: Report) -> None:
             (first, one), (second, other) = clash
             report.error(
                 "E0315",
-                f"'{one.label}' and '{other.label}' both give a signal to the same connection",
+                f"'{one.label}' and '{other.label}' are both sources of the same connection",
                 second.connect.span,
                 expected="one output, or one input of the class itself, and else inputs",
                 labels=(Label(first.connect.span, f"'{one.label}' is connected here"),) if first is not second else (),

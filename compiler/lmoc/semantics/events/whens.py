@@ -111,7 +111,7 @@ class WhenEquation:
         if not changes(self.context, value):
             self.context.model.say_once(
                 "W0318", "this 'when' does nothing: its condition does not change", part.span,
-                hint="a 'when' is carried out where its condition becomes true; 'if' asks whether it is",
+                hint="a 'when' is executed when its condition becomes true; 'if' applies while it is true",
             )  # fmt: skip
             return dag.const(False)
         slot = value.expr

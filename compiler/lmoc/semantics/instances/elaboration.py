@@ -210,7 +210,7 @@ class Elaboration:
             return default
         raise Wrong(
             "E0214",
-            f"'outer {component.name}' finds no 'inner {component.name}' in the parts around it",
+            f"'outer {component.name}' has no matching 'inner {component.name}' in the enclosing parts",
             component.span,
             hint=f"declare 'inner {component.type} {component.name};' in the model",
         )
@@ -233,9 +233,9 @@ class Elaboration:
         values = _parameters_text(made.cls)
         self.report.note(
             "N0241",
-            f"there is no 'inner {component.type} {name}': one with {values or 'its own values'} is taken",
+            f"there is no 'inner {component.type} {name}': one with {values or 'default values'} is added",
             self.root.cls.definition.name_span,
-            hint=f"declare 'inner {component.type} {name}(…);' to say otherwise",
+            hint=f"declare 'inner {component.type} {name}(…);' to set other values",
         )
         return made
 
@@ -322,7 +322,7 @@ class Elaboration:
         while around is not None:
             if around.cls.definition is cls.definition:
                 raise Wrong("E0208", f"'{cls.name}' contains itself as '{component.name}'", component.span,
-                            hint="a class cannot be made of itself; an array has many parts of a kind")  # fmt: skip
+                            hint="a class cannot contain itself; an array holds many parts of one kind")  # fmt: skip
             around = around.parent
         if modifier.value is not None:
             modifier = record_fields(component.name, cls, modifier)

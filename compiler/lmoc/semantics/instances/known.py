@@ -55,7 +55,7 @@ class KnownValues:
         if variable.value is None:
             raise Wrong(
                 "E0212",
-                f"'{variable.label}' decides about the structure of the model and needs a value",
+                f"'{variable.label}' determines the structure of the model and needs a value",
                 variable.name_span,
             )
         self._evaluating.append(variable)
@@ -125,5 +125,5 @@ class KnownValues:
 
 def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:
     """Return the mistake for a discrete variable whose value would have to be known when compiling."""
-    message = f"'{variable.name}' decides about the structure of the model, but changes while it runs"
+    message = f"'{variable.name}' determines the structure of the model, but changes while it runs"
     return Wrong("E0211", message, variable.span, hint=hint, found=found)

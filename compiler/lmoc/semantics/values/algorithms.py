@@ -276,7 +276,7 @@ class Algorithm:
                 self._statements(s.body)
             except _Break:
                 return
-        raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} rounds", s.condition.span)
+        raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} iterations", s.condition.span)
 
 
 def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list[str]:

@@ -121,7 +121,7 @@ def iteration(context: Context, index: tree.ForIndex, body: object) -> tuple[np.
         return np.arange(literals.length) + literals.first, literals.name
     value = context.value(index.range)
     if len(value.dims) != 1:
-        raise Wrong("E0301", f"'{index.name}' must go through a vector", index.range.span)
+        raise Wrong("E0301", f"'{index.name}' must iterate over a vector", index.range.span)
     return context.alike(value, index.range.span, "a range"), value.type
 
 

@@ -64,7 +64,7 @@ def _find(context: Context, e: tree.Call) -> Scope:
         base = resolve(found).base
     except Wrong as wrong:
         if wrong.code == "E0223":
-            raise Wrong("E0203", f"'{e.function}' is no function", e.function.span,
+            raise Wrong("E0203", f"'{e.function}' is not a function", e.function.span,
                         hint=f"subscripts are written in brackets: '{e.function}[…]'") from None  # fmt: skip
         if wrong.code != "E0202":
             raise
@@ -107,7 +107,7 @@ class _Body:
         self.context = context.inside_function(function, self.values)
         self.context.depth = context.depth + 1
         if self.context.depth > MAX_DEPTH:
-            raise Wrong("E0222", f"the function '{function.name}' calls itself without end", e.span)
+            raise Wrong("E0222", f"the function '{function.name}' calls itself endlessly", e.span)
 
     def _declare(self, name: str, member: Member) -> None:
         """A variable; a record that is an input becomes one for each of its fields."""

@@ -27,7 +27,7 @@ def implied_length(context: Context, index: tree.ForIndex, body: object) -> int:
         if axis < len(dims):  # else there are too many subscripts, as will be said
             found.append((dims[axis], ref.parts[k]))
     if not found:
-        raise Wrong("E0211", f"nothing tells the range of '{index.name}'", index.span,
+        raise Wrong("E0211", f"nothing determines the range of '{index.name}'", index.span,
                     hint=f"write 'for {index.name} in 1:n', or use it as the subscript of an array")  # fmt: skip
     length, first = found[0]
     for other, part in found:

@@ -246,7 +246,7 @@ def warn_kink(context: Context, what: str, span: Span, *values: Value) -> None:
     if context.quiet == 0 and _changes_with_variables(context, *values):
         context.model.say_once(
             "W0311",
-            f"{what} has a kink: the solver goes over it without stopping there",
+            f"{what} has a kink: the solver integrates across it without stopping",
             span,
             hint="write noEvent(…) or smooth(0, …) around it if that is intended",
         )
