@@ -1,7 +1,7 @@
 """The flat DAE: one table of variables and groups of equations that share a shape.
 
 Nothing here is made per variable or per equation: a chain of 10⁵ masses has as many blocks and groups as a
-chain of three. Names are made when somebody asks.
+chain of three. Names are made on demand.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ class UnknownNameError(KeyError):
 
 
 class Names(Sequence):
-    """Dotted names of variables, made when asked for; `in` and `len` cost nothing."""
+    """Dotted names of variables, made on demand; `in` and `len` cost nothing."""
 
     def __init__(self, flat: FlatDAE, variables: np.ndarray):
         self._flat = flat

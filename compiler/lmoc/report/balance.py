@@ -9,7 +9,7 @@ from lmoc.messages.diagnostics import Diagnostic
 if TYPE_CHECKING:
     from lmoc.numerics.observe.energy import Energy
 
-# an error of the balance that is told: as large a multiple of the relative tolerance, within these bounds
+# the error of the balance that is reported: as large a multiple of the relative tolerance, within these bounds
 _MULTIPLE, _LEAST, _MOST = 1e4, 1e-3, 0.1
 
 

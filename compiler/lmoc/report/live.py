@@ -1,6 +1,6 @@
 """A scene that is stepped from a loop: for controllers, games and hardware.
 
-A smooth scene whose equations are explicit keeps one integrator at work, which goes exactly to each time asked for;
+A smooth scene whose equations are explicit keeps one integrator at work, which advances exactly to each requested time;
 what it costs beside the integration is a few microseconds. Any other scene (switching laws, events, closed loops whose
 coordinates may have to change) is run from one time to the next as `simulate` does, from where the last run ended.
 """

@@ -26,7 +26,7 @@ MANY = 2000  # variables: tables of larger scenes hold outputs and states unless
 class Result:
     """The result of a simulation.
 
-    Variables that nobody integrates are computed when first asked for.
+    Variables that nobody integrates are computed on first access.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class Result:
 
     @cached_property
     def kept(self) -> list[str] | None:
-        """Names of what the run was told to keep (without the energy ledger); None where everything is at hand."""
+        """Names of the variables that the run keeps (without the energy ledger); None where everything is at hand."""
         if self.trajectory.kept is None:
             return None
         moving = self.trajectory.kept[self.flat.kind[self.trajectory.kept] >= Kind.INPUT]  # assertions keep parameters
@@ -178,7 +178,7 @@ class Result:
     def energy(self) -> Energy | None:
         """Stored, supplied and lost energy over time and the error of their `balance`.
 
-        None where the run was told not to integrate work and heat.
+        None where the run does not integrate work and heat.
         """
         return self.trajectory.energy
 

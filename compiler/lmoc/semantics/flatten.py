@@ -203,7 +203,7 @@ class _Flattening:
         return groups
 
     def _refuse_unconnected(self) -> None:
-        """Thousands of parts without any connection are a wrong number: it is said before they are reduced."""
+        """Thousands of parts without any connection are a wrong number: this is reported before they are reduced."""
         moving = {id(v.parent.owner) for d in self.drafts.groups for v in _derived(d)}
         ports: dict[Instance, list[np.ndarray]] = {}
         for port, (variable, positions) in self._unconnected.items():

@@ -10,7 +10,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.ranges import over_range
 
-_SHOWN = 4  # so many values are told
+_SHOWN = 4  # at most this many values are shown
 _HINT = "look for a division by zero, the root or logarithm of a negative number"
 
 

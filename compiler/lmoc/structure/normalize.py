@@ -76,7 +76,7 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
 
 
 def _asked(flat: FlatDAE, states: Sequence[str] | None, report: Report) -> np.ndarray:
-    """Indices of the variables asked for as states."""
+    """Indices of the variables requested as states."""
     found = []
     for name in states or ():
         variables = flat.find(name)

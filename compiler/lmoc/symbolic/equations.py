@@ -36,7 +36,7 @@ class EquationsOfMotion:
     ----------
     equations : tuple of Equation
     forces : {name: Expr}
-        Internal forces, where asked for.
+        Internal forces, if requested.
     notation : Notation
     descriptions : {full name: (unit, description)}
         Of the symbols that occur.

@@ -1,7 +1,7 @@
 """The symbol or number for each parameter.
 
 A person writes ``J1``, not ``rotor.J``: bindings are followed to the parameters that are not bound to others. Numbers
-that nobody asked for (a library default left alone, like ``g = 0`` of a mass) and zeros are inserted as numbers.
+that the user did not set (an unchanged library default, like ``g = 0`` of a mass) and zeros are inserted as numbers.
 """
 
 from __future__ import annotations

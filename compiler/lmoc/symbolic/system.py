@@ -51,7 +51,7 @@ class SymbolicSystem:
     coordinates : tuple of (position, velocity)
         Indices into `states`; velocity is -1 for a coordinate of first order, and those come last.
     variables : {name: Expr}
-        Further variables of the flat model that were asked for.
+        Further variables of the flat model that were requested.
     assumptions : tuple of str
         What was taken for granted about the parameter values.
     """

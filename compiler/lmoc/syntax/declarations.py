@@ -24,7 +24,7 @@ Section = namedtuple("Section", "kind items")  # what stands below a word, by th
 
 
 def _first(values: list, kind: type) -> Any:
-    """The first value of a type, or None: how optional symbols are told apart."""
+    """Return the first value of a type, or None: distinguishes optional symbols."""
     return next((value for value in values if isinstance(value, kind)), None)
 
 

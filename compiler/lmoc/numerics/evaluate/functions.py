@@ -47,7 +47,7 @@ class IndexOne:
     residual : Function (t, dx, x, z, u, p) → (f - dx, g)
     expressions : {"t", "x", "z", "u", "p", "ode", "alg"} as `casadi.integrator` takes them
     values : (p,) values of the parameters in the model
-    start : StartValues, found when first asked for
+    start : StartValues, computed on first access
     """
 
     states: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""The events of a run: when the next one comes, what it does, and what is told of it."""
+"""The events of a run: when the next one comes, its effect, and its record."""
 
 from __future__ import annotations
 
@@ -281,7 +281,7 @@ class Hybrid:
 
     @property
     def _told(self) -> np.ndarray:
-        """Discrete variables whose changes are told.
+        """Discrete variables whose changes are recorded.
 
         Relations that decide about continuous equations, and the model's own that are counted or true; these where no
         `when` tells of the event.

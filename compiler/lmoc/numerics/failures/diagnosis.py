@@ -118,7 +118,7 @@ def first_not_finite(
 
 
 def unsolved(observer: Observer, times: np.ndarray, states: np.ndarray) -> tuple[str, Span | None, float] | None:
-    """Return what is said of nonlinear equations beside the motion that have no solution, its place, and the time.
+    """Describe nonlinear equations beside the motion that have no solution, its place, and the time.
 
     None where all have one. They are followed over some of the times, as when somebody asks for their unknowns.
     """

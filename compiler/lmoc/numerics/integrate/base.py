@@ -155,7 +155,7 @@ class Integration(ABC):
     before : s, where the last step began
     steps, rejected : counted so far
     step_size : s, the step it would try next, infinity where it does not tell
-    wanted : s, the earliest time at which values between steps will be asked for; the loop sets it
+    wanted : s, the earliest time at which values between steps will be requested; the loop sets it
     made_jump : the state has been changed from outside, so that nothing remembered of the past holds
     """
 

@@ -69,7 +69,7 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     Raises
     ------
     ModelError
-        E0540: the solver asked for needs SUNDIALS, which is not at hand.
+        E0540: the requested solver needs SUNDIALS, which is not available.
     """
     try:
         outcome, used = _in_pieces(problem, solver)

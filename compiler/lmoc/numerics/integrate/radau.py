@@ -45,7 +45,7 @@ class Radau(Integration):
     def jump(self, x: np.ndarray) -> None:
         self.before, self.x = self.t, x
         self.coefficients: np.ndarray | None = None
-        with np.errstate(all="ignore"):  # what is not finite is told by the status
+        with np.errstate(all="ignore"):  # values that are not finite are reported by the status
             self.slope = self.rhs(self.t, x)
             self._begin(None, self.problem.max_step)
 

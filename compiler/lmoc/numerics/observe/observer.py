@@ -1,4 +1,4 @@
-"""From states to variables: every variable of the flat model, computed when somebody asks for it."""
+"""From states to variables: every variable of the flat model, computed on demand."""
 
 from __future__ import annotations
 

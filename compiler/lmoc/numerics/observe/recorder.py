@@ -15,7 +15,7 @@ _SAMPLED = 2_000_000  # … and numbers in them, where that allows more than the
 
 
 class Recorder:
-    """Takes the states at output times: keeps them, or only the variables asked for.
+    """Takes the states at output times: keeps them, or only the requested variables.
 
     Attributes
     ----------

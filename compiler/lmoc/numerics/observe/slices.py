@@ -1,4 +1,4 @@
-"""The part of a program that some registers need, on registers numbered anew: small however large the whole is."""
+"""The part of a program that some registers need, on renumbered registers: small however large the whole is."""
 
 from __future__ import annotations
 

@@ -232,7 +232,7 @@ class Trajectory:
 
     @cached_property
     def energy(self) -> Energy | None:
-        """The energy ledger; None where the model has none or the run was told to leave it out."""
+        """The energy ledger; None where the model has none or the run omits it."""
         for name in LEDGER:
             found = self.flat.find(name)
             if found is None or not all(_is_integrated(p.observer, found) for p in self.pieces):

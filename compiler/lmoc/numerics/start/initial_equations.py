@@ -130,7 +130,7 @@ class InitialEquations:
         return not len(lost)
 
     def _check_signals(self, group: Group, step: Apply, report: Report) -> None:
-        """No derivative of a signal is asked for that nobody can give."""
+        """No derivative of a signal is needed that is not available."""
         unknown = np.append(self.plan.absent, self._unknown)
         if any(np.isin(read(s), unknown).any() for s in needed_steps(self.program, step.out, self.count)):
             message = "an initial equation needs a derivative of an input that its signal does not give"

@@ -1,6 +1,6 @@
 """From classes to the instance tree: what each declaration makes (Modelica specification, 4.4, 5.4, 7.2).
 
-Children are made when first asked for, because dimensions and conditions use other declarations in any order.
+Children are created on first access, because dimensions and conditions use other declarations in any order.
 """
 
 from __future__ import annotations

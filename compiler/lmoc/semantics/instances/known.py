@@ -19,7 +19,7 @@ ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
 
 
 class KnownValues:
-    """Computes each value when it is first asked for, and keeps it.
+    """Computes each value when it is first requested, and keeps it.
 
     Parameters
     ----------

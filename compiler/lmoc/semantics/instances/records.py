@@ -1,4 +1,4 @@
-"""Records as values: what is said of a whole record is said of each of its fields (Modelica specification, 4.8)."""
+"""Records as values: a statement about a whole record applies to each of its fields (Modelica specification, 4.8)."""
 
 from __future__ import annotations
 

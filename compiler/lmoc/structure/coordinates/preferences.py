@@ -23,7 +23,7 @@ from lmoc.support.distinct import distinct
 
 
 def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:
-    """Columns behind the names the user asked for, best first, each once."""
+    """Columns behind the names the user requested, best first, each once."""
     found = [system.flat.find(name) for name in states or ()]
     columns = [int(c) for f in found if f is not None for c in system.column[system.normalized.root[f]]]
     return np.array([c for c in dict.fromkeys(columns) if c >= 0], np.int64)
@@ -37,7 +37,7 @@ def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, li
 
     Parameters
     ----------
-    wanted : (k,) columns the user asked for, best first
+    wanted : (k,) columns the user requested, best first
     liked : further columns to be preferred to what has no mark
     """
     select = system.flat.per_variable(lambda b: b.state_select, np.int64)
@@ -92,7 +92,7 @@ def offsets_with_room(
     Parameters
     ----------
     match : a highest-value transversal
-    wanted, more : columns that the user asked for, and others to be preferred
+    wanted, more : columns that the user requested, and others to be preferred
 
     Returns
     -------

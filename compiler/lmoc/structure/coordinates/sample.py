@@ -41,7 +41,7 @@ class Sample:
 
 
 def generic(system: System, highest: int) -> Sample:
-    """A generic point near the start, at which coefficients are told from zero.
+    """A generic point near the start, at which coefficients are distinguished from zero.
 
     Start values where they are given and not zero, else small generic numbers; parameters without a value get a
     generic one of ordinary size. The same at every call.

@@ -82,7 +82,7 @@ def select(system: System, match: np.ndarray, wanted: np.ndarray) -> Selection:
     Parameters
     ----------
     match : a highest-value transversal
-    wanted : columns the user asked for, best first
+    wanted : columns the user requested, best first
     """
     first = _select(system, match, wanted, np.zeros(0, np.int64))
     if len(first.choice.singular):

@@ -95,7 +95,7 @@ class Incidence:
         return Incidence(self.rows, self.columns, self.row[entries], self.column[entries], self.order[entries])
 
     def submatrix(self, rows: np.ndarray, columns: np.ndarray) -> Incidence:
-        """Chosen rows and columns (sorted numbers), numbered anew."""
+        """Chosen rows and columns (sorted numbers), renumbered."""
         new_row, new_column = np.full(self.rows, -1, INDEX), np.full(self.columns, -1, INDEX)
         new_row[rows], new_column[columns] = np.arange(len(rows)), np.arange(len(columns))
         r, c = new_row[self.row], new_column[self.column]

@@ -1,7 +1,7 @@
 """Constraints that follow from others only where all of them hold: the third of three parallel cranks.
 
-Whether a constraint is a combination of others at every place is told from its terms (`redundancy`). Here it is told
-from points that satisfy all constraints, near the start: a point beside the start is brought back to them by
+Whether a constraint is a combination of others at every place is decided from its terms (`redundancy`); here it is
+decided at points that satisfy all constraints, near the start: a point beside the start is brought back to them by
 Gauss–Newton steps, rows of the Jacobian that depend on earlier ones there are set aside, and each of them must vanish
 wherever the others do, at further points as well. Where the Jacobian loses its rank at the start alone (a stretched
 parallelogram), the points beside it say so, and no constraint is dropped. A constraint without rank of its own that

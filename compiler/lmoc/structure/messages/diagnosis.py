@@ -225,7 +225,7 @@ def row_of(square: SquareSystem, equation: int) -> int:
 def refused_states(
     system: System, states: Sequence[str], layout: Layout, is_state: np.ndarray, c: np.ndarray, report: Report
 ) -> None:
-    """E0406: variables the user asked for that cannot be states, with the reason."""
+    """E0406: requested variables that cannot be states, with the reason."""
     flat, n = system.flat, system.normalized
     equations = Equations(flat)
     for name in states:

@@ -114,7 +114,7 @@ class Data:
             self.pointers[k] = self.tables[k].ctypes.data
 
     def forget(self) -> None:
-        """Have pivots chosen anew."""
+        """Have pivots reselected."""
         for factors in self.matrices:
             factors.forget()
 

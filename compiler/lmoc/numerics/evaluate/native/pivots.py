@@ -3,7 +3,7 @@
 Markowitz' criterion with threshold pivoting (Duff, Erisman, Reid, Direct Methods for Sparse Matrices, 2nd ed., 2017,
 chapters 7 and 10). What follows from it, the pattern of L and U, lets C factorize the next matrices in a single pass,
 as KLU's refactor does (Davis and Palamadai Natarajan, ACM TOMS 37, 2010, Algorithm 907); when a pivot has become
-small beside its column, an order is chosen anew.
+small beside its column, an order is reselected.
 """
 
 from __future__ import annotations
@@ -148,5 +148,5 @@ class Factors:
         return True
 
     def forget(self) -> None:
-        """Have pivots chosen anew for the next values."""
+        """Have pivots reselected for the next values."""
         self.handle[1] = 0

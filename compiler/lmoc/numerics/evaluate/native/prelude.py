@@ -39,7 +39,7 @@ BLOCKS = r"""
 #define LMOC_EXACT 1e-13   /* of the size of the unknowns: no correction is smaller in double precision */
 #define LMOC_LOOSE 1e-8    /* good enough where the corrections do not shrink any more */
 #define LMOC_ROUNDING 1e-15 /* of the terms of an equation: what their sum may miss zero by */
-#define LMOC_WEAK 1e-3     /* of its column: a pivot below is chosen anew */
+#define LMOC_WEAK 1e-3     /* of its column: a pivot below is reselected */
 
 /* The factors L U of a sparse matrix by columns in the order of the pivots, as native.pivots.Factors lays them out. */
 typedef struct {

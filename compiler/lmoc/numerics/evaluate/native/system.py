@@ -55,7 +55,7 @@ class _Late:
 
 
 class NativeSystem(VectorSystem):
-    """The program is compiled, blocks included; Jacobians come from numpy until many are asked for.
+    """The program is compiled, blocks included; Jacobians come from numpy until many are requested.
 
     Python takes part where C does not find the solution of a nonlinear block: at a start, whose guesses may be far off,
     and where the matrix is singular at the solution.

@@ -65,7 +65,7 @@ class Session(ABC):
         self.reached = c_double(given.t)
         self.context = c_void_p()
         lib.SUNContext_Create(0, byref(self.context))
-        lib.SUNContext_ClearErrHandlers(self.context)  # failures are told by the return value, not on stderr
+        lib.SUNContext_ClearErrHandlers(self.context)  # failures are reported by the return value, not on stderr
         self.vectors: list[c_void_p] = []
         self._between: np.ndarray | None = None
         self.x, self.atol = np.array(given.x, float), np.array(given.atol, float)
