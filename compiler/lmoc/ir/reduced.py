@@ -155,6 +155,12 @@ class Reduced:
         return [self.register_name(int(r)) for r in self.states]
 
     def broken_guard(self, values: np.ndarray) -> str | None:
-        """The first assumption that does not hold for another parameter set, None where all hold."""
+        """The first assumption that does not hold for another parameter set, None where all hold.
+
+        Parameters
+        ----------
+        values : (≤ flat.count,) of the flat model that was given; the variables that a switched form adds have none
+        """
+        values = np.concatenate([values, np.full(self.flat.count - len(values), np.nan)])
         guard = next((g for g in self.guards if not g.holds(values)), None)
         return None if guard is None else guard.text if guard.broken is None else guard.broken(values)

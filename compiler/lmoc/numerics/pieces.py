@@ -25,7 +25,7 @@ from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, movin
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.standing import standing
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.recorder import kept_variables
@@ -162,7 +162,7 @@ class _Run:
 
     def _start_of_events(self, states: Callable[[np.ndarray], np.ndarray], initial: object) -> np.ndarray:
         """The states at the start of a run with events, behind what happens there."""
-        from lmoc.numerics.events.happenings import Happenings, Stopped
+        from lmoc.numerics.events.happenings import Happenings
 
         task, stretch = self.task, self.stretch
         span = task.span.start, task.span.end
@@ -185,8 +185,6 @@ class _Run:
 
     def _behind(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state behind what has ended a piece, and begin the next one; None at the end of the run."""
-        from lmoc.numerics.events.happenings import Stopped
-
         stretch, time = self.stretch, outcome.time
         try:
             x = None if outcome.status.failed else self.happenings.after(outcome)
@@ -295,6 +293,13 @@ class _Run:
 
     def _with_other_coordinates(self, outcome: Outcome) -> Outcome:
         """Go on from where the coordinates have ceased to be good."""
+        if self.happenings is not None:  # events and laws refer to the states of the plan that the run began with
+            names = ", ".join(self.stretch.plan.reduced.state_names)
+            self.lost = (
+                f"the coordinates {names} would have to change here, which a scene with laws or events cannot do yet; "
+                "choose some that serve all the way, by states=[…] (--states) or stateSelect"
+            )
+            return replace(outcome, status=Status.SINGULAR)
         way = self.changes.onward(self.stretch, outcome)
         if way is None:
             self.lost = self.changes.reason

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles.lawful import gauge_of, state
 
-from lmoc.numerics.laws.complementarity import NoSolution
+from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.mode import Mode, free_mode
 from lmoc.numerics.laws.transition import Trigger, transition
 
@@ -88,5 +88,6 @@ def test_a_body_that_is_caught_is_a_contradiction():
         model Caught Motion press(q = -time); Fixed floor; Mass m(m = 1); Stop a(L = 0), b(L = 0);
         equation connect(floor.flange, a.a); connect(a.b, m.flange); connect(m.flange, b.a);
           connect(b.b, press.flange); end Caught;"""
-    with pytest.raises(NoSolution):
+    with pytest.raises(Contradiction) as found:
         at(text, {}, closing=[0, 1])
+    assert found.value.laws.tolist() == [0, 1]

@@ -13,15 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.events.hybrid import Hybrid, Starter, Stopped
+from lmoc.numerics.events.hybrid import Hybrid, Starter
 from lmoc.numerics.integrate.base import Outcome, Roots
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
-
-__all__ = ["Happenings", "Stopped"]
 
 _ROUNDS = 20  # of laws and discrete equations that change each other at one instant
 

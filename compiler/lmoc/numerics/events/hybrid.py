@@ -16,7 +16,7 @@ from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.layout import Layout
 from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.integrate.base import Outcome, Roots
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
@@ -29,14 +29,6 @@ _SHORTLY = 1e-6  # part of the time since the last event
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
 
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
-
-
-class Stopped(Exception):
-    """The events end the run: with an error, or because the model asks for it (`Status.OK`)."""
-
-    def __init__(self, status: Status, reason: str) -> None:
-        super().__init__(reason)
-        self.status, self.reason = status, reason
 
 
 def held(events: Events) -> dict[int, Signal]:

@@ -21,6 +21,7 @@ class Status(Enum):
     SINGULAR = "the coordinates do not determine the rest"  # no choice of coordinates does, or none was looked for
     CHATTERING = "a condition switches back and forth without end"
     UNSETTLED = "the equations of an event have no solution"
+    CONTRADICTION = "the laws contradict each other"
     ASSERTION = "an assertion does not hold"
     # not failures: somebody else takes over
     STIFF = "the problem is stiff and the method explicit"
@@ -31,6 +32,14 @@ class Status(Enum):
     def failed(self) -> bool:
         """Return whether the run cannot go on."""
         return self not in (Status.OK, Status.STIFF, Status.ROOT, Status.COORDINATES)
+
+
+class Stopped(Exception):
+    """What happens at an instant ends the run: an error, or because the model asks for it (`Status.OK`)."""
+
+    def __init__(self, status: Status, reason: str) -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
 
 
 class NotFound(Exception):

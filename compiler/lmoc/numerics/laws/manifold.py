@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.numerics.laws.complementarity import Array
+from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 
 MOST_NEWTON = 12
@@ -20,16 +21,12 @@ ROUNDING = 1e-12  # the same, where Newton's method does not come nearer
 DEPENDENT = 1e-10  # a pivot below this share of the largest entry of its row: the row depends on others
 
 
-class NoWayBack(Exception):
-    """The states are too far from the constraints, or these contradict each other."""
-
-
 def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
     """Return the nearby instant at which some gaps and rates are zero.
 
     Raises
     ------
-    NoWayBack
+    Contradiction
         Newton's method does not converge.
     """
     chosen = np.stack([gaps, rates])
@@ -46,7 +43,7 @@ def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
         if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (terms + residue)).all():
             return now  # as near as rounding allows
         now = gauge.at(now.t, now.x + correction(matrix, -value))
-    raise NoWayBack
+    raise Contradiction(np.flatnonzero(chosen.any(axis=0)), "no states nearby satisfy them")
 
 
 def correction(matrix: Array, right: Array) -> Array:

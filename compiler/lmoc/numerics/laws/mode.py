@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
+from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.instant import Instant, Mask, Table
 
 ROUNDING = 1e-10  # by which a friction force may pass its limit and still stick
@@ -53,10 +54,6 @@ class Settled:
     unique: Mask
 
 
-class Unsettled(Exception):
-    """No consistent set of sticking and slipping laws was found."""
-
-
 def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64]) -> Settled:
     """Return the mode that holds from an instant on.
 
@@ -68,10 +65,9 @@ def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDA
 
     Raises
     ------
-    NoSolution
-        No forces satisfy the laws: such as a body pressed between two stops, or Painlevé's paradox.
-    Unsettled
-        Sticking and slipping laws contradict each other.
+    Contradiction
+        No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox; or no consistent
+        set of sticking and slipping laws was found.
     """
     direction, stuck = sliding.copy(), candidate.copy()
     frictions = ~table.complementary
@@ -86,7 +82,8 @@ def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDA
             return Settled(Mode(stuck & (side == FREE), direction), force, level, unique)
         direction[slips] = -np.sign(force[slips]).astype(int)
         stuck &= ~slips
-    raise Unsettled
+    reason = "sticking and slipping answer each other again and again"
+    raise Contradiction(np.flatnonzero(frictions & candidate), reason)
 
 
 def _forces(
@@ -100,7 +97,8 @@ def _forces(
     matrix = now.delassus[active] @ spread
     q = now.bias[active] + now.delassus[active] @ constant
     lower, upper = _bounds(table, now)
-    found = solve(matrix, q, lower[active], upper[active], side[active])
+    with solving(active, "no forces keep them"):
+        found = solve(matrix, q, lower[active], upper[active], side[active])
     sides, unique = np.full(n, LOWER), np.ones(n, bool)
     sides[active], unique[active] = found.side, found.unique
     return constant + spread @ found.x, sides, unique

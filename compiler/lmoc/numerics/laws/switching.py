@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import NONE, Laws, Switched
 from lmoc.numerics.integrate.base import Roots
+from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
+from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant
 from lmoc.numerics.laws.mode import Mode, free_mode
 from lmoc.numerics.laws.transition import STILL, Transition, Trigger, transition
@@ -21,6 +23,8 @@ from lmoc.numerics.signals.signals import Constant, Signal
 
 NEAR = 1e-12  # values below this share of their terms are zero up to rounding at the beginning of a piece …
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share
+OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
+OVERLAP_ROUNDING = 1e-12  # … and by more than what start values may be wrong by that are differences
 MODE_NAMES = {"release": "open", "unlock": "unlocked", "lock": "locked"}  # where they differ from those of the events
 
 
@@ -114,7 +118,13 @@ class LawSwitching:
 
     def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
         before = self.mode
-        found = transition(self.gauge, t, x, before, trigger)
+        self._refuse_overlaps(t, x, trigger)
+        try:
+            found = transition(self.gauge, t, x, before, trigger)
+        except Contradiction as contradiction:
+            names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
+            reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
+            raise Stopped(Status.CONTRADICTION, reason) from None
         self.mode, self.now = found.mode, found.now
         x = found.x.copy()
         if self.ledger is not None and found.impulse.any():
@@ -123,6 +133,22 @@ class LawSwitching:
             x[heat] += lost
             x[work] += lost + found.now.stored - found.before.stored
         return x, self._events(t, before, found, at_start)
+
+    def _refuse_overlaps(self, t: float, x: Array, trigger: Trigger) -> None:
+        """Raise `Stopped` where a gap is negative that no motion has closed: start values or a jump have put it there.
+
+        States that are moved back onto a gap of zero would be other ones than those asked for.
+        """
+        table, now = self.gauge.table, self.gauge.at(t, x)
+        own = table.unilateral & (table.degree >= 1)
+        if not own.any():
+            return
+        allowed = OVERLAP * now.gap_scale[own].max() + OVERLAP_ROUNDING
+        with np.errstate(invalid="ignore"):
+            wrong = own & ~self.mode.closed & ~trigger.closing & (now.gap < -allowed)
+        for k in np.flatnonzero(wrong)[:1].tolist():
+            reason = f"the gap of '{self.laws[k][0]}' is negative, {now.gap[k]:.6g}, at t = {t:.6g} s"
+            raise Stopped(Status.CONTRADICTION, reason)
 
     def _events(self, t: float, before: Mode, found: Transition, at_start: bool) -> list[Event]:
         events = []
@@ -167,8 +193,14 @@ def _mode_name(laws: Laws, closed: bool) -> str:
 
 def _rows(flat: FlatDAE, groups: tuple[Laws, ...]) -> list[tuple[str, Laws]]:
     """Return the name of each law's part, and its group."""
-    names = [(flat.variable_name(int(v)), g) for g in groups for v in g.force]
-    return [(name.rpartition(".")[0] or name, g) for name, g in names]
+    return [(_owner(flat, int(v)), g) for g in groups for v in g.force]
+
+
+def _owner(flat: FlatDAE, force: int) -> str:
+    """Return the name of the part that has a force; that of the force itself at the top of the model."""
+    name = flat.variable_name(force)
+    own = flat.block_at(force).path[-1][0]  # of an argument that is an expression, with dots of its own
+    return name[: name.rindex(own)].rstrip(".") or name
 
 
 def _registers(gauge: Gauge) -> NDArray[np.int64]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import Array
+from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.impact import Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
@@ -76,7 +77,7 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
 
     Raises
     ------
-    NoSolution, Unsettled, NoWayBack
+    Contradiction
         The laws contradict each other.
     """
     table = gauge.table
@@ -109,7 +110,8 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
 
 
 def _impact(now: Instant, striking: Mask, restitution: Array) -> Impact:
-    return collide(now.delassus[np.ix_(striking, striking)], now.rate[striking], restitution[striking])
+    with solving(np.flatnonzero(striking), "no impulses keep them"):
+        return collide(now.delassus[np.ix_(striking, striking)], now.rate[striking], restitution[striking])
 
 
 def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Instant:
