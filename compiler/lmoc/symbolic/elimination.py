@@ -8,6 +8,7 @@ as combinations of the original ones, so coefficients stay rational functions of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -43,7 +44,9 @@ class Elimination:
     conditions: list[Row]
 
 
-def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int] = ()) -> Elimination:
+def eliminate(
+    rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int] = (), most: float = MOST_TERMS
+) -> Elimination:
     """Solve ``Σ rows[i][x]·x = right[i]`` for all unknowns x that occur.
 
     Parameters
@@ -51,11 +54,12 @@ def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int]
     rows : coefficients by unknown, for each equation
     keep_last : unknowns
         Taken as pivots only when nothing else is left: they stay free where the equations leave a choice.
+    most : terms of a coefficient, beyond which nobody reads the result
 
     Raises
     ------
     ModelError
-        E0660 (`NoSymbolsError`) where a coefficient grows beyond `MOST_TERMS`.
+        E0660 (`NoSymbolsError`) where a coefficient grows beyond `most` terms.
     """
     import sympy as sp
     from sympy.polys.constructor import construct_domain
@@ -67,9 +71,9 @@ def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int]
         if element:
             left[i][x] = element
     right: list[Sparse] = [{i: field.one} for i in range(len(rows))]
-    order = _forward(left, right, set(keep_last))
+    order = _forward(left, right, set(keep_last), most)
     used = {i for i, _ in order}
-    solution, by_free = _back(left, right, order)
+    solution, by_free = _back(left, right, order, most)
 
     def readable(row: Sparse) -> Row:
         return {x: field.to_sympy(c) for x, c in row.items()}
@@ -81,7 +85,7 @@ def eliminate(rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int]
     )
 
 
-def _forward(left: list[Sparse], right: list[Sparse], late: set[int]) -> list[tuple[int, int]]:
+def _forward(left: list[Sparse], right: list[Sparse], late: set[int], most: float) -> list[tuple[int, int]]:
     """Pivots in order; eliminates each from the rows still open."""
     open_rows = {i for i, row in enumerate(left) if row}
     order: list[tuple[int, int]] = []
@@ -91,8 +95,8 @@ def _forward(left: list[Sparse], right: list[Sparse], late: set[int]) -> list[tu
         order.append((i, pivot))
         for j in [j for j in open_rows if pivot in left[j]]:
             factor = left[j][pivot] / left[i][pivot]
-            _subtract(left[j], left[i], factor)
-            _subtract(right[j], right[i], factor)
+            _subtract(left[j], left[i], factor, most)
+            _subtract(right[j], right[i], factor, most)
             left[j].pop(pivot, None)
             if not left[j]:
                 open_rows.discard(j)
@@ -122,25 +126,26 @@ def _size(element: Element) -> int:
     return 0 if top.is_ground and bottom.is_ground else len(top) + len(bottom)
 
 
-def _check_length(element: Element) -> None:
+def _check_length(element: Element, most: float) -> None:
     expression = getattr(element, "ex", None)  # where the field is that of arbitrary expressions
     length = _size(element) if expression is None else expression.count_ops()
-    if length > MOST_TERMS:
+    if length > most:
         raise no_symbols("the equations are too long to be solved in symbols", hint="`lmoc linearize` works in numbers")
 
 
-def _subtract(target: Sparse, source: Sparse, factor: Element) -> None:
+def _subtract(target: Sparse, source: Sparse, factor: Element, most: float) -> None:
     for x, c in source.items():
         value = target[x] - factor * c if x in target else -factor * c
         if value:
-            _check_length(value)
+            if most < math.inf:
+                _check_length(value, most)
             target[x] = value
         else:
             target.pop(x, None)
 
 
 def _back(
-    left: list[Sparse], right: list[Sparse], order: list[tuple[int, int]]
+    left: list[Sparse], right: list[Sparse], order: list[tuple[int, int]], most: float
 ) -> tuple[dict[int, Sparse], dict[int, Sparse]]:
     """Back substitution: each pivot by the right-hand sides and by the unknowns that stay free."""
     solution: dict[int, Sparse] = {}
@@ -152,10 +157,10 @@ def _back(
             if x == pivot:
                 continue
             if x in solution:
-                _subtract(combination, solution[x], c)
-                _subtract(free, by_free[x], c)
+                _subtract(combination, solution[x], c, most)
+                _subtract(free, by_free[x], c, most)
             else:
-                _subtract(free, {x: c}, p / p)
+                _subtract(free, {x: c}, p / p, most)
         solution[pivot] = {j: c / p for j, c in combination.items()}
         by_free[pivot] = {x: c / p for x, c in free.items()}
     return solution, by_free

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
+from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.notation import Formula, Notation, told
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
@@ -272,7 +273,7 @@ def equations_of_motion(
         for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
     )
     small = motion.forces and len(motion.coordinates) <= MOST_SOLVED
-    rates = accelerations(symbolic_system(reduced, values)) if small else {}
+    rates = accelerations(symbolic_system(reduced, values, most=MOST_TERMS)) if small else {}
     found = {name: _shortest(value, rates, late) for name, value in motion.forces.items()}
     occurring = [e.residual for e in equations] + list(found.values())
     notation = Notation.of(*occurring, names=found, late=late, given={**outline.own_names, **motion.own_names})

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.reduced import Reduced
+from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
@@ -74,12 +75,12 @@ def derive(reduced: Reduced, values: np.ndarray, forces: bool = False, solved: b
     ModelError
         E0660 where the scene is too large, or has neither form.
     """
-    interpreter = Interpreter(reduced, values)
+    interpreter = Interpreter(reduced, values, MOST_TERMS)
     outline = interpreter.outline()
     found = None if solved else _balanced(interpreter, outline, values, forces)
     if found is not None:
         return replace(found, values=dict(interpreter.parameters.used)), outline
-    return explicit(symbolic_system(reduced, values)), outline
+    return explicit(symbolic_system(reduced, values, most=MOST_TERMS)), outline
 
 
 def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
@@ -92,7 +93,7 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
 
     motion, outline = derive(reduced, values)
     if not motion.balanced:
-        return symbolic_system(reduced, values)
+        return symbolic_system(reduced, values, most=MOST_TERMS)
     states = outline.states
     rest: dict[sympy.Symbol, sympy.Expr] = {}
     for q, v in outline.coordinates:

@@ -6,6 +6,7 @@ Everything a person reads (equations of motion, equilibria, linear models, trans
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -146,7 +147,10 @@ def time_stands_in_it() -> ModelError:
 
 
 def symbolic_system(
-    reduced: Reduced, values: np.ndarray | None = None, variables: tuple[str, ...] = ()
+    reduced: Reduced,
+    values: np.ndarray | None = None,
+    variables: tuple[str, ...] = (),
+    most: float = math.inf,
 ) -> SymbolicSystem:
     """Interpret a reduced system in SymPy.
 
@@ -157,6 +161,7 @@ def symbolic_system(
         Parameter values in force (those of the reduction without it); they tell which parameters are zero.
     variables : names
         Flat variables whose expressions are wanted too.
+    most : terms of a coefficient in what is solved, where a person is to read it
 
     Raises
     ------
@@ -164,7 +169,7 @@ def symbolic_system(
         E0660 where the scene is too large, or implicit equations have no closed solution.
     """
     flat = reduced.flat
-    interpreter = Interpreter(reduced, reduced.values if values is None else values)
+    interpreter = Interpreter(reduced, reduced.values if values is None else values, most)
     interpreter.run(reduced.rhs)
     outputs = _outputs(flat)
     wanted = [(flat.variable_name(v), v) for v in outputs] + [(n, _only(flat, n)) for n in variables]
@@ -206,11 +211,12 @@ class Interpreter:
     w : {register: Expr}
     parameters : ParameterSymbols
     input_symbols : {input: (input, der(input), …)}
+    most : terms of a coefficient in what is solved, where a person is to read it
     """
 
-    def __init__(self, reduced: Reduced, values: np.ndarray):
+    def __init__(self, reduced: Reduced, values: np.ndarray, most: float = math.inf):
         _check_size(reduced)
-        self.reduced = reduced
+        self.reduced, self.most = reduced, most
         self.parameters = ParameterSymbols(reduced.flat, values)
         self.w: dict[int, sympy.Expr] = {}
         self.input_symbols: dict[sympy.Symbol, tuple[sympy.Symbol, ...]] = {}
@@ -298,7 +304,7 @@ class Interpreter:
                 raise self._no_closed_form(unknowns)
             left.append(row)
             right.append(-residual.xreplace({x: sp.S.Zero for x in place}))
-        found = eliminate(left)
+        found = eliminate(left, most=self.most)
         if found.conditions or len(found.solution) < len(unknowns):
             raise self._no_closed_form(unknowns)
         for i, register in enumerate(unknowns):
