@@ -23,11 +23,12 @@ class Tableau:
     Attributes
     ----------
     table : (watched, states) T in the rows of the watched dependent coordinates, in units of the coordinates' scales
-    sign : of the determinant of A
+    sign, log : of the determinant of A, and the logarithm of its absolute value
     """
 
     table: np.ndarray
     sign: float
+    log: float
 
     def worst(self, rows: np.ndarray) -> float:
         """Return the largest entry in some rows; infinity where the dependent coordinates do not follow at all."""
@@ -46,11 +47,11 @@ def tableau(matrix: np.ndarray, watched: np.ndarray, scale: np.ndarray) -> Table
     """
     rows = len(matrix)
     a, b = matrix[:, :rows], matrix[:, rows:]
-    sign = float(np.linalg.slogdet(a)[0]) if np.isfinite(a).all() else 0.0
+    sign, log = map(float, np.linalg.slogdet(a)) if np.isfinite(a).all() else (0.0, -np.inf)
     if sign == 0.0:
-        return Tableau(np.full((len(watched), b.shape[1]), np.inf), 0.0)
+        return Tableau(np.full((len(watched), b.shape[1]), np.inf), 0.0, -np.inf)
     full = np.linalg.solve(a, b)
-    return Tableau(full[watched] * scale[watched][:, None] / scale[rows:], sign)
+    return Tableau(full[watched] * scale[watched][:, None] / scale[rows:], sign, log)
 
 
 def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
@@ -74,6 +75,17 @@ def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
         table[i], table[:, j] = row, -column / pivot
         table[i, j] = 1.0 / pivot
     return exchanges
+
+
+def turned(before: Tableau, after: Tableau) -> float:
+    """Return the sine of the greatest angle between the directions of motion at two places, in scaled coordinates.
+
+    Directions are the columns of (−T, 1); the cosines of the principal angles are the singular values of Q₁ᵀQ₂ (Björck
+    & Golub, Math. Comp. 27, 1973).
+    """
+    count = before.table.shape[1]
+    first, second = (np.linalg.qr(np.vstack([t.table, -np.eye(count)]))[0] for t in (before, after))
+    return float(np.linalg.norm(second - first @ (first.T @ second), 2))
 
 
 def vanishes(matrix: np.ndarray) -> bool:
