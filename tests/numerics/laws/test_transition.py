@@ -1,11 +1,13 @@
 """What happens to laws at an instant: impacts, release, sticking, the end of bouncing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracles.lawful import gauge_of, state
 
 from lmoc.numerics.laws.contradiction import Contradiction
-from lmoc.numerics.laws.mode import Mode, free_mode
+from lmoc.numerics.laws.mode import free_mode
 from lmoc.numerics.laws.transition import Trigger, transition
 
 STRING = """
@@ -35,7 +37,7 @@ def trigger(count, closing=(), opening=(), direction=0):
 def at(text, values, closing=(), opening=(), direction=0, closed=()):
     gauge = gauge_of(text)
     mode = free_mode(gauge.table)
-    mode = Mode(np.isin(np.arange(gauge.form.count), closed), mode.direction)
+    mode = replace(mode, closed=np.isin(np.arange(gauge.form.count), closed))
     x = state(gauge, **values)
     found = transition(gauge, 0.0, x, mode, trigger(gauge.form.count, closing, opening, direction))
     return dict(zip(gauge.plan.reduced.state_names, found.x)), found

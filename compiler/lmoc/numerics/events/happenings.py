@@ -7,6 +7,7 @@ something that they depend on.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -21,6 +22,8 @@ from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
+_CHATTER = 500  # changes of laws within …
+_MOMENT = 1e-10  # … this share of the run are chattering
 _ROUNDS = 20  # of laws and discrete equations that change each other at one instant
 
 
@@ -53,6 +56,7 @@ class Happenings:
         self.hybrid = None if reduced.flat.events is None else Hybrid(plan, values, base, signals, span, report)
         self.records: list[Event] = []
         self._law_roots = 0
+        self._times: deque[float] = deque(maxlen=_CHATTER)  # s, of the latest changes of laws
 
     # --------------------------------------------------------- what holds between events
 
@@ -130,6 +134,10 @@ class Happenings:
         t, x, root = outcome.time, outcome.x, outcome.status is Status.ROOT
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if of_laws.any():
+            self._times.append(t)
+            if len(self._times) == _CHATTER and t - self._times[0] <= _MOMENT * (self.span[1] - self.span[0]):
+                names = ", ".join(self.laws.names(of_laws))
+                raise Stopped(Status.CHATTERING, f"the laws of {names} open and close without end at t = {t:.6g} s")
             x, events = self.laws.happen(t, x, of_laws)
             self.records += events
         if self.hybrid is None:

@@ -16,6 +16,8 @@ from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
 from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.instant import Instant, Mask, Table
 
+IMPLIED = 1e-9  # what elimination leaves of the diagonal of a law that depends on others
+STILL = 1e-11  # rates below this share of the velocities that make them are zero
 ROUNDING = 1e-10  # by which a friction force may pass its limit and still stick
 
 
@@ -27,14 +29,19 @@ class Mode:
     ----------
     closed : (n,)
     direction : (n,) sign of the sliding velocity of open friction, 0 elsewhere
+    implied : (n,) closed laws whose motion the other closed ones hold already; and friction at its limit that does not
+        move, because they hold it
+    push : (n,) constant forces of implied closed laws, 0 elsewhere
     """
 
     closed: Mask
     direction: NDArray[np.int64]
+    implied: Mask
+    push: Array
 
     @property
     def key(self) -> bytes:
-        return self.closed.tobytes() + self.direction.tobytes()
+        return self.closed.tobytes() + self.direction.tobytes() + self.implied.tobytes()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +86,13 @@ def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDA
         slips = stuck & _beyond_limits(table, now, force, side)
         if not slips.any():
             level = now.bias + now.delassus @ force
-            return Settled(Mode(stuck & (side == FREE), direction), force, level, unique)
+            closed = stuck & (side == FREE)
+            resting = (direction != 0) & (np.abs(now.rate) <= STILL * now.rate_scale)
+            implied = np.zeros_like(closed)
+            if resting.any() or not unique[closed].all():
+                implied = _implied(table, now, direction, closed, resting)
+            push = np.where(closed & implied, force, 0.0)
+            return Settled(Mode(closed, direction, implied, push), force, level, unique)
         direction[slips] = -np.sign(force[slips]).astype(int)
         stuck &= ~slips
     reason = "sticking and slipping answer each other again and again"
@@ -102,6 +115,31 @@ def _forces(
     sides, unique = np.full(n, LOWER), np.ones(n, bool)
     sides[active], unique[active] = found.side, found.unique
     return constant + spread @ found.x, sides, unique
+
+
+def _implied(table: Table, now: Instant, direction: NDArray[np.int64], closed: Mask, resting: Mask) -> Mask:
+    """Return the closed and resting laws that depend on other closed ones, by Gaussian elimination.
+
+    Complementarities come first, so that friction rather than these is found to depend on others.
+
+    Only the sum of what dependent laws do is determined. An implied one keeps the force that it has, and the others
+    do the rest until one of them reaches its limit.
+    """
+    _, share = _sliding_forces(table, now, direction)
+    groups = closed & table.complementary, closed & ~table.complementary, resting
+    order = np.concatenate([np.flatnonzero(g) for g in groups])
+    matrix = (now.delassus @ (np.eye(len(closed)) + share))[np.ix_(order, order)]
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    work = matrix / np.outer(scale, scale)
+    implied = np.zeros(len(closed), bool)
+    for k, law in enumerate(order):
+        if work[k, k] <= IMPLIED:
+            implied[law] = True
+            continue
+        if resting[law]:  # it begins to move, and holds nothing
+            continue
+        work[k + 1 :] -= np.outer(work[k + 1 :, k] / work[k, k], work[k])
+    return implied
 
 
 def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -136,4 +174,4 @@ def _beyond_limits(table: Table, now: Instant, force: Array, side: Sides) -> Mas
 def free_mode(table: Table) -> Mode:
     """Return the mode in which every law is open and no friction slides."""
     n = len(table.kind)
-    return Mode(np.zeros(n, bool), np.zeros(n, int))
+    return Mode(np.zeros(n, bool), np.zeros(n, int), np.zeros(n, bool), np.zeros(n))

@@ -14,8 +14,8 @@ from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant
-from lmoc.numerics.laws.mode import Mode, free_mode
-from lmoc.numerics.laws.transition import STILL, Transition, Trigger, transition
+from lmoc.numerics.laws.mode import STILL, Mode, free_mode
+from lmoc.numerics.laws.transition import Transition, Trigger, transition
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.plan import Plan
@@ -56,7 +56,11 @@ class LawSwitching:
     def signals(self) -> dict[int, Signal]:
         """Return the values of the mode, by flat variables."""
         form, mode = self.gauge.form, self.mode
-        pairs = [(form.closed, mode.closed), (form.direction, mode.direction)]
+        pairs = [
+            (form.closed, mode.closed & ~mode.implied),
+            (form.push, mode.push),
+            (form.direction, mode.direction),
+        ]
         return {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks) if v != NONE}
 
     # ------------------------------------------------------------------ what ends a mode
@@ -80,6 +84,7 @@ class LawSwitching:
             limit = np.where(table.normal == NONE, limit, limit * force[:, table.normal])
             first = np.where(mode.closed, limit - force, mode.direction * rate)
             first = np.where(table.complementary, np.where(mode.closed, force, motion), first)
+            first = np.where(mode.implied & ~mode.closed, 1.0, first)  # others hold it at rest, up to rounding
             return np.concatenate([first, (limit + force)[:, stuck]], axis=1)
 
         apart = self._apart(values(np.array([t]), x[None])[0])
@@ -115,6 +120,11 @@ class LawSwitching:
         direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
         trigger = Trigger(first & ~closed, (first | second) & closed, direction)
         return self._take(t, x, trigger)
+
+    def names(self, which: NDArray[np.bool_]) -> list[str]:
+        """Return the names of the parts whose root functions have vanished."""
+        rows = np.concatenate([np.arange(len(self.laws)), self.second])[which]
+        return list(dict.fromkeys(self.laws[k][0] for k in rows.tolist()))
 
     def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
         before = self.mode

@@ -16,11 +16,10 @@ from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.impact import Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
-from lmoc.numerics.laws.mode import Mode, Settled, settle
+from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
 TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero
-STILL = 1e-11  # rates below this share of the velocities that make them are zero
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over
 
 
