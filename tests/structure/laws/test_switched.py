@@ -54,6 +54,13 @@ def test_a_force_that_is_not_felt_is_an_error():
         reduced_of(text)
 
 
+def test_friction_in_series_with_a_spring_alone_is_an_error():
+    text = """model M Fixed w; Mass m(m = 1); Spring k(k = 10); DryFriction f(F = 2);
+        equation connect(m.flange, k.a); connect(k.b, f.b); connect(w.flange, f.a); end M;"""
+    with pytest.raises(ModelError, match="nothing between 'f' and the springs around it has mass"):
+        reduced_of(text)
+
+
 def test_the_switched_form_has_the_states_of_the_free_scene():
     reduced = reduced_of(STRING)
     places, flat_ = reduced.switched, reduced.flat

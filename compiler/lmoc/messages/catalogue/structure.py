@@ -98,4 +98,9 @@ STRUCTURE: dict[str, Entry] = {
         "both ends\n"
         "are fixed or prescribed, or where the force enters no balance of forces.",
     ),
+    "E0441": Entry(
+        "friction in series with springs alone",
+        "Where a spring and dry friction are joined without a mass or a damper, the sliding velocity depends on the\n"
+        "rate of the friction force itself. Such a law is not supported.",
+    ),
 }

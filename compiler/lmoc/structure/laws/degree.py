@@ -15,10 +15,11 @@ from lmoc.ir.program import Solve, Step, Total
 from lmoc.ir.reduced import Reduced
 
 NOT_FELT = -1
+RATE_FELT = -2  # the sliding velocity depends on the rate of the friction force: there is no mass between
 
 
 def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
-    """Return 0, 1 or 2 for each law, NOT_FELT where its force does not act on its motion.
+    """Return 0, 1 or 2 for each law, NOT_FELT where its force does not act on its motion, or RATE_FELT.
 
     Parameters
     ----------
@@ -27,11 +28,15 @@ def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
     """
     register, variable, order = reduced.inputs
     pushed = np.isin(variable, form.push)
-    felt = dependent(reduced.rhs + reduced.observe, register[pushed], reduced.registers.count)
+    program = reduced.rhs + reduced.observe
+    felt = dependent(program, register[pushed], reduced.registers.count)
     degree = np.full(form.count, NOT_FELT)
     for k, variables in reversed(list(enumerate((form.gap, form.rate, form.level)))):
         place = np.where(variables == NONE, -1, reduced.register_of[variables])
         degree[(place >= 0) & felt[place]] = k
+    of_rates = dependent(program, register[pushed & (order > 0)], reduced.registers.count)
+    place = reduced.register_of[form.rate]
+    degree[(form.gap == NONE) & (place >= 0) & of_rates[place]] = RATE_FELT
     return degree
 
 
