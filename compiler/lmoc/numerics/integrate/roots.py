@@ -39,6 +39,7 @@ class RootFinder:
         unknown = self.signs == 0
         self.signs[unknown] = np.sign(roots.values(np.array([t]), x[None])[0])[unknown]
         self.which = np.zeros(len(self.signs), bool)
+        self._place = t, x.copy()  # the end of the step before: multistep methods do not interpolate it exactly
 
     def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
         """Return the place (t, x) in the last step at which the integration shall end, None where it goes on."""
@@ -46,6 +47,7 @@ class RootFinder:
         while True:
             found = self._next(run, begin)
             if found is None:
+                self._place = run.t, run.x.copy()
                 return None
             t, x = found
             if self.roots.reached(t, x, self.which, self.signs):
@@ -63,6 +65,8 @@ class RootFinder:
         times[-1] = end
         states = run.interpolate(times)
         states[-1] = run.x
+        if times[0] == self._place[0]:
+            states[0] = self._place[1]
         values = self.roots.values(times, states)
         best, rest = self._together(times, values, curve)
         for k in rest.tolist():
