@@ -60,8 +60,9 @@ class Changes:
         watch, t = stretch.watch, outcome.time
         self._stalled = self._stalled + 1 if t == self._stalled_at else 0
         self._stalled_at = t
-        if self._stalled > _STALLED or watch.cornered:
-            return self._nowhere(stretch)
+        if self._stalled > _STALLED:
+            self._nowhere(stretch)
+            return None
         changed = self._changed(stretch, outcome)
         if changed is not None:
             return changed
@@ -73,7 +74,8 @@ class Changes:
         distance = (watch.at - t) / 4  # the way up to it is gone in shorter steps
         if distance > _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start):
             return Way(stretch, outcome.x, min(distance, self.longest))
-        return self._nowhere(stretch)
+        self._nowhere(stretch)
+        return None
 
     def _changed(self, stretch: Stretch, outcome: Outcome) -> Way | None:
         """A new piece with better coordinates; None where there are no better ones."""

@@ -23,12 +23,11 @@ class Tableau:
     Attributes
     ----------
     table : (watched, states) T in the rows of the watched dependent coordinates, in units of the coordinates' scales
-    sign, log : of the determinant of A, and the logarithm of its absolute value
+    sign : of the determinant of A
     """
 
     table: np.ndarray
     sign: float
-    log: float
 
     def worst(self, rows: np.ndarray) -> float:
         """Return the largest entry in some rows; infinity where the dependent coordinates do not follow at all."""
@@ -47,11 +46,11 @@ def tableau(matrix: np.ndarray, watched: np.ndarray, scale: np.ndarray) -> Table
     """
     rows = len(matrix)
     a, b = matrix[:, :rows], matrix[:, rows:]
-    sign, log = map(float, np.linalg.slogdet(a)) if np.isfinite(a).all() else (0.0, -np.inf)
+    sign = float(np.linalg.slogdet(a)[0]) if np.isfinite(a).all() else 0.0
     if sign == 0.0:
-        return Tableau(np.full((len(watched), b.shape[1]), np.inf), 0.0, -np.inf)
+        return Tableau(np.full((len(watched), b.shape[1]), np.inf), 0.0)
     full = np.linalg.solve(a, b)
-    return Tableau(full[watched] * scale[watched][:, None] / scale[rows:], sign, log)
+    return Tableau(full[watched] * scale[watched][:, None] / scale[rows:], sign)
 
 
 def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
@@ -75,17 +74,6 @@ def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
         table[i], table[:, j] = row, -column / pivot
         table[i, j] = 1.0 / pivot
     return exchanges
-
-
-def turned(before: Tableau, after: Tableau) -> float:
-    """Return the sine of the greatest angle between the directions of motion at two places, in scaled coordinates.
-
-    Directions are the columns of (−T, 1); the cosines of the principal angles are the singular values of Q₁ᵀQ₂ (Björck
-    & Golub, Math. Comp. 27, 1973).
-    """
-    count = before.table.shape[1]
-    first, second = (np.linalg.qr(np.vstack([t.table, -np.eye(count)]))[0] for t in (before, after))
-    return float(np.linalg.norm(second - first @ (first.T @ second), 2))
 
 
 def vanishes(matrix: np.ndarray) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lmoc.ir.program import Program, needed_steps, read, written
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.tableau import Tableau, exchanged, rank_margin, tableau, turned, vanishes
+from lmoc.numerics.coordinates.tableau import Tableau, exchanged, rank_margin, tableau, vanishes
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
@@ -22,11 +22,9 @@ if TYPE_CHECKING:
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good
 _MARGIN, _TOLERATED = 2.0, 25.0
-# sines of the angles by which the directions of motion turn where a step has gone over to another branch: near a place
-# where the constraints depend on each other, and anywhere; as near as that is, as near as they are at a bifurcation,
-# and so near that Newton's method does not tell the branches apart in double precision
-_TURN, _SHARP_TURN, _NEAR, _DEPENDENT, _INDISTINCT = 0.3, 0.8, 0.5, 1e-2, 1e-4
-_SHRUNK = np.log(100.0)  # by as much the determinant is smaller wherever a singular value may have vanished
+# by which the tableau jumps from one branch to another, how near to dependent the constraints are then at the ends of a
+# step however long, and as near as they are at a bifurcation
+_JUMP, _NEAR, _DEPENDENT = 1.0, 0.5, 1e-2
 
 
 class CoordinateWatch:
@@ -38,7 +36,6 @@ class CoordinateWatch:
     barred : (watched,) mask of dependent coordinates that cannot be states
     at : s, the time of the last step judged
     path : (times, states) of all steps judged well
-    cornered : whether the constraints depend on each other there, as far as that can be told
     """
 
     def __init__(self, system: System, base: np.ndarray) -> None:
@@ -51,9 +48,6 @@ class CoordinateWatch:
         self.at = np.nan
         self._last: tuple[np.ndarray, Tableau] | None = None
         self._before: tuple[np.ndarray, Tableau] | None = None
-        self._accepted: tuple[np.ndarray, Tableau] | None = None  # the last place judged well; steps begin there
-        self._largest = -np.inf  # the logarithm of the determinant
-        self.cornered = False
         self.path: tuple[list[float], list[np.ndarray]] = ([], [])
 
     def begin(self, t: float, x: np.ndarray) -> Status:
@@ -64,7 +58,6 @@ class CoordinateWatch:
         worst = found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
         self._last, self.at = (matrix, found), t
-        self._accepted, self._largest = self._last, found.log
         self._note(t, x)
         return Status.COORDINATES if worst > self.limit or vanishes(matrix) else Status.OK
 
@@ -73,19 +66,15 @@ class CoordinateWatch:
         matrix = self._matrix(t, x)
         found = self._look(matrix)
         self.at = t
-        self._before, self._last = self._accepted, (matrix, found)
-        self._largest = max(self._largest, found.log)
-        self.cornered = found.log < self._largest - _SHRUNK and self._margin() < _INDISTINCT
-        if self.cornered or found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
+        self._before, self._last = self._last, (matrix, found)
+        if found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
             return Status.COORDINATES
-        self._accepted = self._last
         self._note(t, x)
         return Status.OK
 
     def stuck(self, status: Status) -> Status:
-        """Return COORDINATES where no step was short enough and others would be better here, or none would serve."""
-        self.cornered = self._margin() < _DEPENDENT
-        return Status.COORDINATES if self.cornered or self.better() else status
+        """Return COORDINATES where no step was short enough and others would be better here."""
+        return Status.COORDINATES if self.better() else status
 
     def better(self) -> list[list[int]]:
         """Return choices of coordinates (columns to be the states) that are better than the present one, best first.
@@ -110,17 +99,16 @@ class CoordinateWatch:
     def passed_a_singular_place(self) -> bool:
         """Whether the last step judged has led over a place where the coordinates do not determine the rest.
 
-        The determinant has changed its sign. Or else the directions of motion have turned sharply: where branches
-        meet, Newton's method follows the one on which the determinant keeps its sign, and that need not be the one
-        on which the velocities are continuous.
+        The determinant has changed its sign; or else the constraints have come near to depend on each other, and the
+        tableau, which gives the velocities, has jumped: the solution is on another branch.
         """
         before, last = self._before, self._last
         if before is None or last[1].sign == 0.0:
             return last[1].sign == 0.0
         if before[1].sign != last[1].sign:
             return True
-        turn = turned(before[1], last[1])
-        return turn > _SHARP_TURN or (turn > _TURN and self._margin() < _NEAR)
+        jump = float(np.abs(last[1].table - before[1].table).max(initial=0.0))
+        return jump > _JUMP and self._margin() < _NEAR
 
     def tolerate(self) -> None:
         """Take the last step's coordinates for as good as they can be."""
@@ -129,11 +117,9 @@ class CoordinateWatch:
     @property
     def bifurcation(self) -> bool:
         """Whether no choice of coordinates serves about here, neither where the last step begins nor where it ends."""
-        if self.cornered:
-            return True
         place = self._before or self._last
         size = self._size.max(axis=1, keepdims=True)
-        return self._margin() < _DEPENDENT and rank_margin(place[0], size) < 2 * _DEPENDENT
+        return self._margin() < _DEPENDENT and rank_margin(place[0], size) < 5 * _DEPENDENT
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""
