@@ -94,3 +94,10 @@ def test_modes_and_pieces_are_reported():
     assert [e.kind for e in found.events] == ["taut", "slack", "taut"]
     assert [(e.before, e.after) for e in found.events] == [("slack", "taut"), ("taut", "slack"), ("slack", "taut")]
     assert found["string.gap"].min() > -1e-12 and found["string.f"].min() >= 0
+
+
+@pytest.mark.parametrize("name", ["h06_bungee", "h16_stick_slip", "clutch_lock"])
+def test_scenes_with_laws_have_a_picture(name, tmp_path):
+    path = tmp_path / "run.png"
+    run(name, rtol=1e-6).plot(path=path)
+    assert path.stat().st_size > 10_000

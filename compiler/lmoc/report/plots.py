@@ -129,8 +129,16 @@ def choose(run: Result) -> list[str]:
 
 
 def _moving_inputs(run: Result) -> list[str]:
-    """Top-level inputs that change during the run: what the motion answers to."""
-    names = [b.name(i) for b in run.flat.blocks if b.kind == Kind.INPUT for i in range(min(b.size, MOST_CURVES))]
+    """Top-level inputs that change during the run: what the motion answers to, the modes of laws left out."""
+    form = run.reduced.switched
+    held = set() if form is None else {int(v) for own in (form.closed, form.push, form.direction) for v in own}
+    names = [
+        b.name(i)
+        for b in run.flat.blocks
+        if b.kind == Kind.INPUT
+        for i in range(min(b.size, MOST_CURVES))
+        if b.offset + i not in held
+    ]
     return [name for name in names if np.ptp(run[name]) > 0]
 
 
