@@ -184,6 +184,7 @@ class DAE:
         energy: bool = True,
         keep: str | Sequence[str] | None = None,
         max_step: float | None = None,
+        step: float | None = None,
         listener: Callable[[str], None] | None = None,
         progress: Callable[[float, float], None] | None = None,
     ) -> Run:
@@ -204,6 +205,7 @@ class DAE:
         energy : integrate work and heat along, for `run.energy`
         keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
         max_step : s, the longest step of the integrator
+        step : s, the size of the steps of solvers with a fixed one; a thousandth of the run
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
@@ -236,7 +238,7 @@ class DAE:
         session, prepared = self._session.prepare(parameters, clock)
         if isinstance(initial, End):
             prepared = session.continuing(prepared, initial.states, clock)
-        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step)
+        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step, step)
         try:
             return self._run(session, prepared, options, initial, inputs, clock, progress)
         except StartSingular:

@@ -40,6 +40,7 @@ def configure(parser: Parser) -> None:
     add("--rtol", type=positive, metavar="TOL", help="relative tolerance (experiment, else 1e-6)")
     add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
     add("--max-step", type=positive, metavar="S", help="longest step of the integrator (no limit)")
+    add("--step", type=positive, metavar="S", help="step of solvers with a fixed one (a thousandth of the run)")
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
     add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
     add("--init", type=_start, metavar="NAME=VALUE", action="append", default=[],
@@ -108,7 +109,8 @@ def _simulate(arguments: argparse.Namespace) -> Run:
         return dae.simulate(
             arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
             arguments.solver, arguments.formulation, None, _initial(arguments.init), dict(arguments.input),
-            keep=arguments.keep, max_step=arguments.max_step, listener=progress.stage, progress=progress.reached,
+            keep=arguments.keep, max_step=arguments.max_step, step=arguments.step, listener=progress.stage,
+            progress=progress.reached,
         )  # fmt: skip
 
 

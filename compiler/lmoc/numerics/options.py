@@ -20,6 +20,7 @@ ALSO_KNOWN_AS = {
     "radau": "radauiia radau5 radauii ode23s ode23t ode23tb esdirk rodas",
     "auto": "lsoda automatic default",
 }
+FIXED_STEP: tuple[str, ...] = ()  # solvers whose steps all have one size, the option `step`
 FORMULATIONS = ("reduced",)
 MOST_POINTS = 50_000_000  # output times
 
@@ -56,6 +57,7 @@ class RunOptions:
     energy : integrate work and heat along
     keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
     max_step : s, the longest step of the integrator [no limit]
+    step : s, the size of the steps of solvers with a fixed one [a thousandth of the run]
     max_steps : steps after which the run is given up
     max_seconds : wall time after which the run is given up [no limit]
     """
@@ -71,6 +73,7 @@ class RunOptions:
     energy: bool = True
     keep: Sequence[str] | None = None
     max_step: float | None = None
+    step: float | None = None
     max_steps: int = 5_000_000
     max_seconds: float | None = None
 
@@ -125,6 +128,11 @@ class RunOptions:
         atol = _finite("atol", _first(self.atol, 1.0))
         if not _finite("max_step", _first(self.max_step, 1.0)) > 0:
             raise ValueError(f"the longest step is positive, found max_step = {self.max_step:g}")
+        if not _finite("step", _first(self.step, 1.0)) > 0:
+            raise ValueError(f"the step is positive, found step = {self.step:g}")
+        if self.step is not None and self.solver not in FIXED_STEP:
+            others = f"; these have: {', '.join(FIXED_STEP)}" if FIXED_STEP else ""
+            raise ValueError(f"step = {self.step:g} has no meaning for '{self.solver}', whose steps vary{others}")
         if not (1e-14 <= rtol < 1 and atol > 0):
             raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found rtol = {rtol:g}, atol = {self.atol}")
 
