@@ -24,6 +24,8 @@ ORDER = (
     "pipeline",
     "session",
     "report",
+    "simulation",
+    "places",
     "dae",
     "cli",
 )

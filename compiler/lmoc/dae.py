@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lmoc import pipeline
+from lmoc import pipeline, simulation
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import Names, names_of
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Source
-from lmoc.parameters import Parameters, Value, check_initial, check_mappings
+from lmoc.parameters import Parameters, Value, check_mappings
 from lmoc.pipeline import Clock, Scene
-from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
+from lmoc.semantics.parameter_checks import warn_of_lost
 from lmoc.session import Session
+from lmoc.simulation import Request
 
 if TYPE_CHECKING:
     import sympy
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.equivalent import Equivalent
     from lmoc.symbolic.linearize import LinearModel
-    from lmoc.symbolic.places import Moment, Point
+    from lmoc.symbolic.places import Point
     from lmoc.symbolic.system import SymbolicSystem
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
 
@@ -209,8 +208,7 @@ class DAE:
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
-        Threads that run one scene take turns; for runs side by side give processes the scene itself (it can be
-        pickled).
+        Concurrent runs of one scene are serialized; for parallel runs pass the scene to processes (it can be pickled).
 
         Raises
         ------
@@ -221,31 +219,13 @@ class DAE:
         RunInterrupted
             A KeyboardInterrupt with the same attributes.
         """
-        from lmoc.numerics.observe.trajectory import End
         from lmoc.numerics.options import RunOptions
-        from lmoc.numerics.start.singular import StartSingular
 
-        check_mappings(parameters=parameters, initial=None if isinstance(initial, str) else initial, inputs=inputs)
-        if initial is not None and initial != {}:
-            from lmoc.symbolic.starts import in_symbols, start_values
-
-            if in_symbols(initial):
-                begin = (self.flat.experiment.start or 0.0) if start is None else start
-                initial = start_values(self.prepare(parameters), initial, inputs, begin)
-        check_initial(initial or {})
-        keep = names_of(keep)
-        clock = Clock(listener)
-        session, prepared = self._session.prepare(parameters, clock)
-        if isinstance(initial, End):
-            prepared = session.continuing(prepared, initial.states, clock)
-        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step, step)
-        try:
-            return self._run(session, prepared, options, initial, inputs, clock, progress)
-        except StartSingular:
-            other = session.elsewhere(prepared, initial, clock)
-            if other is None:
-                raise
-        return self._run(session, other, options, initial, inputs, clock, progress)
+        options = RunOptions(
+            start, stop, points, times, rtol, atol, solver, formulation, energy, names_of(keep), max_step, step
+        )
+        request = Request(options, parameters, initial, inputs, progress, self.timings)
+        return simulation.simulate(self._session, request, Clock(listener))
 
     def live(
         self,
@@ -274,41 +254,6 @@ class DAE:
         run = self.simulate(start=start, times=[start], initial=initial, inputs=inputs, **options)
         return Live(self, run, inputs or {}, options)
 
-    def _run(self, session: Session, prepared: Prepared, options, initial, inputs, clock: Clock, progress) -> Run:
-        report = Report()
-        check_parameters(session.flat, prepared.values, report)
-        report.check()
-        with clock.stage("lower"):
-            from lmoc.numerics.start.singular import StartSingular
-            from lmoc.report.run import Run
-
-            session.simulator(prepared.reduced)
-
-        def result(trajectory, broke_off: float | None = None) -> Run:
-            notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics
-            said = dict.fromkeys((*notes, *trajectory.notes))
-            lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
-            spent = {**self.timings, **clock.seconds}
-            spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
-            return Run(prepared.reduced, trajectory, tuple(said), spent, broke_off, again)
-
-        def again(times: np.ndarray) -> Run:
-            finer = replace(options, stop=None, points=None, times=times)
-            return self._run(session, prepared, finer, initial, inputs, Clock(), None)
-
-        try:
-            with clock.stage("simulate"):
-                trajectory = session.run(prepared, options, inputs, initial, progress)
-        except StartSingular as error:
-            raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
-        except ModelError as error:
-            raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
-        except (SimulationError, RunInterrupted) as failure:
-            if failure.partial is not None:
-                failure.partial = result(failure.partial, failure.time)
-            raise
-        return result(trajectory)
-
     def check(self, listener: Callable[[str], None] | None = None) -> tuple[Diagnostic, ...]:
         """Look for a consistent start with the default values, where `simulate` would begin; returns all notes.
 
@@ -319,9 +264,8 @@ class DAE:
         """
         from lmoc.numerics.options import RunOptions
 
-        only_start = RunOptions(times=[self.flat.experiment.start or 0.0])
-        session, prepared = self._session.prepare()
-        return self._run(session, prepared, only_start, None, None, Clock(listener), None).notes
+        only_start = Request(RunOptions(times=[self.flat.experiment.start or 0.0]), compiled=self.timings)
+        return simulation.run_prepared(*self._session.prepare(), only_start, Clock(listener)).notes
 
     @cached_property
     def functions(self) -> Functions:
@@ -400,10 +344,11 @@ class DAE:
             a `Run`, for its last point with its parameter values; by default the equilibrium
         symbolic, inputs, outputs : as in `lmoc.symbolic.interface.linearize`, with its errors
         """
+        from lmoc.places import place
         from lmoc.symbolic.interface import linearize
 
-        prepared, place = self._place(at, parameters)
-        return linearize(prepared, place, symbolic, inputs, outputs)
+        prepared, point = place(self._session, at, parameters)
+        return linearize(prepared, point, symbolic, inputs, outputs)
 
     def transfer_function(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -417,10 +362,11 @@ class DAE:
         u, y : names of a top-level input and of a variable
         at : where a nonlinear scene is taken, as in `linearize`; by default its equilibrium without inputs
         """
+        from lmoc.places import place
         from lmoc.symbolic.interface import transfer_function
 
-        prepared, place = self._place(at, parameters)
-        return transfer_function(prepared, u, y, place)
+        prepared, point = place(self._session, at, parameters)
+        return transfer_function(prepared, u, y, point)
 
     def input_output_equation(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -435,63 +381,12 @@ class DAE:
         prepared = self.prepare(parameters)
         return equivalent(prepared.flat, prepared.values, port, other)
 
-    def _place(self, at: object, parameters: Point | None) -> tuple[Prepared, Moment | Point | None]:
-        """The scene, and where it is to be linear."""
-        from lmoc.report.run import Run
-
-        if isinstance(at, Real):
-            at = self._until(float(at), parameters)
-        if isinstance(at, Run):
-            reduced = at.reduced
-            values = at.trajectory.observer.values
-            if parameters:
-                prepared = self.prepare(parameters)
-            elif reduced.flat.events is not None:
-                prepared = self._without_events(reduced.flat, values, at.trajectory.end.values)
-            else:
-                prepared = Prepared(reduced.flat, reduced, values)
-            names = (*reduced.state_names, *prepared.inputs)
-            from lmoc.symbolic.places import Moment
-
-            return prepared, Moment(float(at.time[-1]), {name: float(at[name][-1]) for name in names})
-        if at is not None and not isinstance(at, Mapping):
-            expected = "a time, {name: value}, an equilibrium or a run"
-            raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
-        return self.prepare(parameters), at
-
-    def _until(self, time: float, parameters: Point | None) -> Run:
-        """The default run until a time."""
-        start = self.flat.experiment.start or 0.0
-        if time < start:
-            from lmoc.symbolic.places import no_place
-
-            raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about")
-        return self.simulate(times=sorted({start, time}), parameters=parameters)
-
     def prepare(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
         """Return the flat model, its reduction and the parameter values for other parameters; what was redone as notes.
 
         A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
         """
-        prepared = self._session.prepare(parameters, clock)[1]
-        if prepared.flat.events is not None:
-            return self._without_events(prepared.flat, prepared.values, None, prepared.notes, clock)
-        return prepared
-
-    def _without_events(
-        self,
-        flat: FlatDAE,
-        values: np.ndarray,
-        held: np.ndarray | None,
-        notes: tuple[Diagnostic, ...] = (),
-        clock: Clock | None = None,
-    ) -> Prepared:
-        """The scene for derivations, its discrete variables as they are at the start or at a place of a run."""
-        from lmoc.ir.written import as_written
-
-        flat, values = as_written(flat, values, held)
-        reduced = pipeline.reduce(flat, values, self._session.scene.states, clock or Clock())
-        return Prepared(flat, reduced, values, notes)
+        return self._session.for_derivation(parameters, clock)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process."""

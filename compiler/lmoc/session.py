@@ -84,6 +84,19 @@ class Session:
         note = Diagnostic("N0631", f"the reduction was redone because an assumption no longer holds: {broken}")
         return self, Prepared(self.flat, self._reduction(values, _MODEL, clock), values, (note,))
 
+    def for_derivation(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
+        """Return the scene for symbolic derivations with other parameter values: events as they are at the start."""
+        prepared = self.prepare(parameters, clock)[1]
+        return prepared if prepared.flat.events is None else self.without_events(prepared, None, clock)
+
+    def without_events(self, prepared: Prepared, held: np.ndarray | None, clock: Clock | None = None) -> Prepared:
+        """Return the scene with its discrete variables held, at their starts or as at a place of a run."""
+        from lmoc.ir.written import as_written
+
+        flat, values = as_written(prepared.flat, prepared.values, held)
+        reduced = pipeline.reduce(flat, values, self.scene.states, clock or Clock())
+        return Prepared(flat, reduced, values, prepared.notes)
+
     def _resizes(self, name: str, value: Value) -> bool:
         """Return whether an array is given that is longer or shorter than that of the model: its size may be open."""
         variables = self.flat.find(name)
@@ -178,9 +191,7 @@ class OtherCoordinates:
     def __init__(self, session: Session, values: np.ndarray) -> None:
         self.session, self.values = session, values
 
-    def system(
-        self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool
-    ) -> tuple[Plan, System] | None:
+    def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
         """Return the plan and the system with some variables as states; None where they cannot be."""
         session, key = self.session, tuple(sorted(states))
         kept = session._reductions.get(key, [])

@@ -150,10 +150,10 @@ def _gauss(a: list[list], b: list) -> list:
                 continue
             larger = ca.fabs(a[i][k]) > ca.fabs(a[k][k])
             for row_k, row_i, j in [*((a[k], a[i], j) for j in range(k, n)), (b, b, None)]:
-                x, y = (row_k[k], row_i[i]) if j is None else (row_k[j], row_i[j])
-                if x.is_zero() and y.is_zero():
+                upper, lower = (row_k[k], row_i[i]) if j is None else (row_k[j], row_i[j])
+                if upper.is_zero() and lower.is_zero():
                     continue
-                first, second = ca.if_else(larger, y, x), ca.if_else(larger, x, y)
+                first, second = ca.if_else(larger, lower, upper), ca.if_else(larger, upper, lower)
                 row_k[k if j is None else j], row_i[i if j is None else j] = first, second
         for i in range(k + 1, n):
             if not a[i][k].is_zero():

@@ -26,7 +26,7 @@ _CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
 _LEAST = 1e-300  # s, a step that can still be divided by
 
 
-def begin(problem: Problem) -> Integration:
+def begin(problem: Problem) -> Dop853:
     """Return the method at the beginning of a problem."""
     return Dop853(problem)
 
