@@ -27,6 +27,7 @@ ORDER = (
     "simulation",
     "places",
     "dae",
+    "view",
     "cli",
 )
 # Circles that are still to be opened.
