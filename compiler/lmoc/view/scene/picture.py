@@ -3,11 +3,11 @@
 One description serves the file that `lmoc draw` writes, the page that moves, and the free-body diagrams. Lengths are
 pixels, x to the right, y downwards; angles are radians, counter-clockwise as one looks at the picture.
 
-An item has one or two ends, points of the picture that may follow variables. Its shapes are given in a frame of its own:
+An item has one or two ends, points of the picture that may follow variables. Its shapes are given in its own frame:
 
 * one end: the frame's origin is the end, its axes are those of the picture, turned by `turn`;
-* two ends: the origin is the first end, the frame's x axis points to the second, y to the right of it (downwards where x
-  points to the right). The frame is not stretched: a vertex says itself what part of the distance it takes along.
+* two ends: the origin is the first end, the frame's x axis points to the second, y to the right of it (downwards where
+  x points to the right). The frame is not stretched: a vertex says itself what part of the distance it takes along.
 
 To move a picture: find the ends (`End.at`) and the angle (`Turn.at`) for the variables' values, then place the shapes
 (`Frame.place`). Nothing else depends on time.
@@ -32,8 +32,8 @@ class Move:
     variable : dotted name, as `run[…]` takes it
     dx, dy : pixels per unit of the variable; where there is a `group`, a direction of length 1 or less
     reference : the value at which the point is drawn where it is; None: that at the start of a run
-    group : "" where the picture is to scale. Otherwise moves of the same group have one scale, in pixels per unit, to be
-        chosen by who moves the picture: so that none goes further than `Picture.room[group]` pixels
+    group : "" where the picture is to scale. Otherwise moves of the same group have one scale, in pixels per unit, to
+        be chosen by who moves the picture: so that none goes further than `Picture.room[group]` pixels
     """
 
     variable: str
