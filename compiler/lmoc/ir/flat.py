@@ -19,6 +19,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
 from lmoc.ir.events import Events
 from lmoc.ir.law import Laws
+from lmoc.ir.look import PLAIN, Look
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 
@@ -101,6 +102,7 @@ class Part:
     ports : pairs (potential, flow) of block indices, one for each potential/flow pair of its own connectors
     leaf : bool
         No part below it has ports: an element of the scene, not an assembly.
+    look : in pictures
     """
 
     path: tuple[tuple[str, tuple[int, ...]], ...]
@@ -110,6 +112,7 @@ class Part:
     leaf: bool
     span: Span | None = None  # of the declaration
     parent: int = 0
+    look: Look = PLAIN
 
     @property
     def pattern(self) -> str:

@@ -12,6 +12,7 @@ from lmoc.expression.text import number_text
 from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
+from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.support.distinct import distinct
@@ -83,7 +84,7 @@ def _protected(node: Variable | Instance) -> bool:
     return False
 
 
-def make_parts(layout: Layout) -> list[Part]:
+def make_parts(layout: Layout, looks: Looks) -> list[Part]:
     """The table of parts."""
     position = {v: k for k, v in enumerate(layout.variables)}
     ports = [_ports(instance, position) for instance in layout.instances]
@@ -96,7 +97,7 @@ def make_parts(layout: Layout) -> list[Part]:
         Part(
             i.path, i.cls.full_name, i.description or i.cls.definition.description,
             own, not has_ports_below[i.part], i.component.span if i.component else i.cls.definition.span,
-            i.parent.owner.part if i.parent else 0,
+            i.parent.owner.part if i.parent else 0, looks.of(i.cls),
         )
         for i, own in zip(layout.instances, ports)
     ]  # fmt: skip

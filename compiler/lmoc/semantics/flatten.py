@@ -15,6 +15,7 @@ from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, m
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
 from lmoc.semantics.classes.class_check import check_classes
 from lmoc.semantics.classes.experiment import experiment_of
+from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.classes.overrides import Overrides
 from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
@@ -115,7 +116,7 @@ class _Flattening:
         bindings = assembler.literal_values() + assembler.assignments(self.drafts.bindings)
         bindings = self.overrides.apply(bindings, root)
         ordered = in_order(bindings, count, blocks, self.report)
-        parts = make_parts(layout)
+        parts = make_parts(layout, Looks(self.report))
         entries = ledger(blocks, parts, count, _zeros(self.drafts, count))
         flat = FlatDAE(
             name=root.cls.full_name,
