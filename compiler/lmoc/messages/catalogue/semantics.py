@@ -188,9 +188,9 @@ SEMANTICS: dict[str, Entry] = {
     "W0247": Entry(
         "a look that cannot be drawn",
         "`annotation(__lmoc(symbol = \"spring\"))` gives a part the look of one of the library;\n"
-        "`annotation(Icon(graphics = {Line(points = {{-100, 0}, {100, 0}})}))` a drawing of its own, of `Line`, `Polygon`,\n"
-        "`Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there is ignored by everything but\n"
-        "the picture, which shows a box with the part's name.",
+        "`annotation(Icon(graphics = {Line(points = {{-100, 0}, {100, 0}})}))` a drawing of its own, made of `Line`,\n"
+        "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to nothing\n"
+        "but the picture, which shows a box with the part's name.",
     ),
     "E0250": Entry(
         "pre of a continuous variable",
