@@ -189,8 +189,8 @@ SEMANTICS: dict[str, Entry] = {
         "a look that cannot be drawn",
         "`annotation(__lmoc(symbol = \"spring\"))` gives a part the look of one of the library;\n"
         "`annotation(Icon(graphics = {Line(points = {{-100, 0}, {100, 0}})}))` a drawing of its own, made of `Line`,\n"
-        "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to nothing\n"
-        "but the picture, which shows a box with the part's name.",
+        "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to\n"
+        "nothing but the picture, which shows a box with the part's name.",
     ),
     "E0250": Entry(
         "pre of a continuous variable",
