@@ -317,8 +317,9 @@ class Hybrid:
         if not busy:
             return
         relations = [self.layout.relation_at(k) for k in self._times if t - self._times[k][-1] <= moment]
-        what = " and ".join(list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2])
-        many = f"switches back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
+        places = list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2]
+        what, verb = " and ".join(places), "switches" if len(places) == 1 else "switch"
+        many = f"{verb} back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
         hint = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
         raise Stopped(Status.CHATTERING, f"{what} {many} ({hint})")
 
