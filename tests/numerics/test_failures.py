@@ -64,6 +64,19 @@ def test_a_right_hand_side_that_loses_its_value(solver, rate, start, end, words)
         assert start == 0.25 and run["x"][-1] == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("equations", "line"),
+    [
+        ("Real y(start = 0, fixed = true);\nReal x(start = 1, fixed = true);\nequation der(y) = 1; der(x) = x^2;", 3),
+        ("Real x(start = 1, fixed = true);\nequation der(x) = -0.5/x;", 2),
+        ("Real y;\nReal w;\nReal x(start = 0, fixed = true);\nequation y = x; w = y; der(x) = 1/(time - 2)^2;", 4),
+    ],
+)
+def test_the_state_that_grows_without_bound_is_named_with_its_line(equations, line):
+    with pytest.raises(SimulationError, match=rf"collapsed: x \(.*, line {line}\) changes without bound"):
+        lmoc.compile_text(f"model M\n{equations}\nend M;").simulate(stop=4)
+
+
 @every_solver
 def test_a_value_that_ends_with_the_state_is_named(solver):
     s = Scene()

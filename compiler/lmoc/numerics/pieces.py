@@ -21,7 +21,7 @@ from lmoc.numerics.coordinates.changes import Changes, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
-from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects, unsolved
+from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.standing import standing
@@ -384,6 +384,9 @@ class _Run:
         found = ""
         if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
             found = lost_ahead(stretch.observer, stretch.system, outcome.time, outcome.x, end)
+        if not found and outcome.status is Status.COLLAPSED and self.tolerances is not None and not self.lost:
+            sizes, span = self.tolerances[1] / self.rtol, end - self.task.span.start
+            found = fastest(stretch.observer, stretch.system, outcome.time, outcome.x, sizes, span)
         detail = f": {found}" if found else ""
         return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
 
