@@ -204,7 +204,7 @@ class DAE:
         energy : integrate work and heat along, for `run.energy`
         keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
         max_step : s, the longest step of the integrator
-        step : s, the size of the steps of solvers with a fixed one; a thousandth of the run
+        step : s, the length of every step, for the solvers with fixed steps; a thousandth of the run
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 

@@ -13,10 +13,10 @@ from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationErro
 from lmoc.numerics.integrate import base
 from lmoc.numerics.integrate.choice import table
 from lmoc.numerics.integrate.sundials import sundials
-from lmoc.numerics.options import SOLVERS, RunOptions
+from lmoc.numerics.options import ADAPTIVE, SOLVERS, RunOptions
 from lmoc.numerics.simulate import simulate
 
-every_solver = pytest.mark.parametrize("solver", SOLVERS)
+every_solver = pytest.mark.parametrize("solver", ADAPTIVE)
 
 
 def one_state(rate, start: float = 1.0):
@@ -304,10 +304,7 @@ def test_a_run_that_takes_too_long(solver, limit):
 def test_the_table_of_the_integrators_in_the_documentation():
     text = (Path(__file__).parents[2] / "docs/architecture.md").read_text(encoding="utf-8")
     for one in table():
-        stiff = "yes" if one.stiff else "no"
-        steps = "yes" if one.steps else "no"
-        row = f"| `{one.name}` | {one.method} | {one.order} | {one.dense} | {stiff} | {one.library} | {steps} |"
-        assert row in text
+        assert f"| {' | '.join((f'`{one.name}`', *one.cells[1:]))} |" in text
     assert {one.name for one in table()} | {"auto"} == set(SOLVERS)
 
 

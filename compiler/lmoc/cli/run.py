@@ -29,7 +29,7 @@ FAILED_RUN = 3
 
 
 def configure(parser: Parser) -> None:
-    from lmoc.numerics.options import SOLVERS, solver_hint
+    from lmoc.numerics.options import FIXED_STEP, SOLVERS, solver_hint
 
     add_model_arguments(parser)
     add_states_argument(parser)
@@ -40,7 +40,8 @@ def configure(parser: Parser) -> None:
     add("--rtol", type=positive, metavar="TOL", help="relative tolerance (experiment, else 1e-6)")
     add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
     add("--max-step", type=positive, metavar="S", help="longest step of the integrator (no limit)")
-    add("--step", type=positive, metavar="S", help="step of solvers with a fixed one (a thousandth of the run)")
+    add("--step", type=positive, metavar="S",
+        help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}, gauss")  # fmt: skip
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
     add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
     add("--init", type=_start, metavar="NAME=VALUE", action="append", default=[],

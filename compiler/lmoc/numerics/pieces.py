@@ -273,6 +273,7 @@ class _Run:
             breaks=breaks,
             guard=stretch.watch,
             roots=roots,
+            step=options.step_length(span),
         )
         if not len(x):
             return self.cost.add(standing(problem), stretch.system, "none", "no states")

@@ -16,9 +16,12 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties
-from lmoc.numerics.integrate.status import NotFound, Status
+from lmoc.numerics.integrate.status import NotFound, Status, Unsuitable
 
-NAMES = ("dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau")
+NAMES = (
+    "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau", "gauss", "rk4", "midpoint", "verlet",
+    "generalized-alpha",
+)  # fmt: skip
 
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
@@ -33,7 +36,7 @@ def table() -> tuple[Properties, ...]:
 
 
 def _module(name: str):
-    return import_module(f"lmoc.numerics.integrate.{name}")
+    return import_module(f"lmoc.numerics.integrate.{name.replace('-', '_')}")
 
 
 def integrate(problem: Problem, name: str) -> Outcome:
@@ -69,13 +72,16 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     Raises
     ------
     ModelError
-        E0540: the requested solver needs SUNDIALS, which is not available.
+        E0540: the requested solver needs SUNDIALS, which is not available, or another kind of scene.
     """
     try:
         outcome, used = _in_pieces(problem, solver)
     except NotFound as error:
         message = f"solver '{solver}' cannot be used: the SUNDIALS libraries of scikit-sundae were not found"
         raise ModelError([Diagnostic("E0540", message, hint="dop853 and radau do without them")]) from error
+    except Unsuitable as error:
+        message, hint = f"solver '{solver}' cannot be used: {error}", "midpoint and gauss are symplectic as well"
+        raise ModelError([Diagnostic("E0540", message, hint=hint)]) from error
     return outcome, {"solver": ", ".join(used.solvers), "reason": used.reason}
 
 

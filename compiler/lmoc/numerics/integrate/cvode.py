@@ -15,7 +15,7 @@ from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials.matrix import Matrix
 from lmoc.numerics.integrate.sundials.session import Given, Session
 
-PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", dense="1-5", library="SUNDIALS")
+PROPERTIES = Properties("cvode", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
 
 _LOOK = 64  # evaluations between two looks at the clock
 

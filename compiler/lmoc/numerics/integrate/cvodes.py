@@ -9,7 +9,7 @@ from lmoc.numerics.integrate.status import Status
 
 # between two output times. It does not see that its steps no longer move the time; `cvode`, which takes over, does
 MAX_STEPS = 20_000
-PROPERTIES = Properties("cvodes", "BDF", stiff=True, order="1-5", dense="1-5", library="casadi", steps=False)
+PROPERTIES = Properties("cvodes", "BDF", "BDF", "1-5", "1-5", "casadi", stability="A(α)", implicit=True, steps=False)
 
 _NOT_GONE = 1e-9  # s: over a shorter interval casadi does not integrate but gives the same state again
 _KEPT = 8  # integrators kept with a system, each for its own times and tolerances

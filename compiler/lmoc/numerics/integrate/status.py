@@ -16,6 +16,7 @@ class Status(Enum):
     NOT_FINITE = "the derivatives have no finite value"
     TOO_FINE = "the tolerances are finer than rounding allows"
     NO_LINEAR_SOLVER = "the linear solver could not be set up"
+    NO_CONVERGENCE = "Newton's method does not solve the equations of a step of this length"
     SINGULAR_MATRIX = "the Jacobian is singular"
     REFUSED = "the solver's library refused the problem"
     SINGULAR = "the coordinates do not determine the rest"  # no choice of coordinates does, or none was looked for
@@ -44,3 +45,7 @@ class Stopped(Exception):
 
 class NotFound(Exception):
     """A library that an integrator is made of is not installed in a layout that is known here."""
+
+
+class Unsuitable(Exception):
+    """A method does not apply to a scene; the text says why."""
