@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """What one simulation is asked to do.
+    """The options and arguments of one simulation.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ def evaluate(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):
     ----------
     root : Expr
     column : callable
-        ``column(k, order)`` gives the array (or number) that stands in a slot; arrays broadcast.
+        ``column(k, order)`` gives the array (or number) of a slot; arrays broadcast.
     time : float or array
 
     Returns

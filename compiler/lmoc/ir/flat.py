@@ -204,7 +204,7 @@ class Experiment:
 class FlatDAE:
     """The flat model.
 
-    `bindings`, `starts`, `fixed`, `nominals` are in an order in which each uses only what stands before it
+    `bindings`, `starts`, `fixed`, `nominals` are in an order in which each uses only what precedes it
     (bindings first). A parameter without a row in `bindings` has no value. `starts` has a row only where a start
     value was written (explicitly, or in a type); `fixed` likewise.
     """

@@ -106,7 +106,7 @@ class Reduced:
     observe : Program
         Fills everything else, given states, quadratures, inputs and what `rhs` has filled.
     register_of : (flat.count,)
-        Where the value of each flat variable stands after `rhs` and `observe` (-1: nowhere, see `unavailable`).
+        Register of each flat variable after `rhs` and `observe` (-1: nowhere, see `unavailable`).
     guards : what depends on the parameter values
     notes : dropped redundant equations, chosen coordinates that deserve a word
     counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people

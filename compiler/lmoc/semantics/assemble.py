@@ -221,7 +221,7 @@ class Assembler:
 
 
 def in_order(bindings: list[Assignments], count: int, blocks: list[Block], report: Report) -> tuple[Assignments, ...]:
-    """Bindings so that each uses only what stands before it; a cycle is an error."""
+    """Bindings so that each uses only what precedes it; a cycle is an error."""
     owner = np.full(count, -1)
     for k, a in enumerate(bindings):
         owner[a.target] = k

@@ -128,7 +128,7 @@ def fingerprint(*files: str) -> bytes:
 
 
 def _head(key: bytes) -> bytes:
-    """The key as it stands in the file. All of it: comparing is faster than importing a hash function."""
+    """The key as it appears in the file. All of it: comparing is faster than importing a hash function."""
     return len(key).to_bytes(8, "little") + key
 
 

@@ -123,7 +123,7 @@ def equilibria(
     Raises
     ------
     ModelError
-        E0660 where time itself stands in the equations.
+        E0660 where time itself appears in the equations.
     """
     import sympy as sp
 
@@ -225,7 +225,7 @@ def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
 
 
 def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem) -> tuple[list[Root], dict, str]:
-    """Eliminate what stands linearly, then solve the core: in closed form, with the inputs at zero where that helps.
+    """Eliminate what occurs linearly, then solve the core: in closed form, with the inputs at zero where that helps.
 
     Unknowns that stand in no equation may have any value: they are not sought. Equations in which no unknown is left
     are conditions on the inputs.

@@ -135,7 +135,7 @@ class Trouble:
         return token == 0 or "\n" in self.source.text[self.tokens.ends[token - 1] : self.tokens.starts[token]]
 
     def statement_start(self) -> int:
-        """The first token of the statement or declaration in which the wrong token stands."""
+        """The first token of the statement or declaration in which the wrong token occurs."""
         starts = FRESH | {";", "then", "else", "loop"}
         for token in range(self.at - 1, -1, -1):
             if self.tokens.symbols[token] in starts:

@@ -1,4 +1,4 @@
-"""What happens when the coordinates of a piece have ceased to be good: better ones, shorter steps, or an end."""
+"""Leaving coordinates that have become bad: for better ones, by shorter steps, or with the end of the run."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def _constant(value: float):
 
 
 def lower_steps(program: Program, w: list, time) -> None:
-    """Run a program symbolically: `w` is a list of scalar casadi values, None where nothing stands yet."""
+    """Run a program symbolically: `w` is a list of scalar casadi values, None where nothing has been written yet."""
     for step in program:
         if isinstance(step, Apply):
             _lower_apply(step, w, time)

@@ -1,4 +1,4 @@
-"""Which evaluation suits a plan.
+"""Choice of the evaluation of a plan.
 
 Small explicit programs are casadi functions, large ones are compiled C where there is a compiler, and what neither
 takes is run by numpy over groups of rows.

@@ -103,7 +103,7 @@ class Outcome:
 
     Attributes
     ----------
-    time, x : where it stands at the end
+    time, x : where the integration has ended
     reached : number of output times that have been handed to the sink
     status : why it ended; OK at the end of the problem
     counts : steps, rejected, … for the statistics
@@ -178,7 +178,7 @@ class Integration(ABC):
 
     Attributes
     ----------
-    t, x : where it stands
+    t, x : the current point
     before : s, where the last step began
     steps, rejected : counted so far
     step_size : s, the step it would try next, infinity where it does not tell
@@ -225,7 +225,7 @@ class Integration(ABC):
         self._collected.append(self.interpolate(times))
 
     def collect_here(self) -> None:
-        """Keep the state where it stands."""
+        """Keep the current state."""
         self._collected.append(self.x.copy()[None])
 
     def collected(self) -> np.ndarray:

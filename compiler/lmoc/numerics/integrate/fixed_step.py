@@ -21,7 +21,7 @@ class FixedStep(Integration):
 
     Attributes
     ----------
-    slope : (n,) the derivative where it stands, once somebody has asked for it
+    slope : (n,) the derivative at the current point, once somebody has asked for it
     """
 
     slope: np.ndarray | None
@@ -72,7 +72,7 @@ class FixedStep(Integration):
         return out
 
     def own_slope(self) -> np.ndarray:
-        """Return the derivative where it stands."""
+        """Return the derivative at the current point."""
         if self.slope is None:
             self.slope = self.derivative(self.t, self.x)
         return self.slope

@@ -20,7 +20,7 @@ _LOOK = 32  # steps between two looks at the clock
 
 
 def integrate(problem: Problem, run: Integration) -> Outcome:
-    """Integrate to the end of a problem, or to where it ends earlier, with a method that stands at its beginning."""
+    """Integrate to the end of a problem, or to where it ends earlier, with a method that has been started on it."""
     return _Loop(problem, run).go()
 
 

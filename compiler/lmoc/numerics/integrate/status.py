@@ -36,7 +36,7 @@ class Status(Enum):
 
 
 class Stopped(Exception):
-    """What happens at an instant ends the run: an error, or because the model asks for it (`Status.OK`)."""
+    """The run ends at an instant: with an error, or because the model requests it (`Status.OK`)."""
 
     def __init__(self, status: Status, reason: str) -> None:
         super().__init__(reason)

@@ -189,7 +189,7 @@ class Instance(Node):
         return self.kind == "connector"
 
     def around(self, scope: Scope) -> Instance | None:
-        """The nearest instance, this one or one around it, in whose class the text of `scope` stands."""
+        """The nearest instance, this one or one around it, whose class contains the text of `scope`."""
         node: Instance | None = self
         while node is not None and not node.cls.is_made_of(scope):
             node = node.parent
@@ -200,7 +200,7 @@ class Instance(Node):
         found: list[Variable] = []
         for child in self.children.values():
             if child.parent is not self:
-                continue  # an outer element: it is listed where it stands
+                continue  # an outer element: it is listed the current point
             if isinstance(child, Variable):
                 found.append(child)
             elif isinstance(child, Instance):

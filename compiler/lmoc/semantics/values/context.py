@@ -85,7 +85,7 @@ class Context:
     leaves : the columns of the group in the making
     names : iteration variables and, in a function, its variables
     quiet : how many noEvent() or smooth() stand around: kinks are intended, and relations make no events
-    in_when : it stands in the body of a `when`
+    in_when : it appears in the body of a `when`
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
     end : what `end` means in the subscript being read

@@ -47,6 +47,6 @@ def immobile(selection: Selection) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _prescribed(system: System) -> np.ndarray:
-    """Rows in which an input or time stands."""
+    """Rows in which an input or time appears."""
     rows = [b.row for b in system.batches if leaves_of(b.shape, b.kinds, INPUT) or depends_on_time(b.shape)]
     return np.concatenate([np.zeros(0, np.int64), *rows])

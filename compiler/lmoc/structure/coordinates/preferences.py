@@ -75,7 +75,7 @@ def _marked(system: System) -> np.ndarray:
 
 
 def inertial(system: System, c: np.ndarray) -> np.ndarray:
-    """(columns,) those whose second derivative stands in an equation that is no constraint: coordinates of inertias."""
+    """(columns,) coordinates of inertias: the second derivative appears in an equation other than a constraint."""
     i = system.incidence
     mask = np.zeros(i.columns, bool)
     mask[i.column[(i.order >= 2) & (c[i.row] == 0)]] = True

@@ -211,7 +211,7 @@ def expression_lines(
 
     Parameters
     ----------
-    access : C expression of what stands in each column
+    access : C expression of what is in each column
     writer : gives names that are used nowhere else; without it names are good for one scope
     """
     text: dict[int, str] = {}
