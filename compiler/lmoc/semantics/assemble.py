@@ -36,23 +36,23 @@ class Literals(Block):
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class VariableLayout:
     """The variables in their order, and the parts."""
 
     variables: list[Variable]
     instances: list[Instance]
     count: int
 
-    def extended(self, variables: Sequence[Variable]) -> Layout:
+    def extended(self, variables: Sequence[Variable]) -> VariableLayout:
         """With further variables at the end."""
         offset = self.count
         for variable in variables:
             variable.offset = offset
             offset += variable.size
-        return Layout([*self.variables, *variables], self.instances, offset)
+        return VariableLayout([*self.variables, *variables], self.instances, offset)
 
 
-def lay_out(root: Instance) -> Layout:
+def lay_out(root: Instance) -> VariableLayout:
     """Give every variable its place and every part its number."""
     offset = 0
     variables = [v for v in root.variables() if v.type.name != "String"]
@@ -62,10 +62,10 @@ def lay_out(root: Instance) -> Layout:
     instances = [i for i in root.instances() if i.owner is i]
     for number, instance in enumerate(instances):
         instance.part = number
-    return Layout(variables, instances, offset)
+    return VariableLayout(variables, instances, offset)
 
 
-def make_blocks(layout: Layout) -> list[Block]:
+def make_blocks(layout: VariableLayout) -> list[Block]:
     """The table of variables."""
     return [
         Block(
@@ -84,7 +84,7 @@ def _protected(node: Variable | Instance) -> bool:
     return False
 
 
-def make_parts(layout: Layout, looks: Looks) -> list[Part]:
+def make_parts(layout: VariableLayout, looks: Looks) -> list[Part]:
     """The table of parts."""
     position = {v: k for k, v in enumerate(layout.variables)}
     ports = [_ports(instance, position) for instance in layout.instances]

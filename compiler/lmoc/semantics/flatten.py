@@ -27,7 +27,7 @@ from lmoc.semantics.events.assemble import with_events
 from lmoc.semantics.events.whens import mark
 from lmoc.semantics.instances.declarations import declare, settle_computed
 from lmoc.semantics.instances.elaboration import Elaboration
-from lmoc.semantics.instances.instance import Instance, Node, Variable, root_instance
+from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.ledger import join_sums, ledger
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import reference as _reference  # noqa: F401  registers that of names
@@ -98,7 +98,7 @@ class _Flattening:
         self.report = model.report
         self.overrides = overrides
         self.drafts = drafts
-        self._unconnected: dict[Node, tuple[Variable, np.ndarray]] = {}
+        self._unconnected: dict[InstanceNode, tuple[Variable, np.ndarray]] = {}
 
     def run(self) -> FlatDAE:
         """From the instance tree to the flat model."""

@@ -13,7 +13,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.clock import next_time, ring
-from lmoc.numerics.events.layout import Layout
+from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
@@ -55,7 +55,7 @@ class Hybrid:
         span: tuple[float, float],
         report: Report,
     ) -> None:
-        self.layout = plan.once(Layout)
+        self.layout = plan.once(EventLayout)
         self.machine = Machine(self.layout, values, base, signals, span[0])
         self.begin, self.end = span
         self.report = report
@@ -354,5 +354,3 @@ def _shown(quantity: str, value: float) -> str:
     if quantity == "Boolean":
         return "true" if value else "false"
     return f"{value:g}"
-
-

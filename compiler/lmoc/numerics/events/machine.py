@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import DiscreteStep
-from lmoc.numerics.events.layout import Layout
+from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.signals.signals import Signal
 
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
@@ -72,7 +72,7 @@ class Machine:
     """
 
     def __init__(
-        self, layout: Layout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
+        self, layout: EventLayout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
     ) -> None:
         self.layout, self.signals, self.time = layout, signals, time
         self.v = values.copy()
