@@ -135,7 +135,7 @@ class DAE:
     @cached_property
     def states(self) -> list[str]:
         """Names of the solved states, in their order."""
-        return self.reduced.state_names
+        return list(self.reduced.state_names)
 
     @cached_property
     def parameters(self) -> Parameters:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -150,7 +151,7 @@ class Reduced:
             return f"#{register}"
         return self.flat.jet_name(variable, int(self.registers.order[register]))
 
-    @property
+    @cached_property
     def state_names(self) -> list[str]:
         return [self.register_name(int(r)) for r in self.states]
 

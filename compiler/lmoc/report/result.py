@@ -146,7 +146,7 @@ class Result:
     @property
     def states(self) -> list[str]:
         """Names of the solved states, of those at the start where coordinates changed."""
-        return self.reduced.state_names
+        return list(self.reduced.state_names)
 
     @cached_property
     def outputs(self) -> list[str]:

@@ -144,7 +144,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         t=begin,
         x=outcome.x,
         end=end,
-        times=np.clip(inside, begin, end),
+        times=np.minimum(np.maximum(inside, begin), end),
         max_step=min(problem.max_step, problem.lookout.longest(begin, end)),
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
@@ -185,7 +185,7 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
 
 def patience(system: System) -> float:
     """Steps that are still cheaper for DOP853 than another method is."""
-    return float(np.clip(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE, system.most_steps))
+    return min(max(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE), system.most_steps)
 
 
 def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:

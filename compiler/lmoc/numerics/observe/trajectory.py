@@ -48,7 +48,7 @@ class Piece:
     @property
     def coordinates(self) -> list[str]:
         """Names of the states."""
-        return self.reduced.state_names
+        return list(self.reduced.state_names)
 
     def until(self, count: int) -> Piece:
         """Return the piece with its first output times alone."""
