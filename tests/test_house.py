@@ -26,6 +26,7 @@ ORDER = (
     "report",
     "simulation",
     "places",
+    "studies",
     "dae",
     "view",
     "cli",

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import Functions, StartValues
     from lmoc.report.live import Live
     from lmoc.report.run import Run
+    from lmoc.studies.chart import Chart
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.equivalent import Equivalent
@@ -226,6 +227,34 @@ class DAE:
         )
         request = Request(options, parameters, initial, inputs, progress, self.timings)
         return simulation.simulate(self._session, request, Clock(listener))
+
+    def chart(
+        self,
+        solvers: str | Sequence[str] | None = None,
+        formulations: str | Sequence[str] | None = None,
+        rtols: Sequence[float] | None = None,
+        quick: bool = False,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+        points: int | None = None,
+        parameters: Mapping[str, Value] | None = None,
+        initial: Point | str | None = None,
+        inputs: Mapping[str, object] | None = None,
+        progress: Callable[[str, float], None] | None = None,
+    ) -> Chart:
+        """Return a chart of speed against accuracy; parameters and errors as of `lmoc.studies.chart.chart`.
+
+        Parameters
+        ----------
+        start, stop, points, parameters, initial, inputs : of the run, as in `simulate`
+        progress : called with what is being done and the share of the work behind it
+        """
+        from lmoc.numerics.options import RunOptions
+        from lmoc.studies.chart import chart
+
+        request = Request(RunOptions(start, stop, points), parameters, initial, inputs)
+        return chart(self._session, request, solvers, formulations, rtols, quick, progress)
 
     def live(
         self,
