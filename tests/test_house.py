@@ -24,11 +24,13 @@ ORDER = (
     "pipeline",
     "session",
     "report",
+    "view",
+    "run",
+    "live",
     "simulation",
     "places",
     "studies",
     "dae",
-    "view",
     "cli",
 )
 # Circles that are still to be opened.

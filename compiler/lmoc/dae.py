@@ -25,9 +25,9 @@ from lmoc.simulation import Request
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.live import Live
     from lmoc.numerics.evaluate.functions import Functions, StartValues
-    from lmoc.report.live import Live
-    from lmoc.report.run import Run
+    from lmoc.run import Run
     from lmoc.studies.chart import Chart
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
@@ -276,7 +276,7 @@ class DAE:
         ModelError
             As `simulate` does at its start.
         """
-        from lmoc.report.live import Live
+        from lmoc.live import Live
 
         start = (self.flat.experiment.start or 0.0) if start is None else start
         options = {"parameters": parameters, "rtol": rtol, "energy": False}

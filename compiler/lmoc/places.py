@@ -7,7 +7,7 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 from lmoc.ir.prepared import Prepared
-from lmoc.report.run import Run
+from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
 

@@ -18,7 +18,7 @@ from lmoc.session import Session
 if TYPE_CHECKING:
     from lmoc.numerics.observe.trajectory import Trajectory
     from lmoc.numerics.options import RunOptions
-    from lmoc.report.run import Run
+    from lmoc.run import Run
     from lmoc.symbolic.places import Point
 
 
@@ -84,7 +84,7 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
     check_parameters(session.flat, prepared.values, report)
     report.check()
     with clock.stage("lower"):
-        import lmoc.report.run  # noqa: F401  (the time of its import belongs here, not to the simulation)
+        import lmoc.run  # noqa: F401  (the time of its import belongs here, not to the simulation)
 
         session.simulator(prepared.reduced)
 
@@ -129,7 +129,7 @@ def _as_run(
     broke_off: float | None,
 ) -> Run:
     """Return what a user holds of a trajectory: with all notes, timings, and the way to more output times."""
-    from lmoc.report.run import Run
+    from lmoc.run import Run
 
     def again(times: np.ndarray) -> Run:
         finer = replace(request.options, stop=None, points=None, times=times)

@@ -21,7 +21,7 @@ from lmoc.cli.arguments import (
 from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 
 if TYPE_CHECKING:
-    from lmoc.report.run import Run
+    from lmoc.run import Run
 
 FAILED_RUN = 3
 

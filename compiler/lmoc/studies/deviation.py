@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.numerics.observe.event import Event
-from lmoc.report.run import Run
+from lmoc.run import Run
 
 _LEAST_MARGIN = 1e-12  # of the span, about an instant at which two runs have the same event
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
-from lmoc.report.run import Run
+from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
 from lmoc.studies.deviation import Signals, deviation, signals_of

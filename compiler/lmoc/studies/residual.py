@@ -6,7 +6,7 @@ import numpy as np
 
 from lmoc.expression.dag import Expr, slots
 from lmoc.expression.evaluate import evaluate
-from lmoc.report.run import Run
+from lmoc.run import Run
 from lmoc.support.distinct import distinct
 
 _TIMES = 25  # at which the equations are looked at

@@ -29,7 +29,7 @@ from lmoc.numerics.signals.signals import Constant, bind_signals
 from lmoc.numerics.sizes import assumed_sizes
 
 if TYPE_CHECKING:
-    from lmoc.report.run import Run
+    from lmoc.run import Run
 
 
 _SAME = 1e-9  # what a variable changes by that does not depend on a state
