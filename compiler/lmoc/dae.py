@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.places import Point
     from lmoc.symbolic.system import SymbolicSystem
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
+    from lmoc.view.drawing import Drawing
 
 
 def compile(
@@ -416,6 +417,35 @@ class DAE:
         A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
         """
         return self._session.for_derivation(parameters, clock)
+
+    # ---------------------------------------------------------------------- pictures
+
+    def draw(self, path: str | Path | None = None, parameters: Mapping[str, Value] | None = None) -> Drawing:
+        """Draw the scene: a schematic of what moves along lines and turns, mechanisms of the plane where they start.
+
+        Parameters
+        ----------
+        path : where to write it (.svg, .png, .pdf), if anywhere
+        parameters : {name: value} for this picture only
+
+        Raises
+        ------
+        ModelError
+            E0623, E0624: the picture cannot be written. A mechanism of the plane has no consistent start.
+        """
+        from lmoc.view.drawing import Drawing
+        from lmoc.view.scene.compose import picture_of
+
+        prepared = self.prepare(parameters)
+        drawing = Drawing(picture_of(prepared.flat, prepared.values, lambda: self.at_start(parameters)))
+        if path is not None:
+            drawing.save(path)
+        return drawing
+
+    def at_start(self, parameters: Mapping[str, Value] | None = None) -> Callable[[str], float]:
+        """Return what gives the value of a variable, by its name, where a run starts."""
+        run = self.simulate(times=[self.flat.experiment.start or 0.0], parameters=parameters, energy=False)
+        return lambda name: float(run[name][0])
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process."""

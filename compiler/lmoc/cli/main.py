@@ -28,6 +28,7 @@ VERBS = {
     "transfer": "transfer function from an input to an output",
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
     "chart": "speed against accuracy of methods and tolerances",
+    "draw": "draw a scene",
     "fmt": "put a file into the standard layout",
     "explain": "what a diagnostic code means",
 }
