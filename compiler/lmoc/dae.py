@@ -353,10 +353,11 @@ class DAE:
         return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
-        """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`."""
-        from lmoc.symbolic.interface import equilibria
+        """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`.
 
-        return equilibria(self.prepare(parameters), inputs)
+        Of a scene with laws each says which of them are closed, and what friction may hold (`Equilibrium.laws`).
+        """
+        return self._session.equilibria(self.prepare(parameters), inputs)
 
     def linearize(
         self,
@@ -377,7 +378,7 @@ class DAE:
         from lmoc.places import place
         from lmoc.symbolic.interface import linearize
 
-        prepared, point = place(self._session, at, parameters)
+        prepared, point = place(self._session, at, parameters, inputs)
         return linearize(prepared, point, symbolic, inputs, outputs)
 
     def transfer_function(

@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from lmoc.numerics.signals.signals import Signal
     from lmoc.numerics.simulate import Simulator
     from lmoc.numerics.task import Progress
+    from lmoc.symbolic.equilibria import Equilibria
+    from lmoc.symbolic.laws.modes import Lawful
 
+REFUSED_STATE = "E0406"  # something that was asked for cannot be a state
 _MODEL = ()  # the key of the coordinates that the model and the user prefer
 
 
@@ -96,6 +99,31 @@ class Session:
         flat, values = as_written(prepared.flat, prepared.values, held)
         reduced = pipeline.reduce(flat, values, self.scene.states, clock or Clock())
         return Prepared(flat, reduced, values, prepared.notes)
+
+    def equilibria(self, prepared: Prepared, inputs: Mapping[str, Any] | None) -> Equilibria:
+        """Return the states of rest of what is prepared for derivations, with or without laws."""
+        from lmoc.symbolic.interface import equilibria
+        from lmoc.symbolic.laws.rest import equilibria_with_laws
+
+        if prepared.flat.laws:
+            return equilibria_with_laws(self.lawful(prepared), inputs)
+        return equilibria(prepared, inputs)
+
+    def lawful(self, prepared: Prepared) -> Lawful:
+        """Return a scene with laws for derivations, in which each mode has a reduction of its own."""
+        from lmoc.symbolic.laws.modes import Lawful
+
+        return Lawful(prepared, self._reduced_in_mode)
+
+    def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray) -> Reduced:
+        """Return the reduction of one mode; states that were asked for are those of the scene with all laws open."""
+        asked = self.scene.states
+        try:
+            return pipeline.reduce(flat, values, asked, Clock())
+        except ModelError as error:
+            if not asked or {d.code for d in error.diagnostics} != {REFUSED_STATE}:
+                raise
+        return pipeline.reduce(flat, values, None, Clock())
 
     def _resizes(self, name: str, value: Value) -> bool:
         """Return whether an array is given that is longer or shorter than that of the model: its size may be open."""

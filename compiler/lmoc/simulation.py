@@ -116,7 +116,9 @@ def _start_values(session: Session, request: Request) -> Mapping[str, float] | N
         return initial
     start = request.options.start
     begin = (session.flat.experiment.start or 0.0) if start is None else start
-    return start_values(session.for_derivation(request.parameters), initial, request.inputs, begin)
+    return start_values(
+        session.for_derivation(request.parameters), initial, request.inputs, begin, session.equilibria
+    )
 
 
 def _as_run(

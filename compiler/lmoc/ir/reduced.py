@@ -139,6 +139,7 @@ class Reduced:
     counts: dict[str, int] = field(default_factory=dict)
     nearby: np.ndarray | None = None
     switched: Switched | None = None
+    lawful: FlatDAE | None = None  # of a switched form: the flat model with its laws
     constraints: Constraints | None = None
     block_guess: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0)))
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))

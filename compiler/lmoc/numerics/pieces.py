@@ -120,7 +120,8 @@ class _Run:
         self._note_changes()
         notes = tuple(dict.fromkeys((*self.pieces[0].observer.plan.notes, *self.report.diagnostics)))
         last = outcome.time, outcome.x
-        run = Trajectory(tuple(self.pieces), self.variables, last, stats, self._records(), notes)
+        crossing = None if self.happenings is None else self.happenings.crossing
+        run = Trajectory(tuple(self.pieces), self.variables, last, stats, self._records(), notes, crossing)
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             raise failure(self._explain(outcome), outcome.time, run)
@@ -181,6 +182,7 @@ class _Run:
         old, now = self.stretch, self.happenings
         observer = Observer(old.plan, self.task.values, now.base(), now.signals)
         self.stretch = Stretch(observer, old.system, time, self.task.span.times, old.reached, self.variables)
+        self.stretch.mode = now.mode
         old.system.prepare(observer.base, now.signals)
 
     def _behind(self, outcome: Outcome) -> np.ndarray | None:

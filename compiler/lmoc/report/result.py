@@ -134,8 +134,8 @@ class Result:
         return self.trajectory.coordinates
 
     @property
-    def modes(self) -> list[tuple[float, object]]:
-        """From when on which laws have been active: one entry, or more where they switched."""
+    def modes(self) -> list[tuple[float, dict[str, str]]]:
+        """From when on the laws have been in which mode, {law name: mode}: one entry, or more where they switched."""
         return self.trajectory.modes
 
     @property

@@ -87,6 +87,9 @@ class Hybrid:
         machine, events = self.machine, self.layout.events
         if isinstance(initial, End):
             machine.v[events.discrete] = initial.values[events.discrete]
+            self._flag(events.terminal, 0.0)
+            if initial.crossing is not None:
+                machine.crossing = initial.crossing
             machine.push()
             x = states(machine.base)
         else:
@@ -98,7 +101,8 @@ class Hybrid:
             x = self._first(states)
         machine.literal = False
         machine.remember()
-        self.next = next_time(machine, self.begin, include=True)
+        done = isinstance(initial, End) and abs(initial.time - self.begin) <= near_to(self.begin)
+        self.next = next_time(machine, self.begin, include=not done)
         if self.next <= self.begin + near_to(self.begin):
             return self._event(self.begin, x, "time")
         return x

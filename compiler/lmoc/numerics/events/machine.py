@@ -250,6 +250,16 @@ class Machine:
         self.margin[zeros] = ROUNDING * self.largest[zeros]
         self.largest[zeros] = 0.0
 
+    @property
+    def crossing(self) -> np.ndarray:
+        """(2, zeros) the margins of functions that have just crossed zero, and their largest magnitudes since."""
+        return np.stack([self.margin, self.largest])
+
+    @crossing.setter
+    def crossing(self, value: np.ndarray) -> None:
+        if value.shape == (2, len(self.margin)):  # else the functions are others
+            self.margin, self.largest = value[0].copy(), value[1].copy()
+
     def signs(self) -> np.ndarray:
         """Return the sides on which the root functions stand, ±1."""
         layout = self.layout

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import NONE, Laws, Switched
+from lmoc.ir.law import NONE, Switched
+from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.integrate.base import Roots
 from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
@@ -25,7 +25,6 @@ NEAR = 1e-12  # values below this share of their terms are zero up to rounding a
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share
 OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
 OVERLAP_ROUNDING = 1e-12  # … and by more than what start values may be wrong by that are differences
-MODE_NAMES = {"release": "open", "unlock": "unlocked", "lock": "locked"}  # where they differ from those of the events
 
 
 class LawSwitching:
@@ -45,7 +44,7 @@ class LawSwitching:
         self.gauge = Gauge(plan, values, base, signals)
         self.now: Instant | None = None  # where the present piece begins
         self.mode = free_mode(self.gauge.table)
-        self.laws = _rows(plan.reduced.flat, self.gauge.form.laws)
+        self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.slice = slice_of(plan, _registers(self.gauge))
         self.limits = self.gauge.known[4]
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
@@ -111,6 +110,23 @@ class LawSwitching:
         n = len(self.mode.closed)
         nothing = np.zeros(n, bool)
         return self._take(t, x, Trigger(nothing, nothing, np.zeros(n, int)), at_start=True)
+
+    def resume(
+        self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]
+    ) -> tuple[Array, list[Event]]:
+        """Return the state with which a run goes on in the mode in which another one has ended, as `start`.
+
+        Where that mode does not hold with the present parameters and inputs, the next one is found as at an event.
+
+        Parameters
+        ----------
+        base, signals : with the mode
+        """
+        self.now = self.gauge.at(t, x)
+        values = self.roots(t, x, base, signals).values(np.array([t]), x[None])[0]
+        if (values >= -NEAR).all():
+            return x, []
+        return self.happen(t, x, np.zeros(len(values), bool))
 
     def happen(self, t: float, x: Array, which: NDArray[np.bool_]) -> tuple[Array, list[Event]]:
         """Return the state behind an instant at which root functions vanish, and what happened."""
@@ -180,8 +196,8 @@ class LawSwitching:
                     time,
                     name,
                     kind,
-                    _mode_name(laws, was),
-                    _mode_name(laws, now),
+                    mode_word(laws, was),
+                    mode_word(laws, now),
                     float(found.impulse[k]),
                     float(found.lost[k]),
                     f"{found.impact_law}'s law" if found.impulse[k] else "",
@@ -194,23 +210,6 @@ def all_open(form: Switched) -> dict[int, Signal]:
     """Return the values with which all laws are open and give no force, by flat variables."""
     held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
     return {int(v): Constant(0.0) for v in held}
-
-
-def _mode_name(laws: Laws, closed: bool) -> str:
-    word = laws.closing if closed else laws.opening
-    return MODE_NAMES.get(word, word)
-
-
-def _rows(flat: FlatDAE, groups: tuple[Laws, ...]) -> list[tuple[str, Laws]]:
-    """Return the name of each law's part, and its group."""
-    return [(_owner(flat, int(v)), g) for g in groups for v in g.force]
-
-
-def _owner(flat: FlatDAE, force: int) -> str:
-    """Return the name of the part that has a force; that of the force itself at the top of the model."""
-    name = flat.variable_name(force)
-    own = flat.block_at(force).path[-1][0]  # of an argument that is an expression, with dots of its own
-    return name[: name.rindex(own)].rstrip(".") or name
 
 
 def _registers(gauge: Gauge) -> NDArray[np.int64]:
