@@ -8,11 +8,13 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.view.scene import symbols
-from lmoc.view.scene.block import Block
+from lmoc.view.scene.attached import attach
+from lmoc.view.scene.block import Block, packed
 from lmoc.view.scene.elements import Graph, graph_of
 from lmoc.view.scene.names import Names, shortened, symbol
 from lmoc.view.scene.picture import End, Picture
-from lmoc.view.scene.schematic import Schematic, gravity_arrow, style_of
+from lmoc.view.scene.planar import draw_plane, finish, is_planar
+from lmoc.view.scene.schematic import GAP, WIDTH, Schematic, gravity_arrow, style_of
 from lmoc.view.scene.strips import BODIES
 
 Values = Callable[[str], float]  # from a dotted name
@@ -33,7 +35,18 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     names = Names(graph)
     if not graph.elements:
         return without_parts(flat)
-    block = Schematic(graph, graph.elements, style_of(graph, names)).block()
+    style = style_of(graph, names)
+    rest = [e for e in graph.elements if not is_planar(e)]
+    blocks = []
+    if len(rest) < len(graph.elements):
+        if start is None:
+            raise ValueError("a mechanism of the plane is drawn where it starts: `start` is needed")
+        plane = draw_plane(graph, names, start())
+        rest = attach(plane, rest)
+        blocks.append(finish(plane))
+    if rest:
+        blocks.append(Schematic(graph, rest, style).block())
+    block = packed([b for b in blocks if b.items], WIDTH, GAP)
     if gravity := gravity_name(graph, names):
         block = gravity_arrow(block, gravity)
     return finished(block, flat.description or flat.name)
@@ -50,6 +63,11 @@ def gravity_name(graph: Graph, names: Names) -> str:
     for element in graph.elements:
         if element.symbol in BODIES and graph.value(element, "g", 0.0):
             return names.parameter(element, "g") or symbol("g")
+    if any(e.symbol in ("particle", "body", "bar") and is_planar(e) for e in graph.elements):
+        for block in graph.flat.blocks:
+            world = graph.flat.parts[block.part].class_name.endswith("Planar.World")
+            if world and block.path[-1][0] == "g" and graph.values[block.offset] != 0:
+                return symbol("g")
     return ""
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK = {"ink": "#1b1b1b", "muted": "#888888", "force": "#c2410c", "string": "#8a6d3b", "accent": "#0072b2"}
-FILL = {"body": "#d2dfed", "ground": "#d4d4d4", "paper": "#ffffff"}
+FILL = {"body": (0.357, 0.553, 0.749, 0.28), "ground": (0.53, 0.53, 0.53, 0.35), "paper": "#ffffff"}
 POINT = 72.0 / 96.0  # pt per px
 
 

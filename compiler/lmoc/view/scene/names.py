@@ -13,6 +13,7 @@ from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.text import escaped
 
 MOST_ROWS = 1000  # of a group of equations in which names are looked for
+CAPITALS = dict(zip("Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega".split(), "ΓΔΘΛΞΠΣΦΨΩ", strict=True))
 LONGEST = 28  # characters of a name that is shown in full
 
 
@@ -21,10 +22,10 @@ def symbol(name: str) -> str:
     if "." in name or "[" in name:
         return shortened(name)
     _, word, digits, index = split_name(name)
-    letter = GREEK.get(word, word)
+    letter = GREEK.get(word) or CAPITALS.get(word, word)
     below = digits or GREEK.get(index, index)
     if not below:
-        return letter if word in GREEK else shortened(name)
+        return letter if letter != word else shortened(name)
     if len(letter) > 3:
         return shortened(name)
     return f"{escaped(letter)}_{{{escaped(below)}}}" if "{" not in below and "}" not in below else shortened(name)

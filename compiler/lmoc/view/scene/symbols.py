@@ -6,6 +6,7 @@ Elements with two ends take the two `End`s; everything else stands at one. Sizes
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import ceil, cos, hypot, pi, sin
 
 from lmoc.ir.look import Drawn
@@ -77,6 +78,15 @@ def damper(part: str, a: End, b: End, symbol: str = "damper", variables: dict | 
         Path(((1, rear, 0), (1, 0, 0))),
     )
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
+
+
+def spring_damper(part: str, a: End, b: End) -> Item:
+    """A spring and a damper side by side."""
+    sides = []
+    for made, y in ((spring(part, a, b), -10.0), (damper(part, a, b), 11.0)):
+        sides += [replace(s, vertices=tuple((f, u, v + y) for f, u, v in s.vertices)) for s in made.shapes]
+    bars = (path((0, -10), (0, 11)), Path(((1, 0, -10), (1, 0, 11))))
+    return Item("spring-damper", part, (a, b), (*sides, *bars))
 
 
 def friction(part: str, a: End, b: End, symbol: str = "friction", variables: dict | None = None) -> Item:
@@ -336,6 +346,33 @@ def pivot(part: str, at: End, direction: tuple[float, float] = (0.0, 1.0), symbo
         Circle((0, 0, 0), 3.0, "paper"),
     )
     return Item(symbol, part, (at,), shapes)
+
+
+def convex_hull(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the corners of the convex hull of points, in order (Andrew, Information Processing Letters 9, 1979)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+
+    def half(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        found: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(found) > 1 and _turn(found[-2], found[-1], p) <= 1e-9:
+                found.pop()
+            found.append(p)
+        return found[:-1]
+
+    return half(ordered) + half(ordered[::-1])
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def rounded(corners: Sequence[tuple[float, float]], radius: float) -> list[tuple[float, float]]:
+    """Return the outline of everything within a distance of a convex polygon."""
+    around = [(radius * cos(2 * pi * k / 24), radius * sin(2 * pi * k / 24)) for k in range(24)]
+    return convex_hull([(x + dx, y + dy) for x, y in corners for dx, dy in around])
 
 
 def widest(texts: Sequence[str], size: float = FONT) -> float:
