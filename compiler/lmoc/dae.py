@@ -67,6 +67,27 @@ def compile(
     return compile_source(file, model, parameters, states, path, listener)
 
 
+def compile_or_recall(
+    file: str,
+    model: str | None = None,
+    parameters: Mapping[str, Value] | None = None,
+    states: str | Sequence[str] | None = None,
+    path: str | Path | Sequence[str | Path] | None = None,
+    *,
+    listener: Callable[[str], None] | None = None,
+) -> DAE:
+    """Return what `compile` does for a file, without compiling again where nothing it depends on has changed.
+
+    For a process that runs a scene once. What is kept between processes holds for the given parameters alone: to
+    change them afterwards costs a reduction more than after `compile`.
+    """
+    check_mappings(parameters=parameters)
+    clock = Clock(listener)
+    scene = Scene((), model, dict(parameters or {}), names_of(states), path)
+    flat, reduced, scene = pipeline.recalled_or_compiled(file, scene, clock)
+    return DAE(scene, flat, clock, reduced)
+
+
 def compile_text(
     text: str,
     name: str = "model.lmo",
@@ -109,9 +130,9 @@ class DAE:
     timings : {stage: seconds}
     """
 
-    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None):
+    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None, reduced: Reduced | None = None):
         clock = clock or Clock()
-        self._session = Session(scene, flat, clock)
+        self._session = Session(scene, flat, clock, reduced)
         self.timings: dict[str, float] = clock.seconds
 
     @property

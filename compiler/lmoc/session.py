@@ -49,10 +49,10 @@ class Session:
         The reduction for these.
     """
 
-    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock) -> None:
+    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock, reduced: Reduced | None = None) -> None:
         self.scene, self.flat = scene, flat
         self.values = flat.parameter_values(indexed(flat, flat.overrides))
-        self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
+        self.reduced: Reduced = reduced or pipeline.reduce(flat, self.values, scene.states, clock)
         self._reductions: dict[tuple, list[Reduced | None]] = {_MODEL: [self.reduced]}  # by coordinates
         self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction

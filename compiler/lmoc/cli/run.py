@@ -79,10 +79,10 @@ def _check_choices(arguments: argparse.Namespace) -> None:
 
 def _simulate(arguments: argparse.Namespace) -> Run:
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile
+    from lmoc.dae import compile_or_recall
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(
+        dae = compile_or_recall(
             arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
             listener=progress.stage,
         )  # fmt: skip
