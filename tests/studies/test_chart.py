@@ -193,7 +193,7 @@ def test_seconds_for_people(seconds, text):
 def test_a_reference_that_cannot_be_trusted_recommends_no_more_digits_than_it_has():
     setting = Setting("dop853", "reduced", 1e-8)
     signals = Signals(("x",), np.zeros(1), np.zeros((1, 1)), ())
-    reference = Reference(signals, ("one", "two"), 3e-4, 0.1, False)
+    reference = Reference(signals, ("one", "two"), 3e-4)
     chart = Chart("M", (Point(setting, error=1e-9, seconds=1e-3),), reference)
     assert chart.recommendation.startswith("for 3 digits")
     assert "do not trust smaller errors" in str(chart)

@@ -18,7 +18,7 @@ from lmoc.simulation import Request
 from lmoc.studies.chart_text import save, table
 from lmoc.studies.findings import Findings
 from lmoc.studies.points import Measurement, Runner, Setting, steps_for
-from lmoc.studies.reference import Reference, make_reference
+from lmoc.studies.reference import Probe, make_reference, probe
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,6 +27,7 @@ _RTOLS = tuple(10.0**-k for k in range(3, 11))
 _QUICK_RTOLS = 1e-3, 1e-5, 1e-7, 1e-9
 _QUICK = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
 _STEPS, _QUICK_STEPS = 6, 3  # lengths of fixed steps
+_QUICK_RUN = 0.04  # s, that a run by `auto` may take in a quick chart; of a longer one only the beginning is charted
 
 Told = Callable[[str, float], None]
 
@@ -50,7 +51,7 @@ class Budget:
 
 
 _BUDGET = Budget(total=300.0, reference=60.0, run=20.0, repeats=5)
-_QUICK_BUDGET = Budget(total=5.0, reference=2.0, run=0.5, repeats=3)
+_QUICK_BUDGET = Budget(total=5.0, reference=2.0, run=0.35, repeats=2)
 
 
 class Chart(Findings):
@@ -61,6 +62,7 @@ class Chart(Findings):
     name : of the model
     points : in the order of methods, and of tolerances from coarse to fine
     reference : what the errors are measured against
+    note : what else there is to say
     interrupted : it was broken off; what had been measured is there
     """
 
@@ -113,7 +115,7 @@ def chart(
     ModelError
         E0540, E0541, E0626: unknown solvers or formulations, impossible tolerances; what is wrong with the run.
     SimulationError
-        There is no reference.
+        There is no reference, or the run itself fails.
     """
     told = told or (lambda text, share: None)
     runner = Runner(session, request)
@@ -122,27 +124,33 @@ def chart(
     tolerances = sorted(set(_QUICK_RTOLS if quick else _RTOLS) if rtols is None else _tolerances(rtols), reverse=True)
     budget = _QUICK_BUDGET if quick else _BUDGET
     until = clock.thread_time() + budget.total
-    reference = make_reference(runner, budget.reference, told)
+    told("auto at rtol 1e-6", 0.0)
+    first, note = probe(runner, budget.reference), ""
+    if quick and first.seconds > _QUICK_RUN:
+        share = (first.reached - first.begin) / (first.end - first.begin) * _QUICK_RUN / first.seconds
+        runner = runner.until(first.begin + share * (first.end - first.begin))
+        note = f"to be quick, only until {runner.span.end:.3g} s of {first.end:g} s"
+        first = probe(runner, budget.reference)
+    reference = make_reference(runner, first, budget.reference, told)
     chosen = solvers or (_QUICK if quick else SOLVERS)
     settings = [
-        _settings(solver, formulation, tolerances, reference, quick)
+        _settings(solver, formulation, tolerances, first, quick)
         for formulation in formulations or _formulations(session, quick)
         for solver in chosen
     ]
     measurement = Measurement(runner, reference.signals, budget.run, until, told)
     measurement.measure(settings, budget.repeats)
     points = (measurement.points.get(setting) for series in settings for setting in series)
-    return Chart(session.flat.name, tuple(p for p in points if p is not None), reference, measurement.interrupted)
+    return Chart(session.flat.name, tuple(p for p in points if p is not None), reference, note, measurement.interrupted)
 
 
 def _settings(
-    solver: str, formulation: str, tolerances: Sequence[float], reference: Reference, quick: bool
+    solver: str, formulation: str, tolerances: Sequence[float], first: Probe, quick: bool
 ) -> list[Setting]:
     """Return the points of one method, the coarsest first."""
     if solver not in FIXED_STEP:
         return [Setting(solver, formulation, rtol) for rtol in tolerances]
-    time = reference.signals.time
-    lengths = steps_for(float(time[-1] - time[0]), reference.typical_step, _QUICK_STEPS if quick else _STEPS)
+    lengths = steps_for(first.reached - first.begin, first.step, _QUICK_STEPS if quick else _STEPS)
     return [Setting(solver, formulation, math.nan, length) for length in lengths]
 
 

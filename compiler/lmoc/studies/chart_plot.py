@@ -148,8 +148,9 @@ def _band(axis: Axes, chart: Findings) -> None:
     edge = axis.get_xlim()[1]
     uncertainty = max(chart.reference.uncertainty, edge)
     axis.axvspan(uncertainty, edge, color="#000000", alpha=0.06, linewidth=0)
+    text = "\n".join(filter(None, [chart.note, f"not resolved: {chart.reference.text}"]))
     axis.annotate(
-        f"not resolved: {chart.reference.text}", (0.995, 0.01), xycoords="axes fraction", ha="right", va="bottom",
+        text, (0.995, 0.01), xycoords="axes fraction", ha="right", va="bottom",
         fontsize=7, color=GREY,
     )  # fmt: skip
 

@@ -20,6 +20,8 @@ _MOST_FAILURES = 12  # lines about runs that gave no result
 def table(chart: Findings) -> str:
     """Return the time that each method needs for so many digits, its failures, and one recommendation."""
     lines = [f"{chart.name}: speed against accuracy", f"  reference: {chart.reference.text}"]
+    if chart.note:
+        lines.append(f"  {chart.note}")
     if chart.reference.uncertainty > 1e-6:
         lines.append("  the reference itself has fewer than 6 digits: do not trust smaller errors")
     lines += ["", *_times(chart), "", *_failures(chart), chart.recommendation]
@@ -94,7 +96,8 @@ def as_data(chart: Findings) -> dict[str, object]:
     return plain(
         {
             "model": chart.name,
-            "reference": {"methods": reference.methods, "uncertainty": reference.uncertainty, "stiff": reference.stiff},
+            "reference": {"methods": reference.methods, "uncertainty": reference.uncertainty},
+            "note": chart.note,
             "signals": reference.signals.names,
             "recommendation": chart.recommendation,
             "points": chart.records(),

@@ -25,12 +25,14 @@ class Findings:
     name : of the model
     points : in the order of methods, and of tolerances from coarse to fine
     reference : what the errors are measured against
+    note : what else there is to say
     interrupted : it was broken off; what had been measured is there
     """
 
     name: str
     points: tuple[Point, ...]
     reference: Reference
+    note: str = ""
     interrupted: bool = False
 
     def to_dataframe(self):

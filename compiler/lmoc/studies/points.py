@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.numerics.options import Span
 from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
@@ -94,6 +95,16 @@ class Runner:
     def __init__(self, session: Session, request: Request) -> None:
         self.session, self.request = session, request
 
+    @property
+    def span(self) -> Span:
+        """Where the runs begin and end, and their output times."""
+        return self.request.options.span(self.session.flat.experiment)
+
+    def until(self, stop: float) -> Runner:
+        """Return what makes shorter runs, with as many output times."""
+        options = replace(self.request.options, stop=stop, points=len(self.span.times), times=None)
+        return Runner(self.session, replace(self.request, options=options))
+
     def run(self, setting: Setting, limit: float | None = None) -> tuple[Run, float]:
         """Return a run and the seconds that it took.
 
@@ -127,11 +138,11 @@ class Runner:
 
         Where it fails, so will the run itself, which tells why.
         """
-        options = self.request.options
-        span = options.span(self.session.flat.experiment)
-        short = replace(options, stop=None, points=None, times=[span.start + _SHORT * (span.end - span.start)])
+        span = self.span
+        short = [span.start + _SHORT * (span.end - span.start)]
+        options = replace(self.request.options, stop=None, points=None, times=short)
         try:
-            Runner(self.session, replace(self.request, options=short)).run(setting)
+            Runner(self.session, replace(self.request, options=options)).run(setting)
         except RunInterrupted:
             raise
         except (SimulationError, ModelError):

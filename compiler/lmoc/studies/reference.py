@@ -7,15 +7,38 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.numerics.integrate.status import Status
 from lmoc.studies.deviation import Signals, compared_names, deviation, signals_of
 from lmoc.studies.points import Runner, Setting
 
 # methods of different families, the most accurate first, with tolerances that double precision still allows
 _SMOOTH = (("dop853", 1e-13), ("taylor", 1e-13), ("gauss", 1e-13), ("adams", 1e-12), ("radau", 1e-12), ("cvode", 1e-12))
-_STIFF = (("gauss", 1e-12), ("radau", 1e-12), ("cvode", 1e-12), ("dop853", 1e-12))
+_STIFF = (("gauss", 1e-12), ("cvode", 1e-12), ("radau", 1e-11), ("dop853", 1e-12))
+_COARSER = 1.0, 1e3, 1e5  # factors on the tolerances, the next one where no two methods come to the end in time
 _AGREED = 1e-9  # below this no third method is asked
-_PATIENCE = 3.0  # times the seconds allowed, while there are no two
 _STIFF_SOLVERS = {"cvode", "ida", "radau"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Probe:
+    """A first run of a scene, by `auto` at a tolerance of 1e-6.
+
+    Attributes
+    ----------
+    names : what runs are compared by
+    begin, reached, end : s; it has been given up where it has not reached its end
+    seconds : of the processor, that it has taken
+    step : s, the mean length of its steps
+    stiff : `auto` has found the scene stiff
+    """
+
+    names: tuple[str, ...]
+    begin: float
+    reached: float
+    end: float
+    seconds: float
+    step: float
+    stiff: bool
 
 
 @dataclass(frozen=True)
@@ -27,15 +50,11 @@ class Reference:
     signals : of the better of the two methods
     methods : the two, as text
     uncertainty : their deviation from each other, in the units of the chart's errors; errors below are not resolved
-    typical_step : s, the mean step of `auto` at a tolerance of 1e-6
-    stiff : `auto` has found the scene stiff
     """
 
     signals: Signals
     methods: tuple[str, str]
     uncertainty: float
-    typical_step: float
-    stiff: bool
 
     @property
     def text(self) -> str:
@@ -43,55 +62,68 @@ class Reference:
         return f"{self.methods[0]} and {self.methods[1]} agree to {self.uncertainty:.1e}"
 
 
-def make_reference(runner: Runner, seconds: float, told: Callable[[str, float], None]) -> Reference:
-    """Return the reference of a scene.
-
-    Parameters
-    ----------
-    seconds : that it may take, about, and a single run of it
+def probe(runner: Runner, seconds: float) -> Probe:
+    """Run a scene once, for `seconds` at the most.
 
     Raises
     ------
     ModelError
         The scene cannot start.
     SimulationError
+        It fails.
+    """
+    setting = Setting("auto", "reduced", 1e-6)
+    runner.warm(setting)
+    begin = clock.thread_time()
+    try:
+        run, spent = runner.run(setting, seconds)
+        reached = float(run.time[-1])
+    except SimulationError as failure:
+        run, spent, reached = failure.partial, clock.thread_time() - begin, failure.time
+        if run is None or Status.TOO_LONG.value not in str(failure):
+            raise
+    span = runner.span
+    stiff = bool(_STIFF_SOLVERS & set(str(run.stats["solver"]).split(", ")))
+    step = (reached - span.start) / max(1, int(run.stats.get("steps", 1)))
+    return Probe(compared_names(run), span.start, reached, span.end, spent, step, stiff)
+
+
+def make_reference(runner: Runner, first: Probe, seconds: float, told: Callable[[str, float], None]) -> Reference:
+    """Return the reference of a scene.
+
+    Parameters
+    ----------
+    seconds : that a single run of it may take
+
+    Raises
+    ------
+    SimulationError
         No two methods come to its end in that time.
     """
-    told("auto at rtol 1e-6", 0.0)
-    try:
-        first, _ = runner.run(Setting("auto", "reduced", 1e-6), seconds)
-    except RunInterrupted:
-        raise
-    except SimulationError as failure:
-        raise _no_reference([f"auto at rtol 1e-6: {failure}"], failure.time) from failure
-    names, span = compared_names(first), float(first.time[-1] - first.time[0])
-    stiff = bool(_STIFF_SOLVERS & set(str(first.stats["solver"]).split(", ")))
-    found: list[tuple[str, Signals]] = []
     failures: list[str] = []
-    until = clock.thread_time() + seconds
-    for solver, rtol in _STIFF if stiff else _SMOOTH:
-        setting = Setting(solver, "reduced", rtol)
-        told(setting.text, 0.0)
-        if clock.thread_time() > (until if len(found) > 1 else until + _PATIENCE * seconds):
-            break
-        try:
-            runner.warm(setting)
-            run, _ = runner.run(setting, seconds)
-        except RunInterrupted:
-            raise
-        except (SimulationError, ModelError) as error:
-            failures.append(f"{setting.text}: {error}")
-            continue
-        if run.stats["solver"] != solver:  # another one has taken its place
-            continue
-        found.append((setting.text, signals_of(run, names)))
-        if len(found) > 1 and _closest(found)[2] < _AGREED:
-            break
-    if len(found) < 2:
-        raise _no_reference(failures, float(first.time[-1]))
-    better, other, uncertainty = _closest(found)
-    step = span / max(1, int(first.stats.get("steps", 1)))
-    return Reference(better[1], (better[0], other[0]), uncertainty, step, stiff)
+    for factor in _COARSER:
+        found: list[tuple[str, Signals]] = []
+        for solver, rtol in _STIFF if first.stiff else _SMOOTH:
+            setting = Setting(solver, "reduced", rtol * factor)
+            told(f"reference: {setting.text}", 0.0)
+            try:
+                runner.warm(setting)
+                run, _ = runner.run(setting, seconds)
+            except RunInterrupted:
+                raise
+            except (SimulationError, ModelError) as error:
+                failures.append(f"{setting.text}: {error}")
+                continue
+            if run.stats["solver"] != solver:  # another one has taken its place
+                continue
+            found.append((setting.text, signals_of(run, first.names)))
+            if len(found) > 2 or len(found) == 2 and _closest(found)[2] < _AGREED:
+                break
+        if len(found) > 1:
+            better, other, uncertainty = _closest(found)
+            return Reference(better[1], (better[0], other[0]), uncertainty)
+    message = "there is no reference to measure errors by, since no two methods come to the end of the run: "
+    raise SimulationError(message + "; ".join(failures), first.end, None)
 
 
 def _closest(found: list[tuple[str, Signals]]) -> tuple[tuple[str, Signals], tuple[str, Signals], float]:
@@ -100,8 +132,3 @@ def _closest(found: list[tuple[str, Signals]]) -> tuple[tuple[str, Signals], tup
     apart = [deviation(one[1], two[1]).largest for one, two in pairs]
     best = min(range(len(pairs)), key=apart.__getitem__)
     return *pairs[best], apart[best]
-
-
-def _no_reference(failures: list[str], time: float) -> SimulationError:
-    message = "there is no reference to measure errors by, since no two methods come to the end of the run: "
-    return SimulationError(message + "; ".join(failures), time, None)

@@ -27,6 +27,7 @@ _SAFETY, _SHORTER, _LONGER = 0.9, 0.2, 4.0
 _WORTHWHILE = 1.5  # factor by which a step must have been too short …
 _CALM = 50  # … for so many steps, until it grows
 _EXACT = 1e-13  # of the states: Newton's method goes on until then, since what it leaves drifts
+_ROUNDING = 1e-9  # of the states, that rounding may leave where the equations are stiff: no longer does it shrink
 _ITERATIONS, _SLOW = 15, 0.3
 _CLOSE = 1e-9  # of a step: a remainder that is no step of its own
 _ROUGH = 10.0  # tolerances by which the last two polynomials between the ends may differ
@@ -178,7 +179,7 @@ class Gauss(Integration):
             change = 2 * (table.TO_STAGES @ change).real
             z = z + change
             size = float((np.abs(change) / scale).max())
-            if size <= _EXACT or size >= last and last < 1e3 * _EXACT:  # rounding is what is left
+            if size <= _EXACT or size > last / 2 and last < _ROUNDING:
                 return z, table.INVERSE @ z / h
             if not size < 2 * last:
                 return None
