@@ -11,6 +11,7 @@ from lmoc.numerics.integrate.choice import table
 from lmoc.numerics.options import EITHER, FIXED_STEP, RunOptions
 from lmoc.numerics.simulate import Simulator, simulate
 
+WHOLE = ("collocation", "collocation-radau")  # casadi's, a run in one call
 METHODS = ("rk4", "midpoint", "verlet", "generalized-alpha")
 PENDULUM = """model P
   Real phi(start = 2, fixed = true), w(start = 0, fixed = true);
@@ -27,13 +28,15 @@ end B;"""
 
 
 @pytest.mark.parametrize(
-    ("solver", "order"), [("rk4", 4), ("midpoint", 2), ("verlet", 2), ("generalized-alpha", 2), ("gauss", 8)]
+    ("solver", "order"),
+    [("rk4", 4), ("midpoint", 2), ("verlet", 2), ("generalized-alpha", 2), ("gauss", 8),
+     ("collocation", 6), ("collocation-radau", 5)],
 )
 def test_the_error_falls_with_the_order(solver, order):
     run = Simulator(oscillator(c=0.0 if solver == "verlet" else 0.3).reduced()).run
-    times = np.linspace(0, 5, 8)  # not those of the steps
+    times = np.linspace(0, 5, 3 if solver in WHOLE else 8)  # not those of the steps but where these end at them
     exact = run(options=RunOptions(times=times, rtol=1e-13))["q"]
-    steps = (0.4, 0.2) if solver == "gauss" else (0.02, 0.01)
+    steps = {"gauss": (0.4, 0.2)}.get(solver, (0.1, 0.05) if solver in WHOLE else (0.02, 0.01))
     errors = [np.abs(run(options=RunOptions(solver=solver, step=h, times=times))["q"] - exact).max() for h in steps]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15 * order)
 
@@ -119,6 +122,12 @@ def test_steps_whose_equations_are_not_solved(solver):
     text = "model M Real x(start = 5, fixed = true); equation der(x) = x^2; end M;"
     with pytest.raises(SimulationError, match="Newton's method does not solve the equations of a step of this length"):
         lmoc.compile_text(text).simulate(stop=2, solver=solver, step=1.0)
+
+
+@pytest.mark.parametrize("solver", WHOLE)
+def test_casadi_refuses_what_it_cannot_take(solver):
+    with pytest.raises(ModelError, match="casadi integrates small smooth scenes only, without events"):
+        lmoc.compile_text(BALL).simulate(stop=2, solver=solver, step=0.01)
 
 
 @pytest.mark.parametrize("solver", [*METHODS, "gauss"])

@@ -10,7 +10,7 @@ import lmoc
 from lmoc.cli.chart import tolerances
 from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError, SimulationError
-from lmoc.studies import points
+from lmoc.studies import points, reference
 from lmoc.studies.chart import Chart
 from lmoc.studies.chart_plot import spread
 from lmoc.studies.deviation import Signals, deviation
@@ -100,7 +100,7 @@ def test_failures_are_points_with_their_reason(tmp_path):
 
 def test_a_scene_that_no_method_finishes():
     dae = lmoc.compile_text("model M Real x(start = 1, fixed = true); equation der(x) = x^2; end M;")
-    with pytest.raises(SimulationError, match="there is no reference to measure errors by"):
+    with pytest.raises(SimulationError, match="the run stopped at t = 1 s of 2 s"):
         dae.chart(["dop853"], quick=True, stop=2.0)
     assert dae.chart(["dop853"], rtols=[1e-6], quick=True, stop=0.5).points[0].ok
 
@@ -111,6 +111,12 @@ def test_impacts_that_come_a_little_late_do_not_count_as_errors_of_the_velocity(
     chart = lmoc.compile_text(text).chart(["dop853", "cvode"], rtols=[1e-6], quick=True, stop=1.5, points=2001)
     assert [p.events for p in chart.points] == [2, 2]
     assert all(p.error < 1e-3 for p in chart.points)
+
+
+def test_a_reference_takes_two_methods(monkeypatch):
+    monkeypatch.setattr(reference, "_SMOOTH", (("dop853", 1e-13),))
+    with pytest.raises(SimulationError, match="there is no reference to measure errors by"):
+        lmoc.compile_text(OSCILLATOR).chart(["dop853"], quick=True)
 
 
 @pytest.mark.parametrize(
@@ -193,8 +199,8 @@ def test_seconds_for_people(seconds, text):
 def test_a_reference_that_cannot_be_trusted_recommends_no_more_digits_than_it_has():
     setting = Setting("dop853", "reduced", 1e-8)
     signals = Signals(("x",), np.zeros(1), np.zeros((1, 1)), ())
-    reference = Reference(signals, ("one", "two"), 3e-4)
-    chart = Chart("M", (Point(setting, error=1e-9, seconds=1e-3),), reference)
+    doubtful = Reference(signals, ("one", "two"), 3e-4)
+    chart = Chart("M", (Point(setting, error=1e-9, seconds=1e-3),), doubtful)
     assert chart.recommendation.startswith("for 3 digits")
     assert "do not trust smaller errors" in str(chart)
 

@@ -37,7 +37,7 @@ def configure(parser: Parser) -> None:
     add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
     add("--max-step", type=positive, metavar="S", help="longest step of the integrator (no limit)")
     add("--step", type=positive, metavar="S",
-        help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}, gauss")  # fmt: skip
+        help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}; gauss")  # fmt: skip
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
     add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
     add("--keep", metavar="NAME", action="append",

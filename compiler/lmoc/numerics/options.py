@@ -10,8 +10,9 @@ import numpy as np
 from lmoc.ir.flat import Experiment
 from lmoc.messages.diagnostics import nearest
 
-ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau", "gauss")
-FIXED_STEP = ("rk4", "midpoint", "verlet", "generalized-alpha")  # all steps have the same length, the option `step`
+ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss")
+# all steps have the same length, the option `step`
+FIXED_STEP = ("rk4", "midpoint", "verlet", "generalized-alpha", "collocation", "collocation-radau")
 EITHER = ("gauss",)  # takes the length of its steps, or chooses it
 SOLVERS = ADAPTIVE + FIXED_STEP
 # names of methods elsewhere, and what does the same here
@@ -19,13 +20,13 @@ ALSO_KNOWN_AS = {
     "dop853": "ode45 ode23 ode78 ode89 rk45 rk23 rkf45 dopri5 dopri tsit5 vern7 rungekutta euler",
     "adams": "ode113 vode abm",
     "cvode": "ode15s bdf cvodes_bdf lsode gear",
-    "ida": "dassl daspk dae15i ode15i idas",
+    "ida": "dassl daspk dae15i ode15i",
     "radau": "radauiia radau5 radauii ode23s ode23t ode23tb esdirk rodas",
     "auto": "lsoda automatic default",
     "verlet": "leapfrog stormer stormerverlet velocityverlet symplectic semiimpliciteuler",
     "midpoint": "implicitmidpoint trapezoidal cranknicolson",
     "generalized-alpha": "alpha galpha genalpha generalizedalpha hht hhtalpha newmark newmarkbeta",
-    "gauss": "gausslegendre collocation irk",
+    "gauss": "gausslegendre irk",
 }
 FORMULATIONS = ("reduced",)
 _STEPS = 1000  # of a run with steps of equal length, where nobody says

@@ -19,8 +19,8 @@ from lmoc.numerics.integrate.base import Outcome, Problem, Properties
 from lmoc.numerics.integrate.status import NotFound, Status, Unsuitable
 
 NAMES = (
-    "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau", "gauss", "rk4", "midpoint", "verlet",
-    "generalized-alpha",
+    "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss", "rk4", "midpoint", "verlet",
+    "generalized-alpha", "collocation", "collocation-radau",
 )  # fmt: skip
 
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
@@ -42,24 +42,32 @@ def _module(name: str):
 def integrate(problem: Problem, name: str) -> Outcome:
     """Integrate with one method.
 
-    Where casadi's CVODES does not serve, that of SUNDIALS does, and DOP853 where there is no Taylor series.
+    Where an integrator of casadi does not serve, that of SUNDIALS does, and DOP853 where there is no Taylor series.
 
     Raises
     ------
     NotFound
         The library that it comes from is not at hand.
+    Unsuitable
+        The method does not apply to the scene, and no other is of its kind.
     """
-    if name == "taylor":
-        method = _module(name).begin(problem)
-        if method is None:
-            return replace(loop.integrate(problem, _module("dop853").begin(problem)), solver="dop853")
-        return loop.integrate(problem, method)
-    if name != "cvodes":
-        return loop.integrate(problem, _module(name).begin(problem))
-    outcome = _module(name).integrate(problem)
-    if outcome is not None:
-        return outcome
-    return replace(loop.integrate(problem, _module("cvode").begin(problem)), solver="cvode")
+    module = _module(name)
+    if hasattr(module, "begin"):
+        method = module.begin(problem)
+        if method is not None:
+            return loop.integrate(problem, method)
+        instead = "dop853"
+    else:  # a whole run in one call
+        outcome = module.integrate(problem)
+        if outcome is not None:
+            return outcome
+        instead = getattr(module, "INSTEAD", None)
+        if instead is None:
+            reason = (
+                "casadi integrates small smooth scenes only, without events, and has not taken this run or has failed"
+            )
+            raise Unsuitable(reason, "gauss and radau take all scenes")
+    return replace(loop.integrate(problem, _module(instead).begin(problem)), solver=instead)
 
 
 def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
@@ -80,8 +88,9 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
         message = f"solver '{solver}' cannot be used: the SUNDIALS libraries of scikit-sundae were not found"
         raise ModelError([Diagnostic("E0540", message, hint="dop853 and radau do without them")]) from error
     except Unsuitable as error:
-        message, hint = f"solver '{solver}' cannot be used: {error}", "midpoint and gauss are symplectic as well"
-        raise ModelError([Diagnostic("E0540", message, hint=hint)]) from error
+        raise ModelError(
+            [Diagnostic("E0540", f"solver '{solver}' cannot be used: {error}", hint=error.hint)]
+        ) from error
     return outcome, {"solver": ", ".join(used.solvers), "reason": used.reason}
 
 

@@ -48,4 +48,8 @@ class NotFound(Exception):
 
 
 class Unsuitable(Exception):
-    """A method does not apply to a scene; the text says why."""
+    """A method does not apply to a scene: why, and what does."""
+
+    def __init__(self, reason: str, hint: str) -> None:
+        super().__init__(reason)
+        self.hint = hint

@@ -83,7 +83,7 @@ def separated(system: System, t: float, x: np.ndarray, size: np.ndarray) -> np.n
             i = waiting.pop()
             for j in neighbours[i]:
                 if group[j] == group[i]:
-                    raise Unsuitable(_why(system, i, j, bool(((which == i) & (on == j)).any())))
+                    raise _inseparable(system, i, j, bool(((which == i) & (on == j)).any()))
                 if not group[j]:
                     group[j] = -group[i]
                     waiting.append(j)
@@ -105,10 +105,9 @@ def _dependences(system: System, t: float, x: np.ndarray, size: np.ndarray) -> t
     return rows[there], columns[there]
 
 
-def _why(system: System, i: int, j: int, forward: bool) -> str:
+def _inseparable(system: System, i: int, j: int, forward: bool) -> Unsuitable:
     i, j = (i, j) if forward else (j, i)
     names = system.plan.reduced.state_names
-    return (
-        "the scene is not separable into positions and velocities: "
-        f"der({names[i]}) depends on {'itself' if i == j else names[j]}"
-    )
+    dependence = f"der({names[i]}) depends on {'itself' if i == j else names[j]}"
+    reason = f"the scene is not separable into positions and velocities: {dependence}"
+    return Unsuitable(reason, "midpoint and gauss are symplectic as well")
