@@ -24,12 +24,6 @@ ORDER = (
     "pipeline",
     "session",
     "report",
-    "view",
-    "run",
-    "live",
-    "simulation",
-    "places",
-    "studies",
     "dae",
     "cli",
 )

@@ -41,9 +41,9 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
     ----------
     root : Expr
     column : callable
-        The content of a slot.
+        What stands in a slot.
     time : expression, optional
-        The symbol of time; ``Symbol("time")`` without it.
+        What stands for time; ``Symbol("time")`` without it.
 
     Returns
     -------

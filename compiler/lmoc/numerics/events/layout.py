@@ -25,7 +25,7 @@ class Timed:
     offset: Expr
 
 
-class EventLayout:
+class Layout:
     """The tables, made once for a plan.
 
     Attributes

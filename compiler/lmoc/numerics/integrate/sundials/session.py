@@ -45,7 +45,7 @@ class Session(ABC):
 
     Attributes
     ----------
-    t, x : the current point
+    t, x : where it stands
     """
 
     name: str  # with which SUNDIALS' functions begin
