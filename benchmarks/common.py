@@ -19,18 +19,21 @@ def machine() -> dict[str, str]:
     """Processor, cores, system and versions: what a figure means without."""
     from importlib.metadata import version
 
+    from lmoc import __version__
+
     processor = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         processor = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         pass
-    packages = {name: version(name) for name in ("lmoc", "numpy", "casadi", "scipy", "scikit-sundae")}
+    packages = {name: version(name) for name in ("numpy", "casadi", "scipy", "scikit-sundae")}
     return {
         "processor": processor,
         "cores": str(os.cpu_count()),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
+        "lmoc": __version__,
         **packages,
     }
 

@@ -24,6 +24,12 @@ ORDER = (
     "pipeline",
     "session",
     "report",
+    "view",
+    "run",
+    "live",
+    "simulation",
+    "places",
+    "studies",
     "dae",
     "cli",
 )

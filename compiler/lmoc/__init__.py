@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lmoc.dae import DAE, compile, compile_text
     from lmoc.messages.diagnostics import ModelError, SimulationError
-    from lmoc.report.run import Run
+    from lmoc.run import Run
 
 __version__ = "0.1.0"
 __all__ = ["DAE", "ModelError", "Run", "SimulationError", "compile", "compile_text"]
@@ -26,7 +26,7 @@ _HOME = {
     "compile_text": "lmoc.dae",
     "ModelError": "lmoc.messages.diagnostics",
     "SimulationError": "lmoc.messages.diagnostics",
-    "Run": "lmoc.report.run",
+    "Run": "lmoc.run",
 }
 
 

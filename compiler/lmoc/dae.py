@@ -3,39 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lmoc import pipeline
+from lmoc import pipeline, simulation
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import Names, names_of
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Source
-from lmoc.parameters import Parameters, Value, check_initial, check_mappings
+from lmoc.parameters import Parameters, Value, check_mappings
 from lmoc.pipeline import Clock, Scene
-from lmoc.semantics.parameter_checks import check_parameters, warn_of_lost
+from lmoc.semantics.parameter_checks import warn_of_lost
 from lmoc.session import Session
+from lmoc.simulation import Request
 
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.live import Live
     from lmoc.numerics.evaluate.functions import Functions, StartValues
-    from lmoc.report.live import Live
-    from lmoc.report.run import Run
+    from lmoc.run import Run
+    from lmoc.studies.chart import Chart
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.equivalent import Equivalent
     from lmoc.symbolic.linearize import LinearModel
-    from lmoc.symbolic.places import Moment, Point
+    from lmoc.symbolic.places import Point
     from lmoc.symbolic.system import SymbolicSystem
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
+    from lmoc.view.drawing import Drawing
 
 
 def compile(
@@ -64,6 +65,27 @@ def compile(
         The model is wrong, or the file cannot be read; `.diagnostics` say what and where.
     """
     return compile_source(file, model, parameters, states, path, listener)
+
+
+def compile_or_recall(
+    file: str,
+    model: str | None = None,
+    parameters: Mapping[str, Value] | None = None,
+    states: str | Sequence[str] | None = None,
+    path: str | Path | Sequence[str | Path] | None = None,
+    *,
+    listener: Callable[[str], None] | None = None,
+) -> DAE:
+    """Return what `compile` does for a file, without compiling again where nothing it depends on has changed.
+
+    For a process that runs a scene once. What is kept between processes holds for the given parameters alone: to
+    change them afterwards costs a reduction more than after `compile`.
+    """
+    check_mappings(parameters=parameters)
+    clock = Clock(listener)
+    scene = Scene((), model, dict(parameters or {}), names_of(states), path)
+    flat, reduced, scene = pipeline.recalled_or_compiled(file, scene, clock)
+    return DAE(scene, flat, clock, reduced)
 
 
 def compile_text(
@@ -108,9 +130,9 @@ class DAE:
     timings : {stage: seconds}
     """
 
-    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None):
+    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None, reduced: Reduced | None = None):
         clock = clock or Clock()
-        self._session = Session(scene, flat, clock)
+        self._session = Session(scene, flat, clock, reduced)
         self.timings: dict[str, float] = clock.seconds
 
     @property
@@ -136,7 +158,7 @@ class DAE:
     @cached_property
     def states(self) -> list[str]:
         """Names of the solved states, in their order."""
-        return self.reduced.state_names
+        return list(self.reduced.state_names)
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -205,12 +227,11 @@ class DAE:
         energy : integrate work and heat along, for `run.energy`
         keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
         max_step : s, the longest step of the integrator
-        step : s, the size of the steps of solvers with a fixed one; a thousandth of the run
+        step : s, the length of every step, for the solvers with fixed steps; a thousandth of the run
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
-        Threads that run one scene take turns; for runs side by side give processes the scene itself (it can be
-        pickled).
+        Concurrent runs of one scene are serialized; for parallel runs pass the scene to processes (it can be pickled).
 
         Raises
         ------
@@ -221,31 +242,41 @@ class DAE:
         RunInterrupted
             A KeyboardInterrupt with the same attributes.
         """
-        from lmoc.numerics.observe.trajectory import End
         from lmoc.numerics.options import RunOptions
-        from lmoc.numerics.start.singular import StartSingular
 
-        check_mappings(parameters=parameters, initial=None if isinstance(initial, str) else initial, inputs=inputs)
-        if initial is not None and initial != {}:
-            from lmoc.symbolic.starts import in_symbols, start_values
+        options = RunOptions(
+            start, stop, points, times, rtol, atol, solver, formulation, energy, names_of(keep), max_step, step
+        )
+        request = Request(options, parameters, initial, inputs, progress, self.timings)
+        return simulation.simulate(self._session, request, Clock(listener))
 
-            if in_symbols(initial):
-                begin = (self.flat.experiment.start or 0.0) if start is None else start
-                initial = start_values(self.prepare(parameters), initial, inputs, begin)
-        check_initial(initial or {})
-        keep = names_of(keep)
-        clock = Clock(listener)
-        session, prepared = self._session.prepare(parameters, clock)
-        if isinstance(initial, End):
-            prepared = session.continuing(prepared, initial.states, clock)
-        options = RunOptions(start, stop, points, times, rtol, atol, solver, formulation, energy, keep, max_step, step)
-        try:
-            return self._run(session, prepared, options, initial, inputs, clock, progress)
-        except StartSingular:
-            other = session.elsewhere(prepared, initial, clock)
-            if other is None:
-                raise
-        return self._run(session, other, options, initial, inputs, clock, progress)
+    def chart(
+        self,
+        solvers: str | Sequence[str] | None = None,
+        formulations: str | Sequence[str] | None = None,
+        rtols: Sequence[float] | None = None,
+        quick: bool = False,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+        points: int | None = None,
+        parameters: Mapping[str, Value] | None = None,
+        initial: Point | str | None = None,
+        inputs: Mapping[str, object] | None = None,
+        progress: Callable[[str, float], None] | None = None,
+    ) -> Chart:
+        """Return a chart of speed against accuracy; parameters and errors as of `lmoc.studies.chart.chart`.
+
+        Parameters
+        ----------
+        start, stop, points, parameters, initial, inputs : of the run, as in `simulate`
+        progress : called with what is being done and the share of the work behind it
+        """
+        from lmoc.numerics.options import RunOptions
+        from lmoc.studies.chart import chart
+
+        request = Request(RunOptions(start, stop, points), parameters, initial, inputs)
+        return chart(self._session, request, solvers, formulations, rtols, quick, progress)
 
     def live(
         self,
@@ -267,47 +298,12 @@ class DAE:
         ModelError
             As `simulate` does at its start.
         """
-        from lmoc.report.live import Live
+        from lmoc.live import Live
 
         start = (self.flat.experiment.start or 0.0) if start is None else start
         options = {"parameters": parameters, "rtol": rtol, "energy": False}
         run = self.simulate(start=start, times=[start], initial=initial, inputs=inputs, **options)
         return Live(self, run, inputs or {}, options)
-
-    def _run(self, session: Session, prepared: Prepared, options, initial, inputs, clock: Clock, progress) -> Run:
-        report = Report()
-        check_parameters(session.flat, prepared.values, report)
-        report.check()
-        with clock.stage("lower"):
-            from lmoc.numerics.start.singular import StartSingular
-            from lmoc.report.run import Run
-
-            session.simulator(prepared.reduced)
-
-        def result(trajectory, broke_off: float | None = None) -> Run:
-            notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics
-            said = dict.fromkeys((*notes, *trajectory.notes))
-            lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
-            spent = {**self.timings, **clock.seconds}
-            spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
-            return Run(prepared.reduced, trajectory, tuple(said), spent, broke_off, again)
-
-        def again(times: np.ndarray) -> Run:
-            finer = replace(options, stop=None, points=None, times=times)
-            return self._run(session, prepared, finer, initial, inputs, Clock(), None)
-
-        try:
-            with clock.stage("simulate"):
-                trajectory = session.run(prepared, options, inputs, initial, progress)
-        except StartSingular as error:
-            raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
-        except ModelError as error:
-            raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
-        except (SimulationError, RunInterrupted) as failure:
-            if failure.partial is not None:
-                failure.partial = result(failure.partial, failure.time)
-            raise
-        return result(trajectory)
 
     def check(self, listener: Callable[[str], None] | None = None) -> tuple[Diagnostic, ...]:
         """Look for a consistent start with the default values, where `simulate` would begin; returns all notes.
@@ -319,9 +315,8 @@ class DAE:
         """
         from lmoc.numerics.options import RunOptions
 
-        only_start = RunOptions(times=[self.flat.experiment.start or 0.0])
-        session, prepared = self._session.prepare()
-        return self._run(session, prepared, only_start, None, None, Clock(listener), None).notes
+        only_start = Request(RunOptions(times=[self.flat.experiment.start or 0.0]), compiled=self.timings)
+        return simulation.run_prepared(*self._session.prepare(), only_start, Clock(listener)).notes
 
     @cached_property
     def functions(self) -> Functions:
@@ -379,10 +374,11 @@ class DAE:
         return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
-        """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`."""
-        from lmoc.symbolic.interface import equilibria
+        """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`.
 
-        return equilibria(self.prepare(parameters), inputs)
+        Of a scene with laws each says which of them are closed, and what friction may hold (`Equilibrium.laws`).
+        """
+        return self._session.equilibria(self.prepare(parameters), inputs)
 
     def linearize(
         self,
@@ -400,10 +396,11 @@ class DAE:
             a `Run`, for its last point with its parameter values; by default the equilibrium
         symbolic, inputs, outputs : as in `lmoc.symbolic.interface.linearize`, with its errors
         """
+        from lmoc.places import place
         from lmoc.symbolic.interface import linearize
 
-        prepared, place = self._place(at, parameters)
-        return linearize(prepared, place, symbolic, inputs, outputs)
+        prepared, point = place(self._session, at, parameters, inputs)
+        return linearize(prepared, point, symbolic, inputs, outputs)
 
     def transfer_function(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -417,10 +414,11 @@ class DAE:
         u, y : names of a top-level input and of a variable
         at : where a nonlinear scene is taken, as in `linearize`; by default its equilibrium without inputs
         """
+        from lmoc.places import place
         from lmoc.symbolic.interface import transfer_function
 
-        prepared, place = self._place(at, parameters)
-        return transfer_function(prepared, u, y, place)
+        prepared, point = place(self._session, at, parameters)
+        return transfer_function(prepared, u, y, point)
 
     def input_output_equation(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -435,63 +433,41 @@ class DAE:
         prepared = self.prepare(parameters)
         return equivalent(prepared.flat, prepared.values, port, other)
 
-    def _place(self, at: object, parameters: Point | None) -> tuple[Prepared, Moment | Point | None]:
-        """The scene, and where it is to be linear."""
-        from lmoc.report.run import Run
-
-        if isinstance(at, Real):
-            at = self._until(float(at), parameters)
-        if isinstance(at, Run):
-            reduced = at.reduced
-            values = at.trajectory.observer.values
-            if parameters:
-                prepared = self.prepare(parameters)
-            elif reduced.flat.events is not None:
-                prepared = self._without_events(reduced.flat, values, at.trajectory.end.values)
-            else:
-                prepared = Prepared(reduced.flat, reduced, values)
-            names = (*reduced.state_names, *prepared.inputs)
-            from lmoc.symbolic.places import Moment
-
-            return prepared, Moment(float(at.time[-1]), {name: float(at[name][-1]) for name in names})
-        if at is not None and not isinstance(at, Mapping):
-            expected = "a time, {name: value}, an equilibrium or a run"
-            raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
-        return self.prepare(parameters), at
-
-    def _until(self, time: float, parameters: Point | None) -> Run:
-        """The default run until a time."""
-        start = self.flat.experiment.start or 0.0
-        if time < start:
-            from lmoc.symbolic.places import no_place
-
-            raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about")
-        return self.simulate(times=sorted({start, time}), parameters=parameters)
-
     def prepare(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
         """Return the flat model, its reduction and the parameter values for other parameters; what was redone as notes.
 
         A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
         """
-        prepared = self._session.prepare(parameters, clock)[1]
-        if prepared.flat.events is not None:
-            return self._without_events(prepared.flat, prepared.values, None, prepared.notes, clock)
-        return prepared
+        return self._session.for_derivation(parameters, clock)
 
-    def _without_events(
-        self,
-        flat: FlatDAE,
-        values: np.ndarray,
-        held: np.ndarray | None,
-        notes: tuple[Diagnostic, ...] = (),
-        clock: Clock | None = None,
-    ) -> Prepared:
-        """The scene for derivations, its discrete variables as they are at the start or at a place of a run."""
-        from lmoc.ir.written import as_written
+    # ---------------------------------------------------------------------- pictures
 
-        flat, values = as_written(flat, values, held)
-        reduced = pipeline.reduce(flat, values, self._session.scene.states, clock or Clock())
-        return Prepared(flat, reduced, values, notes)
+    def draw(self, path: str | Path | None = None, parameters: Mapping[str, Value] | None = None) -> Drawing:
+        """Draw the scene: a schematic of what moves along lines and turns, mechanisms of the plane where they start.
+
+        Parameters
+        ----------
+        path : where to write it (.svg, .png, .pdf), if anywhere
+        parameters : {name: value} for this picture only
+
+        Raises
+        ------
+        ModelError
+            E0623, E0624: the picture cannot be written. A mechanism of the plane has no consistent start.
+        """
+        from lmoc.view.drawing import Drawing
+        from lmoc.view.scene.compose import picture_of
+
+        prepared = self.prepare(parameters)
+        drawing = Drawing(picture_of(prepared.flat, prepared.values, lambda: self.at_start(parameters)))
+        if path is not None:
+            drawing.save(path)
+        return drawing
+
+    def at_start(self, parameters: Mapping[str, Value] | None = None) -> Callable[[str], float]:
+        """Return what gives the value of a variable, by its name, where a run starts."""
+        run = self.simulate(times=[self.flat.experiment.start or 0.0], parameters=parameters, energy=False)
+        return lambda name: float(run[name][0])
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process."""

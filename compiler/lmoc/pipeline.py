@@ -60,6 +60,7 @@ class Scene:
     files : syntax trees of the files, once they are parsed
     path : folders in which classes are looked for, as the user named them
     folders : where the classes are found that the files do not define
+    named : what the user named, where it has not been opened: the scene was found compiled
     """
 
     files: tuple[tree.File, ...] = ()
@@ -68,6 +69,7 @@ class Scene:
     states: tuple[str, ...] | None = None
     path: Named | None = None
     folders: tuple[Folder, ...] = ()
+    named: Named | None = None
 
     def with_parameters(self, parameters: Mapping[str, float]) -> Scene:
         return replace(self, parameters={**self.parameters, **parameters})
@@ -92,7 +94,8 @@ def open_scene(named: Named | Source, scene: Scene, clock: Clock) -> Scene:
         from lmoc.sources.opened import open_files, open_source
 
         opened = open_source(named, scene.path) if isinstance(named, Source) else open_files(named, scene.path)
-    return replace(scene, files=opened.files, folders=opened.folders, model=scene.model or opened.model)
+    model = scene.model or opened.model
+    return replace(scene, files=opened.files, folders=opened.folders, model=model, named=None)
 
 
 def parse(sources: Sequence[Source], clock: Clock) -> tuple[tree.File, ...]:
@@ -122,6 +125,8 @@ def load_library(clock: Clock) -> tuple[tree.File, ...]:
 
 def flatten(scene: Scene, clock: Clock) -> FlatDAE:
     """The flat model of a scene, with the warnings so far in its `notes`."""
+    if scene.named is not None:
+        scene = open_scene(scene.named, scene, clock)
     parts = load_library(clock)
     with clock.stage("flatten"):
         from lmoc.ir.checked import checked
@@ -145,6 +150,35 @@ def reduce(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, cloc
         reduced = reduce_with_laws(flat, values, states, report)
         report.check()
     return reduced
+
+
+def recalled_or_compiled(file: str, scene: Scene, clock: Clock) -> tuple[FlatDAE, Reduced, Scene]:
+    """Return the flat model of a file, its reduction, and the scene: as an earlier process has kept them, or made now.
+
+    Raises
+    ------
+    ModelError
+        As the stages do.
+    """
+    import os
+
+    from lmoc.parameters import indexed
+    from lmoc.sources.compiled import Compiled
+
+    kept = None
+    with clock.stage("parse"):
+        if os.path.isfile(file) and os.environ.get("LMOC_CHECK", "") in ("", "0"):
+            kept = Compiled(file, (scene.model, scene.parameters, scene.states, scene.path))
+            found = kept.read()
+            if found is not None:
+                return *found, replace(scene, named=file)
+    scene = open_scene(file, scene, clock)
+    flat = flatten(scene, clock)
+    reduced = reduce(flat, flat.parameter_values(indexed(flat, flat.overrides)), scene.states, clock)
+    alone = len(scene.files) == 1 and not scene.files[0].within and all(folder.unused for folder in scene.folders)
+    if kept is not None and alone and not os.path.basename(file).startswith("package."):
+        kept.write(flat, reduced, [folder.path for folder in scene.folders])
+    return flat, reduced, scene
 
 
 # ------------------------------------------------------------------------ their list

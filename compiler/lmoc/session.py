@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from lmoc.numerics.signals.signals import Signal
     from lmoc.numerics.simulate import Simulator
     from lmoc.numerics.task import Progress
+    from lmoc.symbolic.equilibria import Equilibria
+    from lmoc.symbolic.laws.modes import Lawful
 
+REFUSED_STATE = "E0406"  # something that was asked for cannot be a state
 _MODEL = ()  # the key of the coordinates that the model and the user prefer
 
 
@@ -46,10 +49,10 @@ class Session:
         The reduction for these.
     """
 
-    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock) -> None:
+    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock, reduced: Reduced | None = None) -> None:
         self.scene, self.flat = scene, flat
         self.values = flat.parameter_values(indexed(flat, flat.overrides))
-        self.reduced: Reduced = pipeline.reduce(flat, self.values, scene.states, clock)
+        self.reduced: Reduced = reduced or pipeline.reduce(flat, self.values, scene.states, clock)
         self._reductions: dict[tuple, list[Reduced | None]] = {_MODEL: [self.reduced]}  # by coordinates
         self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
@@ -83,6 +86,44 @@ class Session:
             return self, Prepared(self.flat, self.reduced, values)
         note = Diagnostic("N0631", f"the reduction was redone because an assumption no longer holds: {broken}")
         return self, Prepared(self.flat, self._reduction(values, _MODEL, clock), values, (note,))
+
+    def for_derivation(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
+        """Return the scene for symbolic derivations with other parameter values: events as they are at the start."""
+        prepared = self.prepare(parameters, clock)[1]
+        return prepared if prepared.flat.events is None else self.without_events(prepared, None, clock)
+
+    def without_events(self, prepared: Prepared, held: np.ndarray | None, clock: Clock | None = None) -> Prepared:
+        """Return the scene with its discrete variables held, at their starts or as at a place of a run."""
+        from lmoc.ir.written import as_written
+
+        flat, values = as_written(prepared.flat, prepared.values, held)
+        reduced = pipeline.reduce(flat, values, self.scene.states, clock or Clock())
+        return Prepared(flat, reduced, values, prepared.notes)
+
+    def equilibria(self, prepared: Prepared, inputs: Mapping[str, Any] | None) -> Equilibria:
+        """Return the states of rest of what is prepared for derivations, with or without laws."""
+        from lmoc.symbolic.interface import equilibria
+        from lmoc.symbolic.laws.rest import equilibria_with_laws
+
+        if prepared.flat.laws:
+            return equilibria_with_laws(self.lawful(prepared), inputs)
+        return equilibria(prepared, inputs)
+
+    def lawful(self, prepared: Prepared) -> Lawful:
+        """Return a scene with laws for derivations, in which each mode has a reduction of its own."""
+        from lmoc.symbolic.laws.modes import Lawful
+
+        return Lawful(prepared, self._reduced_in_mode)
+
+    def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray) -> Reduced:
+        """Return the reduction of one mode; states that were asked for are those of the scene with all laws open."""
+        asked = self.scene.states
+        try:
+            return pipeline.reduce(flat, values, asked, Clock())
+        except ModelError as error:
+            if not asked or {d.code for d in error.diagnostics} != {REFUSED_STATE}:
+                raise
+        return pipeline.reduce(flat, values, None, Clock())
 
     def _resizes(self, name: str, value: Value) -> bool:
         """Return whether an array is given that is longer or shorter than that of the model: its size may be open."""
@@ -178,9 +219,7 @@ class OtherCoordinates:
     def __init__(self, session: Session, values: np.ndarray) -> None:
         self.session, self.values = session, values
 
-    def system(
-        self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool
-    ) -> tuple[Plan, System] | None:
+    def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
         """Return the plan and the system with some variables as states; None where they cannot be."""
         session, key = self.session, tuple(sorted(states))
         kept = session._reductions.get(key, [])

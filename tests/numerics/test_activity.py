@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.options import SOLVERS
+from lmoc.numerics.options import ADAPTIVE
 from lmoc.numerics.signals.activity import StepBounds, finest_scales
 
 PUSHED = """model P
@@ -18,7 +18,7 @@ equation
 end P;"""
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ADAPTIVE)
 @pytest.mark.parametrize("place", [0.5, 33.3, 50, 99.5])
 def test_a_gaussian_of_ten_milliseconds(solver, place):
     dae = lmoc.compile_text(PUSHED.format(f"100*exp(-((time - {place})/0.01)^2)"))

@@ -14,7 +14,7 @@ from lmoc.expression import dag
 from lmoc.ir.program import Apply, Solve
 from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.numerics.evaluate.native import compiler
-from lmoc.numerics.options import SOLVERS, RunOptions
+from lmoc.numerics.options import ADAPTIVE, RunOptions
 from lmoc.numerics.simulate import Simulator, simulate
 
 TEXT = "int answer(void) { return 42; }\n"
@@ -135,7 +135,7 @@ def test_ida_with_open_blocks_does_not_claim_to_have_run_c():
 
 
 @needs_compiler
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ADAPTIVE)
 def test_the_clock_is_watched_while_c_runs(solver, monkeypatch):
     """Few output times, and right-hand sides that no Python comes by."""
     monkeypatch.setattr("lmoc.numerics.evaluate.select.COMPILED_ROWS", 0)

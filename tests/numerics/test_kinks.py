@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from oracles.by_hand import oscillator
 
-from lmoc.numerics.options import SOLVERS, RunOptions
+from lmoc.numerics.options import ADAPTIVE, RunOptions
 from lmoc.numerics.signals.kinks import break_times
 from lmoc.numerics.simulate import Simulator, simulate
 
@@ -88,7 +88,7 @@ def test_pulses_are_not_missed(solver, formula, share, period):
     assert run["v"][-1] == pytest.approx(share * options.stop, rel=1e-6)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ADAPTIVE)
 @pytest.mark.parametrize("start", [0.0, 5.0])
 def test_kinks_at_both_ends_of_a_run(solver, start):
     """The formula is 9 between them: nothing of what is beyond reaches the run."""
@@ -100,7 +100,7 @@ def test_kinks_at_both_ends_of_a_run(solver, start):
     assert one["q"] == pytest.approx(1 - np.cos(3 * (one.time - start)), abs=1e-6)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ADAPTIVE)
 def test_more_kinks_than_output_times(solver):
     options = RunOptions(solver=solver, times=[0.0, 3.0])
     run = simulate(rest(), options=options, inputs={"f": "if mod(time, 0.5) < 0.25 then 9 else 0"})

@@ -84,3 +84,25 @@ def test_a_scene_at_rest_is_run_once(monkeypatch):
 def test_what_is_smaller_than_double_precision_can_divide_rests():
     run = lmoc.compile_text(SCENE.format(start=1e-310)).simulate()
     assert np.isfinite(run["m.q"]).all() and run.stats["steps"] < 1000
+
+
+def test_the_elements_of_an_array_have_one_size(monkeypatch):
+    """The nodes of a standing wave make no second run, and a small wave is followed like a large one."""
+    from lmoc.numerics import simulate
+
+    text = """model M parameter Real a; parameter Integer n = 31;
+      Mass m[n](each m = 1, q(start = {a*sin(4*3.141592653589793*i/(n + 1)) for i in 1:n}, each fixed = true));
+      Spring s[n + 1](each k = 100); Fixed f, g;
+    equation
+      connect(f.flange, s[1].a); connect(s[n + 1].b, g.flange);
+      for i in 1:n loop connect(s[i].b, m[i].flange); connect(m[i].flange, s[i + 1].a); end for;
+    end M;"""
+    calls = []
+    monkeypatch.setattr(simulate, "run_pieces", lambda *a, own=simulate.run_pieces: calls.append(1) or own(*a))
+    omega, nodes = 20 * np.sin(np.pi / 16), np.sin(np.pi * np.arange(1, 32) / 8)
+    for size, runs in ((0.1, 1), (1e-8, 2)):
+        calls.clear()
+        run = lmoc.compile_text(text, parameters={"a": size}).simulate()
+        exact = size * np.cos(omega * run.time)[:, None] * nodes
+        assert len(calls) == runs
+        assert np.abs(run["m.q"] - exact).max() < 2e-4 * size

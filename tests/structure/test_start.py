@@ -11,7 +11,7 @@ from oracles.flat_builder import flat_model
 import lmoc
 from lmoc.messages.diagnostics import Report
 from lmoc.structure.coordinates.closure import start_point
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.normalize import normalize
 from lmoc.structure.reduce import reduce
 
@@ -252,7 +252,7 @@ LOOP = """
 
 def test_the_start_point_satisfies_the_constraints():
     flat = flat_model(LOOP)
-    system = System(normalize(flat, flat.parameter_values(), None, Report()))
+    system = EquationSystem(normalize(flat, flat.parameter_values(), None, Report()))
     point = start_point(system, np.ones(system.rows, int), 0)
     a, b, c, d, x, y = (point.value[0, flat.find(name)[0]] for name in "abcdxy")
     left = [np.cos(a) + 2 * np.cos(b) - 3 - np.cos(c), np.sin(a) + 2 * np.sin(b) - np.sin(c)]
@@ -262,7 +262,7 @@ def test_the_start_point_satisfies_the_constraints():
 
 def test_the_start_point_of_contradictory_constraints_is_what_is_given():
     flat = flat_model("var x y\nstart x = 2\nx**2 + y**2 = -1\nx = sin(y) + 3")
-    system = System(normalize(flat, flat.parameter_values(), None, Report()))
+    system = EquationSystem(normalize(flat, flat.parameter_values(), None, Report()))
     assert start_point(system, np.ones(system.rows, int), 0).value[0, flat.find("x")] == 2
 
 

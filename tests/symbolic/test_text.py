@@ -13,7 +13,7 @@ import lmoc
 from lmoc.expression.to_sympy import exact
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.elimination import eliminate
-from lmoc.symbolic.notation import Notation
+from lmoc.symbolic.notation import Notation, plain_text
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, unit_text
 from lmoc.symbolic.system import jet_symbol
 
@@ -175,6 +175,15 @@ def test_pi_is_written_as_such():
 )
 def test_the_number_a_person_meant(value, expected):
     assert exact(value) == sp.sympify(expected)
+
+
+def test_residuals_are_sympys_text_with_decimal_numbers():
+    """They are read back as the same expression; fractions that nobody writes as decimals stay fractions."""
+    x, y = sp.symbols("x y")
+    expression = sp.Rational(981, 100) * sp.sin(x) - sp.Rational(3, 10) * y - sp.sqrt(x) / 3 + sp.Rational(1, 10**7)
+    text = plain_text(expression)
+    assert "9.81*sin(x)" in text and "0.3*y" in text and "sqrt(x)/3" in text
+    assert sp.nsimplify(sp.sympify(text), rational=True) == expression
 
 
 def test_numbers_stay_as_written():

@@ -105,6 +105,31 @@ def add_states_argument(parser: Parser) -> None:
     )  # fmt: skip
 
 
+def add_run_arguments(parser: Parser) -> None:
+    """Span, output times, start and signals of a run."""
+    add = parser.add_argument
+    add("--start", type=number, metavar="S", help="start time (experiment, else 0)")
+    add("--stop", type=number, metavar="S", help="stop time (experiment, else 10)")
+    add("--points", type=count, metavar="N", help="number of output times (experiment, else 501)")
+    add("--init", type=_start, metavar="NAME=VALUE", action="append", default=[],
+        help="fix a variable at the start; may be repeated. Or 'equilibrium': start at rest")  # fmt: skip
+    add("--input", type=assignment(str), metavar="U=SIGNAL", action="append", default=[],
+        help="a formula in time, as u='0.1*sin(5*time)', or a table, as u=road.csv; may be repeated")  # fmt: skip
+
+
+def _start(text: str) -> str | tuple[str, object]:
+    return text if text.strip() == "equilibrium" else assignment(number)(text)
+
+
+def initial(given: list) -> str | dict[str, float]:
+    """Return the start that --init gives: the equilibrium, or the values fixed by name."""
+    if "equilibrium" in given:
+        if len(given) > 1:
+            raise UsageError([Diagnostic("E0620", "--init equilibrium and --init name=value exclude each other")])
+        return "equilibrium"
+    return dict(given)
+
+
 def number(text: str) -> float:
     try:
         result = float(text)

@@ -6,12 +6,15 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lmoc.cli.arguments import Parser, assignment, number
 from lmoc.cli.progress import working
 from lmoc.cli.symbols import add_symbol_arguments, compiled, complex_numbers
+from lmoc.cli.symbols import names as listed
 
 if TYPE_CHECKING:
-    from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.equilibria import Equilibrium, LawsAtRest
 
 MOST_SHOWN = 20  # states whose values are printed one by one
 
@@ -51,13 +54,15 @@ def lines(e: Equilibrium) -> list[str]:
     shown, rest = _shown(e)
     known = {*shown, *e.free[:MOST_SHOWN]}
     names = [s.name for s in (*(s for s in e.values if s in known), *e.inputs)]
-    notation = Notation.of(*shown.values(), *e.conditions, names=names, given=e.own_names)
+    of_laws = [] if e.laws is None else [*e.laws.forces.values(), *e.laws.conditions]
+    notation = Notation.of(*shown.values(), *e.conditions, *of_laws, names=names, given=e.own_names)
     told = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in shown.items()]
-    told += [f"{notation.name(symbol.name)}: any value" for symbol in e.free[:MOST_SHOWN]]
+    told += [f"{notation.name(symbol.name)}: {_any(e, symbol.name)}" for symbol in e.free[:MOST_SHOWN]]
     told += [rest] if rest else []
     told += [f"only if {notation.text(condition)} = 0" for condition in e.conditions]
     loads = ", ".join(f"{notation.name(u.name)} = {_value(notation, v)}" for u, v in e.inputs.items())
     told += [f"for {loads}"] if loads else []
+    told += [] if e.laws is None else _laws(e, notation)
     told += _stability(e, notation)
     if e.how != "exact":
         told.append(f"found: {e.how}")
@@ -90,6 +95,34 @@ def _stability(e: Equilibrium, notation) -> list[str]:
     return [told, f"eigenvalues: {complex_numbers(e.model.eigenvalues)}"]
 
 
+def _any(e: Equilibrium, name: str) -> str:
+    """What a free state may be."""
+    if e.laws is None or name not in e.laws.range:
+        return "any value"
+    return _between(*e.laws.range[name])
+
+
+def _between(low: float, high: float) -> str:
+    low, high = low + 0.0, high + 0.0  # no negative zero
+    if np.isinf(low) or np.isinf(high):
+        return f"≥ {low:.8g}" if np.isfinite(low) else f"≤ {high:.8g}" if np.isfinite(high) else "any value"
+    return f"from {low:.8g} to {high:.8g}"
+
+
+def _laws(e: Equilibrium, notation) -> list[str]:
+    """What the laws do, and the forces of the closed ones."""
+    modes: dict[str, list[str]] = {}
+    for name, word in e.laws.modes.items():
+        modes.setdefault(word, []).append(name)
+    told = [f"{word}: {listed(names, MOST_SHOWN)}" for word, names in modes.items()]
+    for name in list(dict.fromkeys((*e.laws.forces, *e.laws.force_range)))[:MOST_SHOWN]:
+        value, limits = e.laws.forces.get(name), e.laws.force_range.get(name)
+        shown = [f"= {_value(notation, value)}"] if value is not None else []
+        told.append(f"{name} {', '.join([*shown, *([_between(*limits)] if limits else [])])}")
+    told += [f"only if {notation.text(condition)} ≥ 0" for condition in e.laws.conditions]
+    return told + [f"with nothing to spare: {listed(e.laws.at_limit, MOST_SHOWN)}"] * bool(e.laws.at_limit)
+
+
 def _value(notation, value) -> str:
     return f"{float(value):.8g}" if value.is_Float else notation.text(value)
 
@@ -104,4 +137,19 @@ def as_data(e: Equilibrium) -> dict:
         "stability": e.stability,
         "eigenvalues": [] if e.model is None else [[v.real, v.imag] for v in e.model.eigenvalues.tolist()],
         "how": e.how,
+    } | ({} if e.laws is None else {"laws": _laws_data(e.laws)})
+
+
+def _laws_data(laws: LawsAtRest) -> dict:
+    """What the laws do, as plain data; limits that are infinite as None."""
+    from lmoc.report.summary import plain
+
+    return {
+        "modes": dict(laws.modes),
+        "forces": {name: str(value) for name, value in laws.forces.items()},
+        "force_ranges": plain(laws.force_range),
+        "ranges": plain(laws.range),
+        "member": plain(laws.member),
+        "conditions": [f"{condition} >= 0" for condition in laws.conditions],
+        "at_limit": list(laws.at_limit),
     }

@@ -58,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(as_data(model), indent=2, ensure_ascii=False))
     else:
-        moment = f"at t = {shown(at)} s, " if isinstance(at, float) else ""
+        moment = f"at t = {shown(at)} s " if isinstance(at, float) and model.time is None else ""
         print(f"{dae.name}: linear model {moment}{_about(model)}")
         if shifted:
             print("its states are those of the scene less B1·u: no input's derivative acts on them")
@@ -101,9 +101,11 @@ def _about(model: LinearModel) -> str:
     if len(values) > 8:
         values = [*values[:8], "…"]
     place = ", ".join(values) if values else "zero"
-    moving = " (no equilibrium: the model tells deviations from the motion through it)"
-    moment = "" if model.time is None else f" at t = {model.time:g} s (the equations depend on time: see --at TIME)"
-    return f"about {place}{moment}" + ("" if model.at_rest else moving)
+    moment = "" if model.time is None else f"at t = {model.time:g} s "
+    remarks = [] if model.time is None else ["the equations depend on time: --at TIME selects another moment"]
+    if not model.at_rest:
+        remarks.append("no equilibrium: the model describes deviations from the motion through this point")
+    return f"{moment}about {place}" + "".join(f"\n  {remark}" for remark in remarks)
 
 
 def _numbers(model: LinearModel) -> str:

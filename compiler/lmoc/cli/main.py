@@ -27,6 +27,8 @@ VERBS = {
     "linearize": "linear state-space model with its modes",
     "transfer": "transfer function from an input to an output",
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
+    "chart": "speed against accuracy of methods and tolerances",
+    "draw": "draw a scene",
     "fmt": "put a file into the standard layout",
     "explain": "what a diagnostic code means",
 }

@@ -44,6 +44,10 @@ class Progress:
             self._stage, self._start = "simulate", simulated
         self._done = (simulated - self._start) / (stop - self._start) if stop > self._start else 1.0
 
+    def part(self, text: str, share: float) -> None:
+        """One of many pieces of work begins, when this share of all is done."""
+        self._stage, self._done = text, share
+
     def _draw(self) -> None:
         if self._end.wait(WAIT):
             return

@@ -11,42 +11,35 @@ from typing import TYPE_CHECKING
 from lmoc.cli import process, terminal
 from lmoc.cli.arguments import (
     Parser,
-    UsageError,
     add_model_arguments,
+    add_run_arguments,
     add_states_argument,
-    assignment,
     choice,
-    count,
-    number,
+    initial,
     positive,
 )
 from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 
 if TYPE_CHECKING:
-    from lmoc.report.run import Run
+    from lmoc.run import Run
 
 FAILED_RUN = 3
 
 
 def configure(parser: Parser) -> None:
-    from lmoc.numerics.options import SOLVERS, solver_hint
+    from lmoc.numerics.options import FIXED_STEP, SOLVERS, solver_hint
 
     add_model_arguments(parser)
     add_states_argument(parser)
+    add_run_arguments(parser)
     add = parser.add_argument
-    add("--start", type=number, metavar="S", help="start time (experiment, else 0)")
-    add("--stop", type=number, metavar="S", help="stop time (experiment, else 10)")
-    add("--points", type=count, metavar="N", help="number of output times (experiment, else 501)")
     add("--rtol", type=positive, metavar="TOL", help="relative tolerance (experiment, else 1e-6)")
     add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
     add("--max-step", type=positive, metavar="S", help="longest step of the integrator (no limit)")
-    add("--step", type=positive, metavar="S", help="step of solvers with a fixed one (a thousandth of the run)")
+    add("--step", type=positive, metavar="S",
+        help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}; gauss")  # fmt: skip
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
     add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
-    add("--init", type=_start, metavar="NAME=VALUE", action="append", default=[],
-        help="fix a variable at the start; may be repeated. Or 'equilibrium': start at rest")  # fmt: skip
-    add("--input", type=assignment(str), metavar="U=SIGNAL", action="append", default=[],
-        help="a formula in time, as u='0.1*sin(5*time)', or a table, as u=road.csv; may be repeated")  # fmt: skip
     add("--keep", metavar="NAME", action="append",
         help="retain only this variable or array (large models); may be repeated")  # fmt: skip
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
@@ -54,19 +47,6 @@ def configure(parser: Parser) -> None:
     add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the summary as JSON")
-
-
-def _start(text: str) -> str | tuple[str, object]:
-    return text if text.strip() == "equilibrium" else assignment(number)(text)
-
-
-def _initial(given: list) -> str | dict[str, float]:
-    """Return the start: the equilibrium, or the values fixed by name."""
-    if "equilibrium" in given:
-        if len(given) > 1:
-            raise UsageError([Diagnostic("E0620", "--init equilibrium and --init name=value exclude each other")])
-        return "equilibrium"
-    return dict(given)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -99,16 +79,16 @@ def _check_choices(arguments: argparse.Namespace) -> None:
 
 def _simulate(arguments: argparse.Namespace) -> Run:
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile
+    from lmoc.dae import compile_or_recall
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(
+        dae = compile_or_recall(
             arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
             listener=progress.stage,
         )  # fmt: skip
         return dae.simulate(
             arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
-            arguments.solver, arguments.formulation, None, _initial(arguments.init), dict(arguments.input),
+            arguments.solver, arguments.formulation, None, initial(arguments.init), dict(arguments.input),
             keep=arguments.keep, max_step=arguments.max_step, step=arguments.step, listener=progress.stage,
             progress=progress.reached,
         )  # fmt: skip

@@ -74,7 +74,7 @@ class Expr:
         return self.op == "const"
 
     def __reduce__(self) -> tuple:
-        return _intern, (self.op, self.args, self.value)  # a copy is the same node again
+        return interned, (self.op, self.args, self.value)  # a copy is the same node again
 
     def __repr__(self) -> str:
         """Return the node in prefix form, such as ``mul(#0, der(#1))``; `lmoc.expression.text` writes it for users."""
@@ -96,7 +96,7 @@ def _prefix_text(node: Expr, args: list[str]) -> str:
 _TABLE: dict[tuple, Expr] = {}
 
 
-def _intern(op: str, args: tuple[Expr, ...], value=None) -> Expr:
+def interned(op: str, args: tuple[Expr, ...], value=None) -> Expr:
     key = (op, value, *map(id, args))
     node = _TABLE.get(key)
     if node is None:
@@ -112,20 +112,20 @@ def _intern(op: str, args: tuple[Expr, ...], value=None) -> Expr:
 def const(value: Number | bool) -> Expr:
     number = float(value)
     # the sign of a zero is part of the key: 0.0 == -0.0, but atan2 and 1/x tell them apart
-    return _intern("const", (), number) if number != 0.0 or math.copysign(1.0, number) > 0 else ZERO
+    return interned("const", (), number) if number != 0.0 or math.copysign(1.0, number) > 0 else ZERO
 
 
 def slot(column: int, order: int = 0) -> Expr:
-    return _intern("slot", (), (column, order))
+    return interned("slot", (), (column, order))
 
 
 def lift(value: Expr | Number) -> Expr:
     return value if isinstance(value, Expr) else const(value)
 
 
-ZERO = _intern("const", (), 0.0)
-ONE = _intern("const", (), 1.0)
-TIME = _intern("time", ())
+ZERO = interned("const", (), 0.0)
+ONE = interned("const", (), 1.0)
+TIME = interned("time", ())
 
 
 # -------------------------------------------------------------- arithmetic
@@ -140,7 +140,7 @@ def add(a: Expr, b: Expr) -> Expr:
         return const(a.value + b.value)
     if b.op == "neg":
         return sub(a, b.args[0])
-    return _intern("add", (a, b))
+    return interned("add", (a, b))
 
 
 def sub(a: Expr, b: Expr) -> Expr:
@@ -154,7 +154,7 @@ def sub(a: Expr, b: Expr) -> Expr:
         return const(a.value - b.value)
     if b.op == "neg":
         return add(a, b.args[0])
-    return _intern("sub", (a, b))
+    return interned("sub", (a, b))
 
 
 def mul(a: Expr, b: Expr) -> Expr:
@@ -170,7 +170,7 @@ def mul(a: Expr, b: Expr) -> Expr:
         return neg(b)
     if b.op == "const" and b.value == -1.0:
         return neg(a)
-    return _intern("mul", (a, b))
+    return interned("mul", (a, b))
 
 
 def div(a: Expr, b: Expr) -> Expr:
@@ -180,7 +180,7 @@ def div(a: Expr, b: Expr) -> Expr:
         return ZERO
     if a.op == b.op == "const" and b.value != 0.0:
         return const(a.value / b.value)
-    return _intern("div", (a, b))
+    return interned("div", (a, b))
 
 
 def power(a: Expr, b: Expr) -> Expr:
@@ -192,7 +192,7 @@ def power(a: Expr, b: Expr) -> Expr:
         value = _finite(math.pow, a.value, b.value)
         if value is not None:
             return const(value)
-    return _intern("pow", (a, b))
+    return interned("pow", (a, b))
 
 
 def _finite(operation: Callable[..., float], *numbers: float) -> float | None:
@@ -211,7 +211,7 @@ def neg(a: Expr) -> Expr:
         return a.args[0]
     if a.op == "sub":
         return sub(a.args[1], a.args[0])
-    return _intern("neg", (a,))
+    return interned("neg", (a,))
 
 
 def if_(condition: Expr, then: Expr, otherwise: Expr) -> Expr:
@@ -219,12 +219,12 @@ def if_(condition: Expr, then: Expr, otherwise: Expr) -> Expr:
         return then if condition.value else otherwise
     if then is otherwise:
         return then
-    return _intern("if", (condition, then, otherwise))
+    return interned("if", (condition, then, otherwise))
 
 
 def event(a: Expr) -> Expr:
     """The expression, whose jumps are events; what is known, or says so already, as it stands."""
-    return a if a.op in ("const", "event") else _intern("event", (a,))
+    return a if a.op in ("const", "event") else interned("event", (a,))
 
 
 def outside_events(root: Expr) -> list[Expr]:
@@ -253,7 +253,7 @@ def function(name: str, *args: Expr) -> Expr:
         value = _finite(FUNCTIONS[name].value, *(a.value for a in args))
         if value is not None:
             return const(value)
-    return _intern(name, args)
+    return interned(name, args)
 
 
 # Build any inner node again with other arguments (used by every rewriting pass).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -19,7 +20,7 @@ def evaluate(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):
     ----------
     root : Expr
     column : callable
-        ``column(k, order)`` gives the array (or number) that stands in a slot; arrays broadcast.
+        ``column(k, order)`` gives the array (or number) of a slot; arrays broadcast.
     time : float or array
 
     Returns
@@ -28,14 +29,19 @@ def evaluate(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):
     """
     if not root.args:  # the most frequent shapes: a variable, a number
         return _leaf(root, column, time)
-    values: dict[int, object] = {}
+    values: list = []
     with np.errstate(all="ignore"):  # a NaN or infinity is found, with its place, by whoever asked
-        for node in postorder(root):
-            if node.args:
-                values[id(node)] = OPERATIONS[node.op](*[values[id(a)] for a in node.args])
-            else:
-                values[id(node)] = _leaf(node, column, time)
-    return values[id(root)]
+        for node, operation, places in _steps(root):
+            values.append(_leaf(node, column, time) if operation is None else operation(*[values[k] for k in places]))
+    return values[-1]
+
+
+@cache
+def _steps(root: Expr) -> tuple[tuple[Expr, Callable | None, tuple[int, ...]], ...]:
+    """Return each node with its operation and the places of its arguments; leaves have none. Kept with the node."""
+    nodes = postorder(root)
+    place = {id(node): k for k, node in enumerate(nodes)}
+    return tuple((n, OPERATIONS[n.op] if n.args else None, tuple(place[id(a)] for a in n.args)) for n in nodes)
 
 
 def _leaf(node: Expr, column: Callable[[int, int], np.ndarray], time):

@@ -41,9 +41,9 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
     ----------
     root : Expr
     column : callable
-        What stands in a slot.
+        The content of a slot.
     time : expression, optional
-        What stands for time; ``Symbol("time")`` without it.
+        The symbol of time; ``Symbol("time")`` without it.
 
     Returns
     -------

@@ -14,11 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
-from lmoc.expression.dag import Expr
+from lmoc.expression.dag import Expr, depends_on_time
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.text import to_text
 from lmoc.ir.events import Events
 from lmoc.ir.law import Laws
+from lmoc.ir.look import PLAIN, Look
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 
@@ -101,6 +102,7 @@ class Part:
     ports : pairs (potential, flow) of block indices, one for each potential/flow pair of its own connectors
     leaf : bool
         No part below it has ports: an element of the scene, not an assembly.
+    look : in pictures
     """
 
     path: tuple[tuple[str, tuple[int, ...]], ...]
@@ -110,6 +112,7 @@ class Part:
     leaf: bool
     span: Span | None = None  # of the declaration
     parent: int = 0
+    look: Look = PLAIN
 
     @property
     def pattern(self) -> str:
@@ -186,6 +189,12 @@ class Check:
     span: Span | None
     at_events: bool = False  # looked at when an event happens, not all the time
 
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Return for each row whether it holds, for one value (variables,) of each variable and whatever time."""
+        used = values[self.slots]
+        result = evaluate(self.condition, lambda k, _: used[:, k])
+        return np.not_equal(result, 0) | np.zeros(len(used), bool)
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -201,7 +210,7 @@ class Experiment:
 class FlatDAE:
     """The flat model.
 
-    `bindings`, `starts`, `fixed`, `nominals` are in an order in which each uses only what stands before it
+    `bindings`, `starts`, `fixed`, `nominals` are in an order in which each uses only what precedes it
     (bindings first). A parameter without a row in `bindings` has no value. `starts` has a row only where a start
     value was written (explicitly, or in a type); `fixed` likewise.
     """
@@ -285,8 +294,22 @@ class FlatDAE:
     def find(self, name: str) -> np.ndarray | None:
         """Indices of the variables a dotted name means (one, or a whole array), None where there is no such name.
 
-        ``m[3].q`` is one variable; ``m.q`` and ``m[:].q`` are all of them; ``m[2:4].q`` a range.
+        ``m[3].q`` is one variable; ``m.q`` and ``m[:].q`` are all of them; ``m[2:4].q`` a range. Those of single
+        variables are kept.
         """
+        found = self._found.get(name) if isinstance(name, str) else None
+        if found is None:
+            found = self._find(name)
+            if found is not None and len(found) == 1:
+                found.setflags(write=False)
+                self._found[name] = found
+        return found
+
+    @cached_property
+    def _found(self) -> dict[str, np.ndarray]:
+        return {}
+
+    def _find(self, name: str) -> np.ndarray | None:
         parsed = parse_name(name)
         block = None if parsed is None else self._by_path.get(tuple(n for n, _ in parsed))
         if block is None:
@@ -311,6 +334,12 @@ class FlatDAE:
                 yield block.name(i)
 
     # --------------------------------------------------------------------- values
+
+    @cached_property
+    def constant_checks(self) -> frozenset[Check]:
+        """Assertions about parameters alone: they hold or not before anything moves."""
+        fixed = (c for c in self.checks if not (self.kind[c.slots] > Kind.PARAMETER).any())
+        return frozenset(c for c in fixed if not depends_on_time(c.condition))
 
     @cached_property
     def _parameter_bindings(self) -> tuple[np.ndarray, tuple[Assignments, ...]]:

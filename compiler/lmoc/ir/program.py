@@ -2,8 +2,8 @@
 
 All numbers of a run live in one vector of *registers*: parameters, derived parameters, inputs and their
 derivatives, states, and everything computed from them. A program is a list of steps in an order in which each
-step reads only what stands. A step serves many instances at once: a chain of springs has about ten steps,
-whatever its length. Casadi, numpy and C are three lowerings of the same steps, and SymPy is a fourth.
+step reads only what earlier ones have written. A step serves many instances at once: a chain of springs has about ten
+steps, whatever its length. Casadi, numpy and C are three lowerings of the same steps, and SymPy is a fourth.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Total:
 class Solve:
     """Implicit equations: ``w[unknowns[b, :]]`` such that ``w[residuals[b, :]]`` vanish, each instance b on its own.
 
-    `inner` computes the residual registers (and what is torn between) from the unknowns and from what stands.
+    `inner` computes the residual registers (and what is torn between) from the unknowns and from what is known.
 
     Attributes
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -106,7 +107,7 @@ class Reduced:
     observe : Program
         Fills everything else, given states, quadratures, inputs and what `rhs` has filled.
     register_of : (flat.count,)
-        Where the value of each flat variable stands after `rhs` and `observe` (-1: nowhere, see `unavailable`).
+        Register of each flat variable after `rhs` and `observe` (-1: nowhere, see `unavailable`).
     guards : what depends on the parameter values
     notes : dropped redundant equations, chosen coordinates that deserve a word
     counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people
@@ -138,6 +139,7 @@ class Reduced:
     counts: dict[str, int] = field(default_factory=dict)
     nearby: np.ndarray | None = None
     switched: Switched | None = None
+    lawful: FlatDAE | None = None  # of a switched form: the flat model with its laws
     constraints: Constraints | None = None
     block_guess: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0)))
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
@@ -150,7 +152,7 @@ class Reduced:
             return f"#{register}"
         return self.flat.jet_name(variable, int(self.registers.order[register]))
 
-    @property
+    @cached_property
     def state_names(self) -> list[str]:
         return [self.register_name(int(r)) for r in self.states]
 

@@ -10,18 +10,26 @@ import numpy as np
 from lmoc.ir.flat import Experiment
 from lmoc.messages.diagnostics import nearest
 
-SOLVERS = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau")
+ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss")
+# all steps have the same length, the option `step`
+FIXED_STEP = ("rk4", "midpoint", "verlet", "generalized-alpha", "collocation", "collocation-radau")
+EITHER = ("gauss",)  # takes the length of its steps, or chooses it
+SOLVERS = ADAPTIVE + FIXED_STEP
 # names of methods elsewhere, and what does the same here
 ALSO_KNOWN_AS = {
-    "dop853": "ode45 ode23 ode78 ode89 rk4 rk45 rk23 rkf45 dopri5 dopri tsit5 vern7 rungekutta euler",
+    "dop853": "ode45 ode23 ode78 ode89 rk45 rk23 rkf45 dopri5 dopri tsit5 vern7 rungekutta euler",
     "adams": "ode113 vode abm",
     "cvode": "ode15s bdf cvodes_bdf lsode gear",
-    "ida": "dassl daspk dae15i ode15i idas",
+    "ida": "dassl daspk dae15i ode15i",
     "radau": "radauiia radau5 radauii ode23s ode23t ode23tb esdirk rodas",
     "auto": "lsoda automatic default",
+    "verlet": "leapfrog stormer stormerverlet velocityverlet symplectic semiimpliciteuler",
+    "midpoint": "implicitmidpoint trapezoidal cranknicolson",
+    "generalized-alpha": "alpha galpha genalpha generalizedalpha hht hhtalpha newmark newmarkbeta",
+    "gauss": "gausslegendre irk",
 }
-FIXED_STEP: tuple[str, ...] = ()  # solvers whose steps all have one size, the option `step`
 FORMULATIONS = ("reduced",)
+_STEPS = 1000  # of a run with steps of equal length, where nobody says
 MOST_POINTS = 50_000_000  # output times
 
 
@@ -57,7 +65,7 @@ class RunOptions:
     energy : integrate work and heat along
     keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
     max_step : s, the longest step of the integrator [no limit]
-    step : s, the size of the steps of solvers with a fixed one [a thousandth of the run]
+    step : s, the length of each step, for solvers with fixed steps [a thousandth of the run]
     max_steps : steps after which the run is given up
     max_seconds : wall time after which the run is given up [no limit]
     """
@@ -128,13 +136,30 @@ class RunOptions:
         atol = _finite("atol", _first(self.atol, 1.0))
         if not _finite("max_step", _first(self.max_step, 1.0)) > 0:
             raise ValueError(f"the longest step is positive, found max_step = {self.max_step:g}")
-        if not _finite("step", _first(self.step, 1.0)) > 0:
-            raise ValueError(f"the step is positive, found step = {self.step:g}")
-        if self.step is not None and self.solver not in FIXED_STEP:
-            others = f"; these have: {', '.join(FIXED_STEP)}" if FIXED_STEP else ""
-            raise ValueError(f"step = {self.step:g} has no meaning for '{self.solver}', whose steps vary{others}")
         if not (1e-14 <= rtol < 1 and atol > 0):
             raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found rtol = {rtol:g}, atol = {self.atol}")
+        self._check_step()
+
+    def step_length(self, span: Span) -> float | None:
+        """Return the length of all steps, s; None where the solver chooses them."""
+        if self.step is None and self.solver in FIXED_STEP:
+            return (span.end - span.start) / _STEPS
+        return self.step
+
+    def _check_step(self) -> None:
+        """The length of the steps is given where the solver takes it, and only there."""
+        if self.step is None:
+            return
+        if not _finite("step", self.step) > 0:
+            raise ValueError(f"the length of the steps is positive, found step = {self.step:g}")
+        if self.solver not in FIXED_STEP + EITHER:
+            takers = ", ".join(FIXED_STEP + EITHER)
+            raise ValueError(
+                f"solver '{self.solver}' chooses its steps by the tolerance: step is for {takers}; max_step "
+                "(--max-step) bounds the steps of others"
+            )
+        if self.max_step is not None:
+            raise ValueError("step and max_step exclude each other")
 
 
 def _spaced(start: float, stop: float, interval: float) -> np.ndarray:

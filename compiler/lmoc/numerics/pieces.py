@@ -21,7 +21,7 @@ from lmoc.numerics.coordinates.changes import Changes, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
-from lmoc.numerics.failures.diagnosis import first_not_finite, lost_ahead, moving_risks, suspects, unsolved
+from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.standing import standing
@@ -103,11 +103,7 @@ class _Run:
                 continue
             if self.happenings is None or outcome.status.failed:
                 break
-            try:
-                x = self._behind(outcome)
-            except KeyboardInterrupt:
-                self.ended = Status.INTERRUPTED
-                break
+            x = self._behind(outcome)
             if x is None:
                 break
             outcome = self._integrate(x, self.stretch.begin)
@@ -124,7 +120,8 @@ class _Run:
         self._note_changes()
         notes = tuple(dict.fromkeys((*self.pieces[0].observer.plan.notes, *self.report.diagnostics)))
         last = outcome.time, outcome.x
-        run = Trajectory(tuple(self.pieces), self.variables, last, stats, self._records(), notes)
+        crossing = None if self.happenings is None else self.happenings.crossing
+        run = Trajectory(tuple(self.pieces), self.variables, last, stats, self._records(), notes, crossing)
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             raise failure(self._explain(outcome), outcome.time, run)
@@ -185,7 +182,7 @@ class _Run:
         old, now = self.stretch, self.happenings
         observer = Observer(old.plan, self.task.values, now.base(), now.signals)
         self.stretch = Stretch(observer, old.system, time, self.task.span.times, old.reached, self.variables)
-        self.stretch.rounding = now.rounding
+        self.stretch.mode = now.mode
         old.system.prepare(observer.base, now.signals)
 
     def _behind(self, outcome: Outcome) -> np.ndarray | None:
@@ -278,6 +275,7 @@ class _Run:
             breaks=breaks,
             guard=stretch.watch,
             roots=roots,
+            step=options.step_length(span),
         )
         if not len(x):
             return self.cost.add(standing(problem), stretch.system, "none", "no states")
@@ -389,6 +387,9 @@ class _Run:
         found = ""
         if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
             found = lost_ahead(stretch.observer, stretch.system, outcome.time, outcome.x, end)
+        if not found and outcome.status is Status.COLLAPSED and self.tolerances is not None and not self.lost:
+            sizes, span = self.tolerances[1] / self.rtol, end - self.task.span.start
+            found = fastest(stretch.observer, stretch.system, outcome.time, outcome.x, sizes, span)
         detail = f": {found}" if found else ""
         return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
 

@@ -1,4 +1,7 @@
-"""The size of the motion: absolute tolerances are relative to it, and independent of the choice of units."""
+"""The size of the motion: absolute tolerances are relative to it, and independent of the choice of units.
+
+The elements of an array are alike and have one size: the nodes of a swinging chain are no motions of their own.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.numerics.observe.trajectory import Trajectory
+from lmoc.ir.flat import FlatDAE
+from lmoc.numerics.observe.trajectory import Piece, Trajectory
 from lmoc.numerics.plan import Plan
 
-Sizes = Mapping[tuple[int, int], float]  # by flat variable and order of the derivative
+Array = tuple[int, int]  # declared name (index of its block) and order of the derivative; -1 for what has no name
+Sizes = Mapping[Array, float]
 
 _LOOSE = 1e-3  # of the size that was assumed: of a smaller motion the absolute tolerance is no small part
 _REST = 1e-200  # what is smaller does not move: parts of it are zero in double precision
@@ -23,51 +28,74 @@ def assumed_sizes(plan: Plan, values: np.ndarray, x: np.ndarray, known: Sizes) -
     ----------
     x : (n,) at the start
     """
+    found = np.fmax(1.0, np.abs(x))
+    if known:
+        arrays, number = plan.once(_arrays)
+        before = np.array([known.get(array, np.nan) for array in arrays])[number]
+        found = np.where(np.isfinite(before), before, found)
+    if not plan.reduced.flat.nominals:
+        return found
     declared = plan.nominal(values)
-    found = np.array([known.get(jet, np.nan) for jet in _jets(plan)])
-    found = np.where(np.isfinite(found), found, np.fmax(1.0, np.abs(x)))
     return np.where(np.isfinite(declared), declared, found)
 
 
 def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None:
     """Return the sizes of a motion that was much smaller than what its tolerances had been chosen for, else None.
 
-    Rounding in what should be at rest has no size: components are compared with the others of their unit, and with
-    what the forces of laws that hold them miss each other by.
+    Rounding in what should be at rest has no size: components are compared with the others of their unit.
     """
-    largest: dict[tuple[int, int], float] = {}
-    groups: dict[tuple[str, int], float] = {}
-    assumed: dict[tuple[int, int], float] = {}
-    noise: dict[tuple[int, int], float] = {}
-    length = run.last[0] - run.pieces[0].begin
-    for piece in run.pieces:
-        plan, (_, states) = piece.observer.plan, piece.samples
-        if not len(states):
-            continue
-        tops = np.abs(np.nan_to_num(states)).max(axis=0)
-        sizes = assumed_sizes(plan, values, states[0], known)
-        free = ~np.isfinite(plan.nominal(values)) & ~plan.ledger
-        flat = piece.observer.flat
-        for (variable, order), rounding in zip(_jets(plan), piece.rounding.tolist()):
-            for lower in range(order, -1, -1):
-                drift = rounding * length ** (order - lower + 1)
-                noise[variable, lower] = max(drift, noise.get((variable, lower), 0.0))
-        for jet, top, size, own in zip(_jets(plan), tops.tolist(), sizes.tolist(), free.tolist(), strict=True):
-            if own:
-                largest[jet] = max(top, largest.get(jet, 0.0))
-                assumed[jet] = size
-                group = flat.block_at(jet[0]).unit if jet[0] >= 0 else "", jet[1]
-                groups[group] = max(top, groups.get(group, 0.0))
-    if not largest:
+    if not any(_is_small(piece, values, known) for piece in run.pieces):
         return None
+    largest: dict[Array, float] = {}
+    assumed: dict[Array, float] = {}
+    for piece in run.pieces:
+        for array, top, size in _extents(piece, values, known):
+            largest[array] = max(top, largest.get(array, 0.0))
+            assumed[array] = size
+    groups: dict[tuple[str, int], float] = {}
+    for array, top in largest.items():
+        group = _group(run.flat, array)
+        groups[group] = max(top, groups.get(group, 0.0))
     found = {}
-    for jet, top in largest.items():
-        group = flat.block_at(jet[0]).unit if jet[0] >= 0 else "", jet[1]
-        size = max(top, _NOISE * groups[group])
-        found[jet] = size if size > max(_REST, noise.get(jet, 0.0)) else assumed[jet]
-    return found if any(found[jet] < _LOOSE * assumed[jet] for jet in found) else None
+    for array, top in largest.items():
+        size = max(top, _NOISE * groups[_group(run.flat, array)])
+        found[array] = size if size > _REST else assumed[array]
+    return found if any(found[array] < _LOOSE * assumed[array] for array in found) else None
 
 
-def _jets(plan: Plan) -> list[tuple[int, int]]:
-    table = plan.reduced.registers
-    return list(zip(table.variable[plan.states].tolist(), table.order[plan.states].tolist(), strict=True))
+def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:
+    """Return whether some component stays well below its assumed size, as one at least does where `too_loose` is."""
+    plan, (_, states) = piece.observer.plan, piece.samples
+    if not len(states):
+        return False
+    tops = np.fmax.reduce(np.abs(states))
+    return bool((tops < _LOOSE * assumed_sizes(plan, values, states[0], known))[~plan.ledger].any())
+
+
+def _extents(piece: Piece, values: np.ndarray, known: Sizes) -> list[tuple[Array, float, float]]:
+    """Return the largest value in a piece, and the assumed size, of each array whose size is not declared."""
+    plan, (_, states) = piece.observer.plan, piece.samples
+    if not len(states):
+        return []
+    arrays, number = plan.once(_arrays)
+    free = np.flatnonzero(~np.isfinite(plan.nominal(values)) & ~plan.ledger)
+    top, size = np.full(len(arrays), -1.0), np.zeros(len(arrays))
+    np.fmax.at(top, number[free], np.fmax.reduce(np.abs(states))[free])
+    np.fmax.at(size, number[free], assumed_sizes(plan, values, states[0], known)[free])
+    return [e for e in zip(arrays, top.tolist(), size.tolist(), strict=True) if e[1] >= 0.0]
+
+
+def _arrays(plan: Plan) -> tuple[list[Array], np.ndarray]:
+    """Return the arrays that the integrated components belong to, and which of them (n,) each does."""
+    table, flat = plan.reduced.registers, plan.reduced.flat
+    variable, order = table.variable[plan.states], table.order[plan.states].tolist()
+    block = np.where(variable >= 0, flat.block_of[variable], -1).tolist()
+    numbers: dict[Array, int] = {}
+    number = [numbers.setdefault(array, len(numbers)) for array in zip(block, order, strict=True)]
+    return list(numbers), np.array(number, int)
+
+
+def _group(flat: FlatDAE, array: Array) -> tuple[str, int]:
+    """Return the unit of an array, with the order of the derivative."""
+    block, order = array
+    return flat.blocks[block].unit if block >= 0 else "", order

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from lmoc.numerics.options import RunOptions, Span
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.sizes import Sizes
+
+if TYPE_CHECKING:
+    from lmoc.numerics.laws.mode import Mode
 
 Progress = Callable[[float, float], None]  # (time reached, stop time)
 
@@ -62,7 +65,7 @@ class Stretch:
     ----------
     begin : s
     first : number of output times that lie before it
-    rounding : as in `Piece`
+    mode : of the laws; None without laws
     watch : judges its coordinates; None where their choice never divides by anything that changes
     """
 
@@ -72,8 +75,8 @@ class Stretch:
         self.observer, self.system, self.begin, self.first = observer, system, begin, first
         self.plan, self.base = observer.plan, observer.base
         self.recorder = Recorder(observer, times[first:], variables)
-        self.rounding = np.zeros(0)
         self.watch: CoordinateWatch | None = None
+        self.mode: Mode | None = None
 
     @property
     def reached(self) -> int:
@@ -90,7 +93,7 @@ class Stretch:
         if self.watch is not None:
             times_, states = self.watch.path
             self.observer.path = np.array(times_), np.array(states)
-        return Piece(self.observer, self.begin, times, table, self.recorder.sampled(), rounding=self.rounding)
+        return Piece(self.observer, self.begin, times, table, self.recorder.sampled(), self.mode)
 
 
 class Cost:

@@ -13,9 +13,14 @@ if TYPE_CHECKING:
 _MULTIPLE, _LEAST, _MOST = 1e4, 1e-3, 0.1
 
 
+def is_unbalanced(energy: Energy | None, rtol: float) -> bool:
+    """Return whether the energy balance of a run does not close; where it is unknown, it does."""
+    return energy is not None and energy.balance > min(_MOST, max(_LEAST, _MULTIPLE * rtol))
+
+
 def unbalanced(energy: Energy | None, rtol: float) -> Diagnostic | None:
     """Return the warning that the energy balance does not close, None where it does or is unknown."""
-    if energy is None or not energy.balance > min(_MOST, max(_LEAST, _MULTIPLE * rtol)):
+    if energy is None or not is_unbalanced(energy, rtol):
         return None
     return Diagnostic(
         "W0553",

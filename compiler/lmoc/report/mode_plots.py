@@ -24,7 +24,7 @@ def modes(model: LinearModel, path: str | Path | None = None, title: str = "") -
     """Draw the eigenvalues of a model in numbers and the shapes of its slowest modes.
 
     A shape shows each coordinate's amplitude, the largest being 1, on the side of its phase: as the mode looks at
-    the moment when that largest coordinate stands at its extreme.
+    the moment when that largest coordinate is at its extreme.
 
     Raises
     ------

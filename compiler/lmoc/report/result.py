@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from lmoc.ir.flat import Block, FlatDAE, Kind
 from lmoc.ir.names import Names, UnknownNameError, hint_for, names_of
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
-from lmoc.report.balance import unbalanced
+from lmoc.report.balance import is_unbalanced, unbalanced
 from lmoc.report.resolution import coarse_points, fine_count
 from lmoc.report.units import unit_of
 
@@ -70,7 +71,7 @@ class Result:
     @cached_property
     def notes(self) -> tuple[Diagnostic, ...]:
         """Warnings and notes of the compilation and of this run."""
-        found = unbalanced(self.energy, float(self.stats.get("rtol", 0.0))) if self.complete else None
+        found = unbalanced(self.energy, self._rtol) if self.complete else None
         return self._notes if found is None else (*self._notes, found)
 
     @property
@@ -133,8 +134,8 @@ class Result:
         return self.trajectory.coordinates
 
     @property
-    def modes(self) -> list[tuple[float, object]]:
-        """From when on which laws have been active: one entry, or more where they switched."""
+    def modes(self) -> list[tuple[float, dict[str, str]]]:
+        """From when on the laws have been in which mode, {law name: mode}: one entry, or more where they switched."""
         return self.trajectory.modes
 
     @property
@@ -145,7 +146,7 @@ class Result:
     @property
     def states(self) -> list[str]:
         """Names of the solved states, of those at the start where coordinates changed."""
-        return self.reduced.state_names
+        return list(self.reduced.state_names)
 
     @cached_property
     def outputs(self) -> list[str]:
@@ -174,13 +175,23 @@ class Result:
     def stats(self) -> dict[str, Any]:
         return self.trajectory.stats
 
-    @property
+    @cached_property
     def energy(self) -> Energy | None:
         """Stored, supplied and lost energy over time and the error of their `balance`.
 
         None where the run does not integrate work and heat.
         """
-        return self.trajectory.energy
+        energy = self.trajectory.energy
+        if energy is None or not self.complete or not is_unbalanced(energy, self._rtol) or self.fine is self:
+            return energy
+        # A few output times may all lie where nothing has been supplied, such as at whole periods of an oscillation:
+        # the error is then judged by the energy between them.
+        between = self.fine.energy
+        return energy if between is None else replace(energy, exchanged=max(energy.exchanged, between.scale))
+
+    @property
+    def _rtol(self) -> float:
+        return float(self.stats.get("rtol", 0.0))
 
     def unit(self, name: str) -> str:
         """Unit of a variable or a state's derivative as written, or of a variable with the same value; else empty."""

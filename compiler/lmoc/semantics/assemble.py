@@ -12,6 +12,7 @@ from lmoc.expression.text import number_text
 from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
+from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.support.distinct import distinct
@@ -35,23 +36,23 @@ class Literals(Block):
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class VariableLayout:
     """The variables in their order, and the parts."""
 
     variables: list[Variable]
     instances: list[Instance]
     count: int
 
-    def extended(self, variables: Sequence[Variable]) -> Layout:
+    def extended(self, variables: Sequence[Variable]) -> VariableLayout:
         """With further variables at the end."""
         offset = self.count
         for variable in variables:
             variable.offset = offset
             offset += variable.size
-        return Layout([*self.variables, *variables], self.instances, offset)
+        return VariableLayout([*self.variables, *variables], self.instances, offset)
 
 
-def lay_out(root: Instance) -> Layout:
+def lay_out(root: Instance) -> VariableLayout:
     """Give every variable its place and every part its number."""
     offset = 0
     variables = [v for v in root.variables() if v.type.name != "String"]
@@ -61,10 +62,10 @@ def lay_out(root: Instance) -> Layout:
     instances = [i for i in root.instances() if i.owner is i]
     for number, instance in enumerate(instances):
         instance.part = number
-    return Layout(variables, instances, offset)
+    return VariableLayout(variables, instances, offset)
 
 
-def make_blocks(layout: Layout) -> list[Block]:
+def make_blocks(layout: VariableLayout) -> list[Block]:
     """The table of variables."""
     return [
         Block(
@@ -83,7 +84,7 @@ def _protected(node: Variable | Instance) -> bool:
     return False
 
 
-def make_parts(layout: Layout) -> list[Part]:
+def make_parts(layout: VariableLayout, looks: Looks) -> list[Part]:
     """The table of parts."""
     position = {v: k for k, v in enumerate(layout.variables)}
     ports = [_ports(instance, position) for instance in layout.instances]
@@ -96,7 +97,7 @@ def make_parts(layout: Layout) -> list[Part]:
         Part(
             i.path, i.cls.full_name, i.description or i.cls.definition.description,
             own, not has_ports_below[i.part], i.component.span if i.component else i.cls.definition.span,
-            i.parent.owner.part if i.parent else 0,
+            i.parent.owner.part if i.parent else 0, looks.of(i.cls),
         )
         for i, own in zip(layout.instances, ports)
     ]  # fmt: skip
@@ -220,7 +221,7 @@ class Assembler:
 
 
 def in_order(bindings: list[Assignments], count: int, blocks: list[Block], report: Report) -> tuple[Assignments, ...]:
-    """Bindings so that each uses only what stands before it; a cycle is an error."""
+    """Bindings so that each uses only what precedes it; a cycle is an error."""
     owner = np.full(count, -1)
     for k, a in enumerate(bindings):
         owner[a.target] = k

@@ -186,7 +186,7 @@ def equality(context: Context, left: Value, right: Value, span: Span, node: Inst
 def spread(
     context: Context, value: Value, binding: Binding, variable: Variable, lenient: bool = False
 ) -> Iterator[tuple[np.ndarray | int, Expr, tuple[Column, ...]]]:
-    """A value given to a variable: positions in its array, shape and columns of what stands there.
+    """A value given to a variable: positions in its array, shape and columns of its contents.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.draft import ConnectDraft, Drafts, GroupDraft, equality
 from lmoc.semantics.events.branches import conditional
 from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
-from lmoc.semantics.instances.instance import Instance, Node, Variable
+from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable
 from lmoc.semantics.instances.records import field_of
 from lmoc.semantics.laws import add_law, law_function
 from lmoc.semantics.values.constructors import LARGE, iteration
@@ -288,7 +288,7 @@ class EquationSection:
         start = find_start(context, ref)
         if start is None and str(ref) != "time":
             raise unknown_name(context, ref)
-        if not isinstance(start, Node):
+        if not isinstance(start, InstanceNode):
             raise Wrong("E0305", f"'{ref}' is not a connector of this model", ref.span)
         try:
             located = locate(context, ref, start)
@@ -363,7 +363,7 @@ def _round(context: Context, row: int) -> str:
     return ", ".join(told)
 
 
-def _no_such_port(context: Context, ref: tree.Ref, node: Node, wrong: Wrong) -> Wrong:
+def _no_such_port(context: Context, ref: tree.Ref, node: InstanceNode, wrong: Wrong) -> Wrong:
     """As it was said, with the ports that there are."""
     for part in ref.parts[1:]:
         if not isinstance(node, Instance) or part.span == wrong.diagnostic.span:
@@ -373,7 +373,7 @@ def _no_such_port(context: Context, ref: tree.Ref, node: Node, wrong: Wrong) -> 
     return Wrong(found.code, found.message, found.span, hint=_connectors_hint(node) or found.hint)
 
 
-def _connectors_hint(node: Node) -> str:
+def _connectors_hint(node: InstanceNode) -> str:
     if not isinstance(node, Instance):
         return ""
     names = [n for n, c in node.children.items() if isinstance(c, Instance) and c.connector]

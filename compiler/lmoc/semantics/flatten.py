@@ -15,6 +15,7 @@ from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, m
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
 from lmoc.semantics.classes.class_check import check_classes
 from lmoc.semantics.classes.experiment import experiment_of
+from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.classes.overrides import Overrides
 from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
@@ -26,7 +27,7 @@ from lmoc.semantics.events.assemble import with_events
 from lmoc.semantics.events.whens import mark
 from lmoc.semantics.instances.declarations import declare, settle_computed
 from lmoc.semantics.instances.elaboration import Elaboration
-from lmoc.semantics.instances.instance import Instance, Node, Variable, root_instance
+from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.ledger import join_sums, ledger
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import reference as _reference  # noqa: F401  registers that of names
@@ -97,7 +98,7 @@ class _Flattening:
         self.report = model.report
         self.overrides = overrides
         self.drafts = drafts
-        self._unconnected: dict[Node, tuple[Variable, np.ndarray]] = {}
+        self._unconnected: dict[InstanceNode, tuple[Variable, np.ndarray]] = {}
 
     def run(self) -> FlatDAE:
         """From the instance tree to the flat model."""
@@ -115,7 +116,7 @@ class _Flattening:
         bindings = assembler.literal_values() + assembler.assignments(self.drafts.bindings)
         bindings = self.overrides.apply(bindings, root)
         ordered = in_order(bindings, count, blocks, self.report)
-        parts = make_parts(layout)
+        parts = make_parts(layout, Looks(self.report))
         entries = ledger(blocks, parts, count, _zeros(self.drafts, count))
         flat = FlatDAE(
             name=root.cls.full_name,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.expression import dag
-from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.ranges import over_range
@@ -25,12 +23,10 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
     """
     warn_of_lost(flat, values, report)
     for check in flat.checks:
-        timed = dag.depends_on_time(check.condition) or np.any(flat.kind[check.slots] > Kind.PARAMETER)
-        if timed or not check.error:
+        if not check.error or check not in flat.constant_checks:
             continue  # looked at along the run
-        used = values[check.slots]
-        holds = np.broadcast_to(evaluate(check.condition, lambda k, _, used=used: used[:, k]), len(used))
-        broken = np.flatnonzero((holds == 0) & ~np.isnan(used).any(axis=1))
+        broken = np.flatnonzero(~check.holds(values))
+        broken = broken[~np.isnan(values[check.slots[broken]]).any(axis=1)]
         if len(broken):
             named = dict.fromkeys(int(i) for i in check.slots[broken[0]] if flat.kind[i] == Kind.PARAMETER)
             found = ", ".join(f"{flat.variable_name(i)} = {values[i]:g}" for i in list(named)[:_SHOWN])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+from functools import cache as once
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.messages.source import Source
 
 SUFFIXES = (".lmo", ".mo")  # of files with classes, the first going before the second
+PACKAGE = "package"  # the file of a folder that makes a package of it
 
 
 def read_source(path: str | Path) -> Source:
@@ -54,6 +57,43 @@ def _similar_file(path: Path) -> str:
     if not folder.is_dir():
         return f"there is no folder '{folder}' either"
     return nearest(path.name, (p.name for p in folder.iterdir()))
+
+
+def class_files(folder: str | Path) -> dict[str, list[str]]:
+    """Return the files and folders in a folder that define classes, by the class that they are named after.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be read.
+    """
+    found: dict[str, list[str]] = {}
+    for name in sorted(os.listdir(folder)):
+        stem, suffix = os.path.splitext(name)
+        if suffix in SUFFIXES and stem != PACKAGE:
+            found.setdefault(stem, []).append(name)
+        elif not suffix and package_file(Path(folder, name)) is not None:
+            found.setdefault(name, []).append(name)
+    return found
+
+
+def package_file(folder: Path) -> Path | None:
+    """Return the file that makes a package of a folder; None where there is none."""
+    return next((file for suffix in SUFFIXES if (file := folder / (PACKAGE + suffix)).is_file()), None)
+
+
+@once
+def library_texts() -> tuple[tuple[str, str], ...]:
+    """Return names and texts of the library's files."""
+    import lmoc.stdlib
+
+    folder = os.path.dirname(lmoc.stdlib.__file__)
+    found = []
+    for name in sorted(os.listdir(folder)):
+        if name.endswith(".lmo"):
+            with open(os.path.join(folder, name), encoding="utf-8") as file:
+                found.append((name, file.read()))
+    return tuple(found)
 
 
 def refusal(code: str, message: str, **more: str) -> ModelError:

@@ -13,6 +13,7 @@ from functools import cache as once
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
+from lmoc.sources.files import library_texts
 from lmoc.sources.packages import Found
 from lmoc.support import cache
 from lmoc.syntax import tree
@@ -65,7 +66,7 @@ class Packages:
 @once
 def _load(package: str) -> tuple[tree.File, ...]:
     """The files of global names, or the file of a package."""
-    texts = [(name, text) for name, text in _texts() if (name if name in PACKAGES else "") == package]
+    texts = [(name, text) for name, text in library_texts() if (name if name in PACKAGES else "") == package]
     entry = f"library-{package.partition('.')[0]}" if package else "library"
     key = b"\0".join(part.encode() for text in texts for part in text) + _program()
     kept = cache.read(entry, key)
@@ -74,20 +75,6 @@ def _load(package: str) -> tuple[tree.File, ...]:
         files = _parse(texts)
         cache.write(entry, key, pickle.dumps(files, protocol=5))
     return files
-
-
-@once
-def _texts() -> tuple[tuple[str, str], ...]:
-    """Names and texts of the library's files."""
-    import lmoc.stdlib
-
-    folder = os.path.dirname(lmoc.stdlib.__file__)
-    found = []
-    for name in sorted(os.listdir(folder)):
-        if name.endswith(".lmo"):
-            with open(os.path.join(folder, name), encoding="utf-8") as file:
-                found.append((name, file.read()))
-    return tuple(found)
 
 
 @once

@@ -6,18 +6,15 @@ A class ``Name`` is in ``Name.lmo``, ``Name.mo`` or, with the classes inside of 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Diagnostic, Label, ModelError, Report, nearest
 from lmoc.messages.source import Span
-from lmoc.sources.files import SUFFIXES, read_source, refusal
+from lmoc.sources.files import PACKAGE, SUFFIXES, class_files, package_file, read_source, refusal
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise
-
-PACKAGE = "package"  # the file of a folder that makes a package of it
 
 
 @dataclass(frozen=True)
@@ -74,20 +71,18 @@ class Folder:
             self._found[name] = self._read(name, entries) if entries else None
         return self._found[name]
 
+    @property
+    def unused(self) -> bool:
+        """Whether no class has been found in it so far."""
+        return not any(self._found.values())
+
     def _listing(self) -> dict[str, list[str]]:
         """File names by the class that they are named after."""
         if self._entries is None:
-            self._entries = {}
             try:
-                names = sorted(os.listdir(self.path))
+                self._entries = class_files(self.path)
             except OSError as error:
                 raise refusal("E0611", f"the folder '{self.path}' cannot be read: {error.strerror}") from None
-            for name in names:
-                stem, suffix = os.path.splitext(name)
-                if suffix in SUFFIXES and stem != PACKAGE:
-                    self._entries.setdefault(stem, []).append(name)
-                elif not suffix and package_file(self.path / name) is not None:
-                    self._entries.setdefault(name, []).append(name)
         return self._entries
 
     def _read(self, name: str, entries: list[str]) -> Found:
@@ -123,11 +118,6 @@ class Folder:
             message = f"'{definition.name}' is not where its file says"
             found = f"within {'.'.join(file.within)};"
             yield Diagnostic("E0244", message, Span(file.span.source, 0, 0), expected=expected, found=found)
-
-
-def package_file(folder: Path) -> Path | None:
-    """Return the file that makes a package of a folder; None where there is none."""
-    return next((file for suffix in SUFFIXES if (file := folder / (PACKAGE + suffix)).is_file()), None)
 
 
 def own_folders(file: tree.File, definition: tree.Class) -> tuple[Folder, ...]:

@@ -26,13 +26,13 @@ from lmoc.structure.coordinates.sample import UNMARKED
 from lmoc.structure.coordinates.selection import Selection, select
 from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.loops.manifold import without_dependent
 from lmoc.structure.messages import diagnosis
 from lmoc.structure.normalize import normalize
 from lmoc.structure.registers.assemble import Solved, assemble
-from lmoc.structure.registers.layout import Layout
+from lmoc.structure.registers.layout import RegisterLayout
 
 
 def reduce(
@@ -67,7 +67,7 @@ def reduce(
 
 def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Solved:
     """Choose the states and solve the equations for everything else. Raises as `reduce`."""
-    system = System(normalized)
+    system = EquationSystem(normalized)
     match = highest_value_transversal(system.incidence)
     if match is None:
         diagnosis.structurally_singular(system, report)
@@ -108,7 +108,7 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     )
 
 
-def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> list[Guard]:
+def _regularity(normalized: Normalized, layout: RegisterLayout, solution: Solution) -> list[Guard]:
     """The assumptions that blocks rest on: regular linear equations, coefficients that can be divided by."""
     by_assumption: dict[str, list[Callable[[np.ndarray], np.ndarray]]] = {}
     for assumption, fails in solution.tests:
@@ -117,7 +117,7 @@ def _regularity(normalized: Normalized, layout: Layout, solution: Solution) -> l
 
 
 def _holds(
-    normalized: Normalized, layout: Layout, tests: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray
+    normalized: Normalized, layout: RegisterLayout, tests: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray
 ) -> bool:
     known = np.concatenate([values, derived_values(normalized.derived, values)])
     registers = layout.known_values(known)

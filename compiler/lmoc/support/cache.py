@@ -108,6 +108,19 @@ def write(name: str, key: bytes, payload: bytes) -> None:
             pass
 
 
+def prune(name: str, most: int) -> None:
+    """Remove the oldest of the entries whose names begin alike, so that no more than some stay."""
+    own = own_folder()
+    if own is None:
+        return
+    try:
+        entries = sorted((e for e in os.scandir(own) if e.name.startswith(name)), key=lambda e: e.stat().st_mtime)
+        for entry in entries[:-most]:
+            os.remove(entry.path)
+    except OSError:  # another process is at it
+        pass
+
+
 def _place(name: str) -> str | None:
     """The file of a name, one for each installation of lmoc, so that two do not take turns in overwriting it."""
     installation = f"{__file__} {sys.implementation.cache_tag}"
@@ -128,7 +141,7 @@ def fingerprint(*files: str) -> bytes:
 
 
 def _head(key: bytes) -> bytes:
-    """The key as it stands in the file. All of it: comparing is faster than importing a hash function."""
+    """The key as it appears in the file. All of it: comparing is faster than importing a hash function."""
     return len(key).to_bytes(8, "little") + key
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.symbolic.elimination import MOST_TERMS
-from lmoc.symbolic.notation import Formula, Notation, told
+from lmoc.symbolic.notation import Formula, Notation, plain_text, told
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, no_symbols, symbolic_system
@@ -125,11 +125,11 @@ class EquationsOfMotion:
                     "order": e.order,
                     "text": e.write(self.notation, ASCII),
                     "latex": e.write(self.notation, LATEX),
-                    "residual": str(e.residual),
+                    "residual": plain_text(e.residual),
                 }
                 for e in self.equations
             ],
-            "forces": {name: str(value) for name, value in self.forces.items()},
+            "forces": {name: plain_text(value) for name, value in self.forces.items()},
             "abbreviations": self.notation.abbreviations,
             "undetermined": list(self.undetermined),
             "assumptions": list(self.assumptions),

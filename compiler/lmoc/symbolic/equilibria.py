@@ -24,6 +24,39 @@ from lmoc.symbolic.values import exactly
 if TYPE_CHECKING:
     import sympy
 
+@dataclass(frozen=True, eq=False)
+class LawsAtRest:
+    """What the laws of a scene do in an equilibrium.
+
+    Attributes
+    ----------
+    modes : {law name: name of its mode}
+    closed, direction : (laws,) the mode, and how friction slips, for derivations in it
+    forces : {force name: Expr}
+        Of the closed laws, in states and parameters.
+    force_range : {force name: (least, largest)}
+        Of those forces that are not one number.
+    range : {state name: (least, largest)}
+        Of the free states that the laws hold within limits: sets of states of rest, not points.
+    member : {state name: number}
+        Values of these that belong together, as far from all limits of friction as possible.
+    conditions : tuple of Expr
+        Must not be negative for it to exist, where values of parameters are missing.
+    at_limit : tuple of str
+        Names of laws that hold with no force to spare.
+    """
+
+    modes: Mapping[str, str]
+    closed: np.ndarray
+    direction: np.ndarray
+    forces: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    force_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    member: Mapping[str, float] = field(default_factory=dict)
+    conditions: tuple[sympy.Expr, ...] = ()
+    at_limit: tuple[str, ...] = ()
+
+
 LinearAbout = Callable[[Mapping[str, float]], LinearModel]
 
 
@@ -47,6 +80,8 @@ class Equilibrium(Mapping):
         Numeric linear model about it; None where a value is missing.
     nonlinear : bool
     own_names : {state name: the user's own name for it}
+    laws : LawsAtRest | None
+        Of a scene with laws: which of them are closed, and the forces they then have.
     """
 
     values: Mapping[sympy.Symbol, sympy.Expr]
@@ -57,6 +92,7 @@ class Equilibrium(Mapping):
     nonlinear: bool = False
     own_names: Mapping[str, str] = field(default_factory=dict)
     inputs: Mapping[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
+    laws: LawsAtRest | None = None
 
     def __getitem__(self, name: str) -> sympy.Expr:
         import sympy as sp
@@ -81,11 +117,25 @@ class Equilibrium(Mapping):
         """
         if self.model is None:
             return None
+        if self.laws is not None and self.laws.at_limit:
+            return "undecided"  # a law that has just closed, or friction at its limit: it may let go
         values = self.model.eigenvalues
         worst = float(values.real.max(initial=-np.inf))
         if self.nonlinear and self.isolated and abs(worst) <= 1e-6 * max(1.0, float(np.abs(values).max(initial=0.0))):
             return "undecided"
+        if self.laws is not None and not len(values):
+            return "stable"  # it is held fast; whether bounces die out is not a matter of the linear model
         return self.model.stability
+
+    @property
+    def member(self) -> Mapping[str, sympy.Expr]:
+        """The state of rest itself: of a set that friction holds, the member that is farthest from its limits."""
+        if self.laws is None or not self.laws.member:
+            return self
+        import sympy as sp
+
+        chosen = {sp.Symbol(name): exactly(value) for name, value in self.laws.member.items()}
+        return {name: value.xreplace(chosen) for name, value in self.items()}
 
     def __repr__(self) -> str:
         values = ", ".join(f"{s}: {v}" for s, v in self.values.items())
@@ -123,7 +173,7 @@ def equilibria(
     Raises
     ------
     ModelError
-        E0660 where time itself stands in the equations.
+        E0660 where time itself appears in the equations.
     """
     import sympy as sp
 
@@ -225,7 +275,7 @@ def _essential(condition: sympy.Expr, inputs: set) -> sympy.Expr:
 
 
 def _nonlinear(equations: list, unknowns: list, system: SymbolicSystem) -> tuple[list[Root], dict, str]:
-    """Eliminate what stands linearly, then solve the core: in closed form, with the inputs at zero where that helps.
+    """Eliminate what occurs linearly, then solve the core: in closed form, with the inputs at zero where that helps.
 
     Unknowns that stand in no equation may have any value: they are not sought. Equations in which no unknown is left
     are conditions on the inputs.

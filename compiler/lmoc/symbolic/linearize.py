@@ -61,7 +61,7 @@ class LinearModel:
     drift: Matrix
     output_values: Matrix
     coordinates: tuple[tuple[int, int], ...] = ()
-    time: float | None = None  # s, where time itself stands in the equations
+    time: float | None = None  # s, where time itself appears in the equations
 
     @property
     def symbolic(self) -> bool:
@@ -275,7 +275,7 @@ def linearize(
     Raises
     ------
     ModelError
-        E0662 where a parameter without a value stands in the numeric form.
+        E0662 where a parameter without a value appears in the numeric form.
     """
     import sympy as sp
 
@@ -307,7 +307,7 @@ def linearize(
 
 
 def _jets_by_order(system: SymbolicSystem) -> list[list[sympy.Symbol]]:
-    """The inputs, their first derivatives, and so on; a symbol that stands nowhere for what does not act."""
+    """The inputs, their first derivatives, and so on; a symbol that appears nowhere for what does not act."""
     import sympy as sp
 
     jets = [system.jets(u) for u in system.inputs]

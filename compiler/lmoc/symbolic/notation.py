@@ -301,3 +301,20 @@ def _decimal(number: sympy.Rational) -> bool:
     while rest % 2 == 0:
         rest, twos = rest // 2, twos + 1
     return (rest == 1 and (fives > 0 or twos > 6)) or number.q > 10_000
+
+
+def plain_text(expression: sympy.Expr) -> str:
+    """Return an expression as SymPy reads it, decimal numbers as people write them: ``9.81*sin(x)``, not 981/100."""
+    import sympy as sp
+
+    def written(e: sympy.Expr) -> sympy.Expr:
+        if e.is_Rational:
+            if not _decimal(e) or sp.Rational(repr(float(e))) != e:
+                return e
+            symbol = sp.Symbol(repr(float(abs(e))))
+            return -symbol if e < 0 else symbol
+        if e.is_Pow:
+            return sp.Pow(written(e.base), e.exp)
+        return e.func(*map(written, e.args)) if e.args else e
+
+    return str(written(expression))

@@ -120,8 +120,12 @@ def only(found: Sequence[Equilibrium], purpose: str = LINEAR) -> Equilibrium:
 def told(e: Equilibrium) -> str:
     """Return the coordinates of an equilibrium that are not zero, in words."""
     values = {n: f"{float(v):.6g}" if v.is_Float else str(v) for n, v in e.items()}
-    free = {s.name for s in e.free}
-    return ", ".join(f"{n} any" if n in free else f"{n} = {v}" for n, v in values.items() if v != "0") or "all states 0"
+    free = [s.name for s in e.free]
+    ranges = {} if e.laws is None else e.laws.range
+    told = [f"{n} = {v}" for n, v in values.items() if v != "0" and n not in free]
+    told += [f"{n} from {ranges[n][0]:.6g} to {ranges[n][1]:.6g}" if n in ranges else f"{n} any" for n in free]
+    told += [] if e.laws is None else [f"{name} {word}" for name, word in list(e.laws.modes.items())[:6]]
+    return ", ".join(told) or "all states 0"
 
 
 def values_by_symbol(point: Point) -> dict[sympy.Symbol, sympy.Expr]:

@@ -31,7 +31,7 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
     Raises
     ------
     ModelError
-        E0660 where time itself stands in the equations, E0662 a parameter without a value.
+        E0660 where time itself appears in the equations, E0662 a parameter without a value.
     """
     if contains_time(reduced.rhs):
         raise time_stands_in_it()

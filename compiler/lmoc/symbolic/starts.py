@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +12,12 @@ from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.numerics.signals.signals import Constant, Formula, bind_signals, sample
 from lmoc.symbolic import places
-from lmoc.symbolic.interface import equilibria
 from lmoc.symbolic.places import Point
 
 if TYPE_CHECKING:
     import sympy
+
+    from lmoc.symbolic.equilibria import Equilibria
 
 EQUILIBRIUM = "equilibrium"
 
@@ -29,15 +30,20 @@ def in_symbols(initial: object) -> bool:
     )
 
 
+Find = Callable[[Prepared, Mapping[str, float]], "Equilibria"]
+
+
 def start_values(
-    prepared: Prepared, initial: str | Point, inputs: Mapping[str, object] | None, time: float
+    prepared: Prepared, initial: str | Point, inputs: Mapping[str, object] | None, time: float, find: Find
 ) -> dict[str, float]:
     """Return {name: number} to start from.
 
-    Where the equilibrium is a family, its free states are left to the model's own start values.
+    Where the equilibrium is a family, its free states are left to the model's own start values; of a set that friction
+    holds, the member is taken at which it has most to spare.
 
     Parameters
     ----------
+    find : the states of rest for constant inputs
     initial : "equilibrium", an `Equilibrium`, or {name: number or expression in parameters and inputs}
     inputs : as for a run; the equilibrium is that for their values at `time`
     time : s, where the run starts
@@ -52,13 +58,15 @@ def start_values(
         if initial != EQUILIBRIUM:
             expected = f"{{name: value}} or '{EQUILIBRIUM}'"
             raise ModelError([Diagnostic("E0621", "the start is not understood", expected=expected, found=initial)])
-        initial = places.only(equilibria(prepared, loads), places.START)
+        initial = places.only(find(prepared, loads), places.START)
     return _numbers(prepared, initial, loads)
 
 
 def _numbers(prepared: Prepared, point: Point, loads: Mapping[str, float]) -> dict[str, float]:
     """A point in numbers, without the states that may have any value, unless others follow from them."""
     free = {s.name for s in getattr(point, "free", ())}
+    point = getattr(point, "member", point)
+    free = {name for name in free if _symbols(point[name])}
     needed = {s.name for name, value in point.items() if name not in free for s in _symbols(value)}
     found = {}
     for name, value in point.items():

@@ -7,7 +7,7 @@ Everything a person reads (equations of motion, equilibria, linear models, trans
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.expression.to_sympy import lower
-from lmoc.ir.flat import Kind
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
@@ -149,7 +149,7 @@ def time_stands_in_it() -> ModelError:
 def symbolic_system(
     reduced: Reduced,
     values: np.ndarray | None = None,
-    variables: tuple[str, ...] = (),
+    variables: Sequence[str] | Mapping[str, int] = (),
     most: float = math.inf,
 ) -> SymbolicSystem:
     """Interpret a reduced system in SymPy.
@@ -159,7 +159,7 @@ def symbolic_system(
     reduced : Reduced
     values : (flat.count,), optional
         Parameter values in force (those of the reduction without it); they tell which parameters are zero.
-    variables : names
+    variables : names, or {name: flat variable}
         Flat variables whose expressions are wanted too.
     most : terms of a coefficient in what is solved, where a person is to read it
 
@@ -172,7 +172,7 @@ def symbolic_system(
     interpreter = Interpreter(reduced, reduced.values if values is None else values, most)
     interpreter.run(reduced.rhs)
     outputs = _outputs(flat)
-    wanted = [(flat.variable_name(v), v) for v in outputs] + [(n, _only(flat, n)) for n in variables]
+    wanted = [(flat.variable_name(v), v) for v in outputs] + _named(flat, variables)
     interpreter.fill([int(reduced.register_of[v]) for _, v in wanted if reduced.register_of[v] >= 0])
     values_of = {name: arrange(interpreter.variable(v), interpreter) for name, v in wanted}
     derivatives = tuple(arrange(interpreter.w[int(r)], interpreter) for r in reduced.derivatives)
@@ -188,6 +188,12 @@ def symbolic_system(
         variables={n: values_of[n] for n in variables},
         assumptions=tuple(g.text for g in reduced.guards),
     )
+
+
+def _named(flat: FlatDAE, variables: Sequence[str] | Mapping[str, int]) -> list[tuple[str, int]]:
+    if isinstance(variables, Mapping):
+        return list(variables.items())
+    return [(name, _only(flat, name)) for name in variables]
 
 
 def _outputs(flat) -> list[int]:

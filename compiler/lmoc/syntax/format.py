@@ -1,7 +1,7 @@
 """The standard layout of a text: a tree printed back, with its comments.
 
 What was parsed from the result equals the tree that was printed, except for the places of its nodes. Comments
-keep their order and stay with what they precede or, at the end of a line, with what stands before them.
+keep their order and stay with what they precede or, at the end of a line, with what precedes them.
 Single blank lines between statements stay.
 """
 

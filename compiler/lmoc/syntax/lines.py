@@ -15,7 +15,7 @@ def broken(line: str) -> list[str]:
     """A line of a declaration, an equation or a statement as lines of bearable length; tokens stay whole.
 
     In this order: the description goes to a line of its own, what follows an '=' does, the items of a list do, and at
-    last the line is cut at the space that stands in the fewest brackets.
+    last the line is cut at the space inside the fewest brackets.
     """
     if len(line) <= WIDTH or "\n" in line:
         return [line]

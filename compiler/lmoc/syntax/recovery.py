@@ -15,7 +15,7 @@ from lmoc.messages.source import Source
 from lmoc.syntax.lexer import Tokens
 from lmoc.syntax.slips import WANT_OPERAND, slips, unexpected
 from lmoc.syntax.tables import Tables
-from lmoc.syntax.trouble import CERTAIN, CLASSES, FRESH, Edit, Node, Slip, Trouble, advance
+from lmoc.syntax.trouble import CERTAIN, CLASSES, FRESH, Edit, Slip, StackNode, Trouble, advance
 
 # So many tokens must make sense after a change that is a guess, and after a statement has been left out.
 _PLAUSIBLE = 2
@@ -46,7 +46,7 @@ def repair(
         Whether the tokens are acceptable now; false where nothing helped.
     """
     said: list[Diagnostic] = []
-    trail = [Node(tables.start, "", 0, None)]
+    trail = [StackNode(tables.start, "", 0, None)]
     while True:
         _read(tables, tokens, trail)
         at = len(trail) - 1
@@ -72,7 +72,7 @@ def _take_as_name(tokens: Tokens, word: str, start: int) -> None:
             tokens.splice(at, 1, ("IDENT",), word)
 
 
-def _read(tables: Tables, tokens: Tokens, trail: list[Node]) -> None:
+def _read(tables: Tables, tokens: Tokens, trail: list[StackNode]) -> None:
     """Read on from the end of the trail as far as possible."""
     symbols = tokens.symbols
     for token in range(len(trail) - 1, len(symbols)):

@@ -89,7 +89,7 @@ def load() -> Tables:
 
 
 def grammar_text() -> str:
-    """Return the grammar as it stands in its file."""
+    """Return the grammar as it appears in its file."""
     with open(os.path.join(_grammar_folder(), "lmo.lark"), encoding="utf-8") as file:
         return file.read()
 

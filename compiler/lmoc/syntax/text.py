@@ -20,7 +20,7 @@ _BINARY = {
 }  # level of the whole, of the left and of the right operand
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _TIGHT = {"*", "/", "^"}
-# Functions that take an iterator as their argument; elsewhere it stands in braces.
+# Functions that take an iterator as their argument; elsewhere it appears in braces.
 _REDUCTIONS = {"sum", "product", "min", "max", "array"}
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\t": "\\t", "\r": "\\r", "\a": "\\a", "\b": "\\b", "\f": "\\f", "\v": "\\v"}
 

@@ -22,13 +22,13 @@ FRESH = {"end", "equation", "algorithm", "public", "protected", "_INITIAL_EQUATI
 CLASSES = {"class", "model", "block", "connector", "type", "record", "package", "function", "partial"}
 
 
-class Node(NamedTuple):
+class StackNode(NamedTuple):
     """The top of a stack: the state, the symbol that led there, its first token, and what lies below."""
 
     state: int
     symbol: str
     token: int
-    below: Node | None
+    below: StackNode | None
 
 
 class Edit(NamedTuple):
@@ -47,7 +47,9 @@ class Slip(NamedTuple):
     explain: Callable[[], Diagnostic]
 
 
-def advance(tables: Tables, node: Node, symbol: str, token: int, reduced: list[str] | None = None) -> Node | None:
+def advance(
+    tables: Tables, node: StackNode, symbol: str, token: int, reduced: list[str] | None = None
+) -> StackNode | None:
     """The stack after one more token, None where it cannot stand; `reduced` takes the rules completed before it."""
     steps, gotos, rules = tables.steps, tables.gotos, tables.rules
     while True:
@@ -55,7 +57,7 @@ def advance(tables: Tables, node: Node, symbol: str, token: int, reduced: list[s
         if step is None:
             return None
         if step >= 0:
-            return Node(step, symbol, token, node)
+            return StackNode(step, symbol, token, node)
         rule = rules[-1 - step]
         first = token
         for _ in range(rule.size):
@@ -63,7 +65,7 @@ def advance(tables: Tables, node: Node, symbol: str, token: int, reduced: list[s
             node = node.below
         if reduced is not None:
             reduced.append(rule.origin)
-        node = Node(gotos[node.state][rule.origin], rule.origin, first, node)
+        node = StackNode(gotos[node.state][rule.origin], rule.origin, first, node)
         if symbol == END_OF_TEXT and node.state == tables.accept:
             return node
 
@@ -74,13 +76,13 @@ class Trouble:
     Attributes
     ----------
     source, tables, tokens
-    trail : list of Node
+    trail : list of StackNode
         The stack before each token up to the wrong one.
     at : int
         The wrong token.
     """
 
-    def __init__(self, source: Source, tables: Tables, tokens: Tokens, trail: list[Node], at: int):
+    def __init__(self, source: Source, tables: Tables, tokens: Tokens, trail: list[StackNode], at: int):
         self.source = source
         self.tables = tables
         self.tokens = tokens
@@ -112,9 +114,9 @@ class Trouble:
         end = self.tokens.ends[token - 1] if token else 0
         return Span(self.source, end, end)
 
-    def stack(self, token: int | None = None) -> Iterator[Node]:
+    def stack(self, token: int | None = None) -> Iterator[StackNode]:
         """The symbols read so far, the latest first."""
-        node: Node | None = self.trail[self.at if token is None else token]
+        node: StackNode | None = self.trail[self.at if token is None else token]
         while node is not None:
             yield node
             node = node.below
@@ -135,7 +137,7 @@ class Trouble:
         return token == 0 or "\n" in self.source.text[self.tokens.ends[token - 1] : self.tokens.starts[token]]
 
     def statement_start(self) -> int:
-        """The first token of the statement or declaration in which the wrong token stands."""
+        """The first token of the statement or declaration in which the wrong token occurs."""
         starts = FRESH | {";", "then", "else", "loop"}
         for token in range(self.at - 1, -1, -1):
             if self.tokens.symbols[token] in starts:
@@ -144,7 +146,7 @@ class Trouble:
 
     def reach(self, edit: Edit) -> int:
         """Return how many tokens after a change, and not before the wrong one, can be parsed; at most `CERTAIN`."""
-        node: Node | None = self.trail[edit.at]
+        node: StackNode | None = self.trail[edit.at]
         for symbol in edit.inserted:
             node = advance(self.tables, node, symbol, edit.at)
             if node is None:

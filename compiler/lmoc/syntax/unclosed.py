@@ -10,7 +10,7 @@ from functools import partial
 
 from lmoc.messages.diagnostics import Diagnostic, Label
 from lmoc.syntax.tables import END_OF_TEXT
-from lmoc.syntax.trouble import Edit, Node, Slip, Trouble
+from lmoc.syntax.trouble import Edit, Slip, StackNode, Trouble
 from lmoc.syntax.words import found
 
 BLOCKS = {"for", "if", "when", "while"}
@@ -43,7 +43,7 @@ def _open_block(trouble: Trouble, token: int) -> tuple[str, int] | None:
     return None
 
 
-def _open_brackets(trouble: Trouble) -> list[Node]:
+def _open_brackets(trouble: Trouble) -> list[StackNode]:
     """The brackets that are open before the place, the innermost first."""
     closed, found = 0, []
     for node in trouble.stack():
@@ -193,7 +193,7 @@ def brackets(trouble: Trouble) -> Iterator[Slip]:
         yield Slip(Edit(trouble.at, 0, closers), partial(_unclosed, trouble, openers))
 
 
-def _unclosed(trouble: Trouble, openers: Sequence[Node]) -> Diagnostic:
+def _unclosed(trouble: Trouble, openers: Sequence[StackNode]) -> Diagnostic:
     signs = "".join(node.symbol for node in reversed(openers))
     return Diagnostic(
         "E0103",

@@ -87,10 +87,15 @@ NUMERICS: dict[str, Entry] = {
         "(a division by zero, the logarithm of a negative number); a variable is so at the reported time and "
         "perhaps at others. The run continues; everything computed from the value is meaningless as well.",
     ),
-    "E0540": Entry("no such solver", "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits."),
+    "E0540": Entry(
+        "a solver that does not exist or does not suit",
+        "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits. `verlet` asks for forces that do "
+        "not depend on velocities.",
+    ),
     "E0541": Entry(
         "options of the run that cannot be used",
-        "Tolerances are positive, times increase, and the stop lies after the start.",
+        "Tolerances are positive, times increase, and the stop lies after the start. A step is given to solvers with "
+        "fixed steps, and to no others.",
     ),
     "E0542": Entry(
         "a variable to be kept does not exist",

@@ -185,6 +185,13 @@ SEMANTICS: dict[str, Entry] = {
         "a class is skipped",
         "A class that the model does not use has a syntax error. Using the class is an error.",
     ),
+    "W0247": Entry(
+        "a look that cannot be drawn",
+        "`annotation(__lmoc(symbol = \"spring\"))` gives a part the look of one of the library;\n"
+        "`annotation(Icon(graphics = {Line(points = {{-100, 0}, {100, 0}})}))` a drawing of its own, made of `Line`,\n"
+        "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to\n"
+        "nothing but the picture, which shows a box with the part's name.",
+    ),
     "E0250": Entry(
         "pre of a continuous variable",
         "`pre(x)` is the value of x before the present event. Outside of a `when` it makes sense for variables that\n"

@@ -1,4 +1,4 @@
-"""What happens when the coordinates of a piece have ceased to be good: better ones, shorter steps, or an end."""
+"""Leaving coordinates that have become bad: for better ones, by shorter steps, or with the end of the run."""
 
 from __future__ import annotations
 
@@ -70,7 +70,8 @@ class Changes:
             watch.tolerate()
             return Way(stretch, outcome.x, self.longest)
         if watch.bifurcation:
-            return self._nowhere(stretch)
+            self._nowhere(stretch)
+            return None
         distance = (watch.at - t) / 4  # the way up to it is gone in shorter steps
         if distance > _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start):
             return Way(stretch, outcome.x, min(distance, self.longest))
@@ -114,6 +115,7 @@ class Changes:
         return Way(piece, x, self.longest)
 
     def _nowhere(self, stretch: Stretch) -> None:
+        """Keep the reason why no coordinates serve from here on."""
         reduced, watch = stretch.plan.reduced, stretch.watch
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
         if watch.bifurcation:

@@ -1,4 +1,4 @@
-"""Which coordinates depend on which, and by how much: the tableau T = A⁻¹B of constraints A·dq_dep + B·dq_state = 0.
+"""Dependence of coordinates on each other: the tableau T = A⁻¹B of constraints A·dq_dep + B·dq_state = 0.
 
 An entry of T is the factor by which the determinant of A grows if that dependent coordinate and that state change
 places. So the choice of coordinates is good as long as no entry is large, and the exchange at the largest entry is the

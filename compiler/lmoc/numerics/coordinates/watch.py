@@ -222,13 +222,13 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[fl
 
 
 def _from_registers(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
-    """What computes the entries from the registers of the system: a program, what it reads, and it as a function."""
+    """The entries from the registers of the system: a program, the registers it reads, and the compiled function."""
     own, none = plan.reduced.constraints, np.zeros(0, int)
     return _lowered(own, own.program, none, none)
 
 
 def _from_states(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
-    """What computes the entries from the states and sampled inputs."""
+    """Return the function that computes the entries from the states and sampled inputs."""
     own = plan.reduced.constraints
     program = needed_steps((*plan.program, *own.program), own.register, own.count)
     return _lowered(own, program, plan.states, plan.sampled)

@@ -197,7 +197,7 @@ class _Block:
         guess = np.zeros(step.unknowns.shape)
         if step.guess is not None:
             guess = np.where(step.guess >= 0, w[step.guess], 0.0)
-        if self.newton.last is None:  # a value that stands there was put there to begin from
+        if self.newton.last is None:  # a value there is a first guess
             guess = np.where(np.isfinite(w[step.unknowns]), w[step.unknowns], guess)
         w[step.unknowns] = self.newton.solve(residual, matrix, guess)
         self.interpreter.steps(step.inner, w, time)

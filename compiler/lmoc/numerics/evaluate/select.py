@@ -1,4 +1,4 @@
-"""Which evaluation suits a plan.
+"""Choice of the evaluation of a plan.
 
 Small explicit programs are casadi functions, large ones are compiled C where there is a compiler, and what neither
 takes is run by numpy over groups of rows.
@@ -9,11 +9,7 @@ from __future__ import annotations
 from lmoc.ir.program import Program, Solve
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, can_lower
 from lmoc.numerics.evaluate.explicit_system import CasadiSystem
-from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
-from lmoc.numerics.evaluate.segments import can_segment
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.plan import Plan
 
 COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compiler
@@ -21,9 +17,9 @@ COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compil
 
 def make_system(plan: Plan) -> System:
     """Return the way of evaluating that suits the size and the blocks of a plan."""
-    from lmoc.numerics.evaluate.native.c_code import Unsupported
-
     if plan.row_count > COMPILED_ROWS or has_varying_blocks(plan.program):
+        from lmoc.numerics.evaluate.native.c_code import Unsupported
+
         try:
             return _compiled(plan)
         except (Unsupported, OSError):  # a block that C does not take, or no compiler: the others give the same values
@@ -43,6 +39,12 @@ def interpreted(plan: Plan) -> System:
     """Return the way of evaluating that suits a plan where nothing is compiled."""
     if plan.row_count <= CASADI_ROWS and can_lower(plan.program):
         return CasadiSystem(plan)
+    # imported late: most scenes need none of them
+    from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
+    from lmoc.numerics.evaluate.segments import can_segment
+    from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
+    from lmoc.numerics.evaluate.vector_system import VectorSystem
+
     if can_unroll(plan.program):
         return UnrolledSystem(plan)
     if plan.row_count <= CASADI_ROWS and can_segment(plan.program):

@@ -17,8 +17,10 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.events.hybrid import Hybrid, Starter
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
+from lmoc.numerics.laws.mode import Mode
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
+from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
@@ -73,17 +75,22 @@ class Happenings:
                 base[self.plan.reduced.register_of[variable]] = signal.value
         return base
 
+    @property
+    def mode(self) -> Mode | None:
+        """The mode of the laws."""
+        return None if self.laws is None else self.laws.mode
+
+    @property
+    def crossing(self) -> np.ndarray | None:
+        """What keeps relations that have just changed from changing back by rounding."""
+        return None if self.hybrid is None else self.hybrid.machine.crossing
+
     def _with_discrete(self, base: np.ndarray) -> np.ndarray:
         base = base.copy()
         if self.hybrid is not None:
             layout = self.hybrid.layout
             base[layout.registers] = self.hybrid.machine.v[layout.events.discrete]
         return base
-
-    @property
-    def rounding(self) -> np.ndarray:
-        """(n,) what of the states' rates the forces of closed laws leave by rounding; empty without laws."""
-        return np.zeros(0) if self.laws is None else self.laws.rounding
 
     @property
     def until(self) -> float:
@@ -125,6 +132,11 @@ class Happenings:
         if self.laws is None or self.report.errors:
             return x
         self._renew_laws()
+        if isinstance(initial, End) and initial.mode is not None:
+            self.laws.mode = initial.mode
+            x, events = self.laws.resume(self.span[0], x, self.base(), self.signals)
+            self.records += events
+            return x
         x, events = self.laws.start(self.span[0], x)
         self.records += events
         return x if self.hybrid is None else self._settle(self.span[0], x)

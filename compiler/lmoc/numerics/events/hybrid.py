@@ -13,7 +13,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.clock import next_time, ring
-from lmoc.numerics.events.layout import Layout
+from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
@@ -55,7 +55,7 @@ class Hybrid:
         span: tuple[float, float],
         report: Report,
     ) -> None:
-        self.layout = plan.once(Layout)
+        self.layout = plan.once(EventLayout)
         self.machine = Machine(self.layout, values, base, signals, span[0])
         self.begin, self.end = span
         self.report = report
@@ -87,6 +87,9 @@ class Hybrid:
         machine, events = self.machine, self.layout.events
         if isinstance(initial, End):
             machine.v[events.discrete] = initial.values[events.discrete]
+            self._flag(events.terminal, 0.0)
+            if initial.crossing is not None:
+                machine.crossing = initial.crossing
             machine.push()
             x = states(machine.base)
         else:
@@ -98,7 +101,8 @@ class Hybrid:
             x = self._first(states)
         machine.literal = False
         machine.remember()
-        self.next = next_time(machine, self.begin, include=True)
+        done = isinstance(initial, End) and abs(initial.time - self.begin) <= near_to(self.begin)
+        self.next = next_time(machine, self.begin, include=not done)
         if self.next <= self.begin + near_to(self.begin):
             return self._event(self.begin, x, "time")
         return x
@@ -317,8 +321,9 @@ class Hybrid:
         if not busy:
             return
         relations = [self.layout.relation_at(k) for k in self._times if t - self._times[k][-1] <= moment]
-        what = " and ".join(list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2])
-        many = f"switches back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
+        places = list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2]
+        what, verb = " and ".join(places), "switches" if len(places) == 1 else "switch"
+        many = f"{verb} back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
         hint = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
         raise Stopped(Status.CHATTERING, f"{what} {many} ({hint})")
 
@@ -353,5 +358,3 @@ def _shown(quantity: str, value: float) -> str:
     if quantity == "Boolean":
         return "true" if value else "false"
     return f"{value:g}"
-
-

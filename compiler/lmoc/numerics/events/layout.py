@@ -25,7 +25,7 @@ class Timed:
     offset: Expr
 
 
-class Layout:
+class EventLayout:
     """The tables, made once for a plan.
 
     Attributes

@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import DiscreteStep
-from lmoc.numerics.events.layout import Layout
+from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.signals.signals import Signal
 
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
@@ -72,7 +72,7 @@ class Machine:
     """
 
     def __init__(
-        self, layout: Layout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
+        self, layout: EventLayout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
     ) -> None:
         self.layout, self.signals, self.time = layout, signals, time
         self.v = values.copy()
@@ -249,6 +249,16 @@ class Machine:
         self.margin[np.abs(self.zero) > self.margin] = 0.0
         self.margin[zeros] = ROUNDING * self.largest[zeros]
         self.largest[zeros] = 0.0
+
+    @property
+    def crossing(self) -> np.ndarray:
+        """(2, zeros) the margins of functions that have just crossed zero, and their largest magnitudes since."""
+        return np.stack([self.margin, self.largest])
+
+    @crossing.setter
+    def crossing(self, value: np.ndarray) -> None:
+        if value.shape == (2, len(self.margin)):  # else the functions are others
+            self.margin, self.largest = value[0].copy(), value[1].copy()
 
     def signs(self) -> np.ndarray:
         """Return the sides on which the root functions stand, ±1."""

@@ -15,17 +15,21 @@ from lmoc.numerics.observe.trajectory import Trajectory
 def run_checks(run: Trajectory) -> Trajectory:
     """Evaluate the assertions; warnings become notes of the run.
 
+    Those about parameters alone that are errors have been judged before it (`lmoc.semantics.parameter_checks`).
+
     Raises
     ------
     SimulationError
         At the first output time at which an assertion of level error does not hold; the partial result ends there.
     """
     flat = run.flat
-    if not flat.checks:
+    if not flat.checks or not len(run.time):
         return run
     report = Report()
     failures: list[tuple[int, Check, int]] = []
-    for check in (c for c in flat.checks if not c.at_events):
+    for check in flat.checks:
+        if check.at_events or (check.error and check in flat.constant_checks):
+            continue
         holds = _holds(run, check)
         times, rows = np.nonzero(~holds.T) if holds.size else (np.zeros(0, int), np.zeros(0, int))
         if not len(times):
@@ -44,7 +48,10 @@ def run_checks(run: Trajectory) -> Trajectory:
 
 
 def _holds(run: Trajectory, check: Check) -> np.ndarray:
-    """(rows, times) of logical values; what has no value is not judged."""
+    """(rows, times) of logical values, one time for all where none matters; what has no value is not judged."""
+    if check in run.flat.constant_checks:
+        values = run.observer.values
+        return (check.holds(values) | ~np.isfinite(values[check.slots]).all(axis=1))[:, None]
     used, place = np.unique(check.slots, return_inverse=True)
     place = place.reshape(check.slots.shape)
     values = run.of(used).T

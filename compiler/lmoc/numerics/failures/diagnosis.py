@@ -23,6 +23,7 @@ from lmoc.support.distinct import distinct
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
 _LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger scene not every time is looked at
 _FOLLOWED = 25  # times at which nonlinear equations beside the motion are solved, to see whether they can be
+_WITHOUT_BOUND = 1e6  # times its size during the run: a state that changes as fast has no bound
 _SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
 
 
@@ -40,6 +41,29 @@ def lost_ahead(observer: Observer, system: System, time: float, x: np.ndarray, s
         if found:
             return f"beyond this point {found}"
     return ""
+
+
+@np.errstate(all="ignore")
+def fastest(observer: Observer, system: System, time: float, x: np.ndarray, sizes: np.ndarray, span: float) -> str:
+    """Describe the state that changes without bound where the step size has collapsed; empty where none does.
+
+    Parameters
+    ----------
+    sizes : (n,) of the states along the way
+    span : s, of the whole run
+    """
+    rate = np.empty(len(x))
+    system.rhs(time, x, rate)
+    reduced = observer.plan.reduced
+    changes = np.abs(rate) * span / np.maximum(np.abs(x), sizes)  # in sizes, if it went on like this
+    names = [reduced.register_name(int(register)) for register in observer.plan.states]
+    changes[[name.startswith("ledger.") for name in names]] = 0.0  # work follows from the motion
+    if not len(changes) or not np.isfinite(changes).all() or changes.max() < _WITHOUT_BOUND:
+        return ""
+    k = int(changes.argmax())
+    place = _place(reduced.flat, int(reduced.registers.variable[observer.plan.states[k]]))
+    where = "" if place is None or place.source is None else f" ({place.source.name}, line {place.line})"
+    return f"{names[k]}{where} changes without bound; it is {x[k]:.3g} there, and its rate {rate[k]:.3g}"
 
 
 def suspects(observer: Observer, times: np.ndarray, states: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lmoc.numerics.integrate import cvode
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 
-PROPERTIES = Properties("adams", "Adams", stiff=False, order="1-12", dense="1-12", library="SUNDIALS")
+PROPERTIES = Properties("adams", "Adams", "Adams", "1-12", "1-12", "SUNDIALS")
 
 
 def begin(problem: Problem) -> Integration:

@@ -40,6 +40,7 @@ class Problem:
     breaks : times within at which the right-hand side jumps or has a kink
     guard : Guard, or None where nobody looks at the steps
     roots : Roots, or None where nothing switches
+    step : s, the length of all steps of a method with fixed steps; None where it chooses them
     """
 
     system: System
@@ -59,6 +60,7 @@ class Problem:
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
     guard: Guard | None = None
     roots: Roots | None = None
+    step: float | None = None
 
     @property
     def needs_steps(self) -> bool:
@@ -101,7 +103,7 @@ class Outcome:
 
     Attributes
     ----------
-    time, x : where it stands at the end
+    time, x : where the integration has ended
     reached : number of output times that have been handed to the sink
     status : why it ended; OK at the end of the problem
     counts : steps, rejected, … for the statistics
@@ -130,20 +132,45 @@ class Properties:
 
     Attributes
     ----------
+    method, family : what it is, and the family that charts colour it by
     order, dense : orders of the steps and of the values between them
-    stiff : implicit, and stable for stiff problems
+    stability : "A" or "L" where the method is so, "A(α)" where nearly; empty for a bounded region of stability
+    implicit : solves equations in each step, so that it needs the Jacobian
+    symplectic : at steps of equal length
+    lengths : "own" where it chooses its steps by the tolerance, "fixed" where they are given, "either"
+    library : where it comes from
     steps : gives account of every step, so that roots can be found and coordinates watched; else another one of the
         same method does that
-    library : where it comes from
+    needs : what it asks of the scene or the machine
     """
 
     name: str
     method: str
-    stiff: bool
+    family: str
     order: str
     dense: str
     library: str
+    stability: str = ""
+    implicit: bool = False
+    symplectic: bool = False
+    lengths: str = "own"
     steps: bool = True
+    needs: str = ""
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Return the row of the table, in the order of `HEAD`."""
+        yes = {True: "yes", False: "no"}
+        return (
+            self.name, self.method, self.order, self.dense, yes[self.implicit], self.stability or "–",
+            yes[self.symplectic], self.lengths, yes[self.steps], self.library, self.needs or "–",
+        )  # fmt: skip
+
+
+HEAD = (
+    "name", "method", "order", "between steps", "implicit", "stable", "symplectic", "steps", "every step", "from",
+    "needs",
+)  # fmt: skip
 
 
 class Integration(ABC):
@@ -151,7 +178,7 @@ class Integration(ABC):
 
     Attributes
     ----------
-    t, x : where it stands
+    t, x : the current point
     before : s, where the last step began
     steps, rejected : counted so far
     step_size : s, the step it would try next, infinity where it does not tell
@@ -198,7 +225,7 @@ class Integration(ABC):
         self._collected.append(self.interpolate(times))
 
     def collect_here(self) -> None:
-        """Keep the state where it stands."""
+        """Keep the current state."""
         self._collected.append(self.x.copy()[None])
 
     def collected(self) -> np.ndarray:

@@ -16,9 +16,12 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties
-from lmoc.numerics.integrate.status import NotFound, Status
+from lmoc.numerics.integrate.status import NotFound, Status, Unsuitable
 
-NAMES = ("dop853", "taylor", "cvode", "adams", "ida", "cvodes", "radau")
+NAMES = (
+    "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss", "rk4", "midpoint", "verlet",
+    "generalized-alpha", "collocation", "collocation-radau",
+)  # fmt: skip
 
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
@@ -33,30 +36,38 @@ def table() -> tuple[Properties, ...]:
 
 
 def _module(name: str):
-    return import_module(f"lmoc.numerics.integrate.{name}")
+    return import_module(f"lmoc.numerics.integrate.{name.replace('-', '_')}")
 
 
 def integrate(problem: Problem, name: str) -> Outcome:
     """Integrate with one method.
 
-    Where casadi's CVODES does not serve, that of SUNDIALS does, and DOP853 where there is no Taylor series.
+    Where an integrator of casadi does not serve, that of SUNDIALS does, and DOP853 where there is no Taylor series.
 
     Raises
     ------
     NotFound
         The library that it comes from is not at hand.
+    Unsuitable
+        The method does not apply to the scene, and no other is of its kind.
     """
-    if name == "taylor":
-        method = _module(name).begin(problem)
-        if method is None:
-            return replace(loop.integrate(problem, _module("dop853").begin(problem)), solver="dop853")
-        return loop.integrate(problem, method)
-    if name != "cvodes":
-        return loop.integrate(problem, _module(name).begin(problem))
-    outcome = _module(name).integrate(problem)
-    if outcome is not None:
-        return outcome
-    return replace(loop.integrate(problem, _module("cvode").begin(problem)), solver="cvode")
+    module = _module(name)
+    if hasattr(module, "begin"):
+        method = module.begin(problem)
+        if method is not None:
+            return loop.integrate(problem, method)
+        instead = "dop853"
+    else:  # a whole run in one call
+        outcome = module.integrate(problem)
+        if outcome is not None:
+            return outcome
+        instead = getattr(module, "INSTEAD", None)
+        if instead is None:
+            reason = (
+                "casadi integrates small smooth scenes only, without events, and has not taken this run or has failed"
+            )
+            raise Unsuitable(reason, "gauss and radau take all scenes")
+    return replace(loop.integrate(problem, _module(instead).begin(problem)), solver=instead)
 
 
 def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
@@ -69,13 +80,17 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
     Raises
     ------
     ModelError
-        E0540: the requested solver needs SUNDIALS, which is not available.
+        E0540: the requested solver needs SUNDIALS, which is not available, or another kind of scene.
     """
     try:
         outcome, used = _in_pieces(problem, solver)
     except NotFound as error:
         message = f"solver '{solver}' cannot be used: the SUNDIALS libraries of scikit-sundae were not found"
         raise ModelError([Diagnostic("E0540", message, hint="dop853 and radau do without them")]) from error
+    except Unsuitable as error:
+        raise ModelError(
+            [Diagnostic("E0540", f"solver '{solver}' cannot be used: {error}", hint=error.hint)]
+        ) from error
     return outcome, {"solver": ", ".join(used.solvers), "reason": used.reason}
 
 
@@ -138,7 +153,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         t=begin,
         x=outcome.x,
         end=end,
-        times=np.clip(inside, begin, end),
+        times=np.minimum(np.maximum(inside, begin), end),
         max_step=min(problem.max_step, problem.lookout.longest(begin, end)),
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
@@ -179,7 +194,7 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, _Used]:
 
 def patience(system: System) -> float:
     """Steps that are still cheaper for DOP853 than another method is."""
-    return float(np.clip(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE, system.most_steps))
+    return min(max(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE), system.most_steps)
 
 
 def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:

@@ -10,12 +10,12 @@ import numpy as np
 
 from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.integrate.base import Expired, Integration, Problem, Properties, Watch, on_interrupt
-from lmoc.numerics.integrate.matrices import Layout, layout_of
+from lmoc.numerics.integrate.matrices import MatrixLayout, layout_of
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials.matrix import Matrix
 from lmoc.numerics.integrate.sundials.session import Given, Session
 
-PROPERTIES = Properties("cvode", "BDF", stiff=True, order="1-5", dense="1-5", library="SUNDIALS")
+PROPERTIES = Properties("cvode", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
 
 _LOOK = 64  # evaluations between two looks at the clock
 
@@ -45,7 +45,7 @@ class Multistep(Integration):
     def __init__(self, problem: Problem, system: System | IndexOne) -> None:
         super().__init__(problem)
         self.system = system
-        self.layout: Layout = layout_of(system, problem.system.plan)
+        self.layout: MatrixLayout = layout_of(system, problem.system.plan)
         self.order = self.layout.order
         self.matrix = self.layout.text
         self._y, self._f = np.empty(system.n), np.empty(system.n)

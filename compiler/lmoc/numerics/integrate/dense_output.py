@@ -32,19 +32,17 @@ class DenseOutput:
         self._n = n
         self._count = 0
         self._times: list[np.ndarray] = []
-        self._span = np.empty((2, self._most))  # where the steps begin, and their lengths
-        self._outputs = np.empty(self._most, int)
+        self._spans: list[tuple[float, float, int]] = []  # where the steps begin, their lengths, output times in them
         self._x = np.empty((2, self._most, n))  # where the states begin and end
         self._stages = np.empty((self._most, 16, n))
 
     def add(self, t: float, h: float, x: np.ndarray, x_new: np.ndarray, stages: np.ndarray, times: np.ndarray) -> bool:
         """Take a step from t of length h with output times in it; whether no more can be taken before `values`."""
         k = self._count
-        self._span[:, k] = t, h
+        self._spans.append((t, h, len(times)))
         self._x[0, k], self._x[1, k] = x, x_new
         self._stages[k] = stages
         self._times.append(times)
-        self._outputs[k] = len(times)
         self._count = k + 1
         return self._count == self._most
 
@@ -55,9 +53,10 @@ class DenseOutput:
         if not count:
             return np.zeros((0, self._n))
         times, self._times = np.concatenate(self._times), []
-        (begin, step), (x, x_new) = self._span[:, :count], self._x[:, :count]
+        (begin, step), (x, x_new) = np.array([s[:2] for s in self._spans]).T, self._x[:, :count]
+        outputs, self._spans = [s[2] for s in self._spans], []
         terms = dense_terms(step, x, x_new, self._stages[:count])
-        owner = np.repeat(np.arange(count), self._outputs[:count])
+        owner = np.repeat(np.arange(count), outputs)
         theta = (times - begin[owner]) / step[owner]
         largest = max(1, _CHUNK // max(1, x.shape[1]))
         result = np.empty((len(owner), x.shape[1]))
@@ -91,7 +90,7 @@ def dense_terms(h: np.ndarray, x: np.ndarray, x_new: np.ndarray, stages: np.ndar
 
 
 def evaluate_dense(theta: np.ndarray, x: np.ndarray, terms: np.ndarray) -> np.ndarray:
-    """Dense output at fractions theta (k,) of steps that begin at x (k, n); terms (k, 7, n)."""
+    """Dense output at fractions theta (k,) of steps that begin at x (k, n) or (1, n); terms (k, 7, n) or (1, 7, n)."""
     theta = theta[:, None]
     rest = 1.0 - theta
     y = terms[:, 6] * theta

@@ -15,7 +15,7 @@ from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.dense_output import DenseOutput, dense_terms, evaluate_dense, roughness
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("dop853", "Runge–Kutta", stiff=False, order="8(5,3)", dense="7", library="own")
+PROPERTIES = Properties("dop853", "Runge–Kutta", "explicit Runge–Kutta", "8(5,3)", "7", "own")
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
 _STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region
@@ -23,10 +23,12 @@ _STIFF_STEPS = 15
 _ROUGH = 5.5, 60.0  # |h·λ| and roughness, in tolerances, from which the dense output is not good enough
 _CAREFUL = 4.5  # |h·λ| up to which it is, and which the steps keep to …
 _CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
+_LONG = 500  # components from which output is computed step by step: gathering costs memory and saves nothing
 _LEAST = 1e-300  # s, a step that can still be divided by
+_OK = Status.OK  # attributes of an enumeration are slow to look up
 
 
-def begin(problem: Problem) -> Integration:
+def begin(problem: Problem) -> Dop853:
     """Return the method at the beginning of a problem."""
     return Dop853(problem)
 
@@ -80,9 +82,9 @@ class Dop853(Integration):
                 self.step_size = h
                 return Status.NOT_FINITE if self.lost else Status.COLLAPSED
             error, stiffness = stepper.attempt(t, h)
-            self.lost = not math.isfinite(error)
             self.stages = None
             if error < 1.0:
+                self.lost = False
                 if stiffness >= _ROUGH[0] and self.wanted < t_new and self._is_rough(t, h):
                     self.rejected += 1
                     self.careful = _CAREFUL_STEPS
@@ -90,6 +92,7 @@ class Dop853(Integration):
                     continue
                 return self._accept(t_new, h, error, stiffness)
             self.rejected += 1
+            self.lost = not math.isfinite(error)
             h *= 0.1 if self.lost else max(_SHRINK, _SAFETY * error**-0.125)
             self.grow = 1.0
 
@@ -103,26 +106,26 @@ class Dop853(Integration):
 
     def _accept(self, t_new: float, h: float, error: float, stiffness: float) -> Status:
         self.steps += 1
-        self.careful = max(0, self.careful - 1)
+        self.careful -= self.careful > 0
         self.before, self.t, self.length, self.pending = self.t, t_new, h, True
         factor = min(self.grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else self.grow
         held = self.careful > 0 and factor * stiffness > _CAREFUL
         self.grow = _GROW
-        if self._has_become_stiff(held or stiffness > _STIFF_LIMIT, h):
+        limited = held or stiffness > _STIFF_LIMIT
+        if (limited or self.stiff_count) and self._has_become_stiff(limited, h):
             self.step_size = h
             return Status.STIFF
         self.step_size = h * (_CAREFUL / stiffness if held else factor)
-        return Status.OK
+        return _OK
 
     def _has_become_stiff(self, limited: bool, h: float) -> bool:
         """Return whether too many steps lie ahead and the last ones were limited by stability."""
         if limited:
             self.stiff_count, self.calm_count = self.stiff_count + 1, 0
             return self.stiff_count >= _STIFF_STEPS and (self.end - self.t) / h > self.problem.patience
-        if self.stiff_count:
-            self.calm_count += 1
-            if self.calm_count >= 6:
-                self.stiff_count = 0
+        self.calm_count += 1
+        if self.calm_count >= 6:
+            self.stiff_count = 0
         return False
 
     # ------------------------------------------------------------------ values within the last step
@@ -136,13 +139,14 @@ class Dop853(Integration):
     def interpolate(self, times: np.ndarray) -> np.ndarray:
         stepper, h = self.stepper, self.length
         terms = dense_terms(np.array([h]), stepper.x[None], stepper.x_new[None], self._own_stages()[None])
-        owner = np.zeros(len(times), int)
-        return evaluate_dense((times - self.before) / h, stepper.x[None][owner], terms[owner])
+        return evaluate_dense((times - self.before) / h, stepper.x[None], terms)
 
     def collect(self, times: np.ndarray) -> None:
-        stages = self._own_stages()
-        full = self.output.add(self.before, self.length, self.stepper.x, self.stepper.x_new, stages, times)
-        if full:
+        if len(self.stepper.x) > _LONG:
+            super().collect(times)
+            return
+        stages = self._own_stages() if self.stages is None else self.stages
+        if self.output.add(self.before, self.length, self.stepper.x, self.stepper.x_new, stages, times):
             self._collected.append(self.output.values())
 
     def collected(self) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.cvode import Multistep
 
-PROPERTIES = Properties("ida", "BDF", stiff=True, order="1-5", dense="1-5", library="SUNDIALS")
+PROPERTIES = Properties("ida", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
 
 
 def begin(problem: Problem) -> Integration:

@@ -17,10 +17,11 @@ from lmoc.numerics.integrate.status import Status
 
 _BATCH = 200_000  # numbers collected before they are handed on
 _LOOK = 32  # steps between two looks at the clock
+_OK = Status.OK  # attributes of an enumeration are slow to look up
 
 
 def integrate(problem: Problem, run: Integration) -> Outcome:
-    """Integrate to the end of a problem, or to where it ends earlier, with a method that stands at its beginning."""
+    """Integrate to the end of a problem, or to where it ends earlier, with a method that has been started on it."""
     return _Loop(problem, run).go()
 
 
@@ -72,7 +73,9 @@ class _Loop:
         return Status.OK
 
     def go_stepwise(self) -> Status:
-        problem, run = self.problem, self.run
+        problem, run, step = self.problem, self.run, self.step
+        if self.finder is None and problem.guard is None:
+            step = self.step_unwatched
         end, looked = problem.end, 0
         while run.t < end:
             done = run.steps + run.rejected
@@ -82,15 +85,24 @@ class _Loop:
                 looked = done + _LOOK
                 if self.watch.expired(run.t):
                     return Status.TOO_LONG
-            status = self.step()
-            if status is not Status.OK:
+            status = step()
+            if status is not _OK:
                 return status
         return Status.OK
+
+    def step_unwatched(self) -> Status:
+        """One step and its output."""
+        run = self.run
+        run.wanted = self.next
+        status = run.step()
+        if self.next <= run.t and (status is _OK or status is Status.STIFF):
+            self.show(run.t)
+        return status
 
     def step(self) -> Status:
         """One step, looked at by whoever is concerned, and its output."""
         run = self.run
-        run.wanted = self.next if self.finder is None and self.problem.guard is None else -math.inf
+        run.wanted = -math.inf
         start = (run.t, run.x.copy()) if self.problem.guard is not None else None
         status = run.step()
         if status not in (Status.OK, Status.STIFF):

@@ -14,7 +14,7 @@ _BAND = 40  # widest band (both halves) for the band solver
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class MatrixLayout:
     """Storage of ``scale·∂f/∂x + shift·1`` for states in a new order.
 
     Attributes
@@ -57,7 +57,7 @@ class Layout:
             target[...] = flat.reshape(target.shape)
 
 
-def layout_of(system: System | IndexOne, plan: Plan) -> Layout:
+def layout_of(system: System | IndexOne, plan: Plan) -> MatrixLayout:
     """Choose the storage for the Jacobian of a system."""
     n = system.n
     indptr, rows = system.pattern()
@@ -66,7 +66,7 @@ def layout_of(system: System | IndexOne, plan: Plan) -> Layout:
     rows, columns = rows[entries], columns[entries]
     diagonal = np.arange(n)
     if n <= _DENSE:
-        return Layout("dense", None, entries, columns * n + rows, diagonal * n + diagonal, n * n)
+        return MatrixLayout("dense", None, entries, columns * n + rows, diagonal * n + diagonal, n * n)
     order = _narrow(rows, columns, n)
     new = np.empty(n, int)
     new[order] = np.arange(n)
@@ -74,7 +74,7 @@ def layout_of(system: System | IndexOne, plan: Plan) -> Layout:
     lower, upper = int(max(0, (i - j).max(initial=0))), int(max(0, (j - i).max(initial=0)))
     if lower + upper <= _BAND:
         width = lower + upper + 1
-        return Layout(
+        return MatrixLayout(
             "band", order, entries, j * width + upper + i - j, diagonal * width + upper, n * width, lower, upper
         )
     return _sparse(entries, rows, columns, n)
@@ -89,11 +89,11 @@ def _narrow(rows: np.ndarray, columns: np.ndarray, n: int) -> np.ndarray:
     return reverse_cuthill_mckee(graph, symmetric_mode=True)
 
 
-def _sparse(entries: np.ndarray, rows: np.ndarray, columns: np.ndarray, n: int) -> Layout:
+def _sparse(entries: np.ndarray, rows: np.ndarray, columns: np.ndarray, n: int) -> MatrixLayout:
     """The pattern together with the diagonal, by columns."""
     key, diagonal = columns.astype(np.int64) * n + rows, np.arange(n, dtype=np.int64) * (n + 1)
     every = np.union1d(key, diagonal)
     column, row = np.divmod(every, n)
     indptr = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=n))]).astype(np.int32)
     places = np.searchsorted(every, key), np.searchsorted(every, diagonal)
-    return Layout("sparse", None, entries, *places, len(every), indptr=indptr, indices=row.astype(np.int32))
+    return MatrixLayout("sparse", None, entries, *places, len(every), indptr=indptr, indices=row.astype(np.int32))

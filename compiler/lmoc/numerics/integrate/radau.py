@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("radau", "Radau IIA", stiff=True, order="5", dense="4", library="scipy")
+PROPERTIES = Properties("radau", "Radau IIA", "collocation", "5", "4", "scipy", stability="L", implicit=True)
 
 _DENSE = 100  # states up to which the Jacobian is a dense matrix
 _FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding

@@ -16,6 +16,7 @@ class Status(Enum):
     NOT_FINITE = "the derivatives have no finite value"
     TOO_FINE = "the tolerances are finer than rounding allows"
     NO_LINEAR_SOLVER = "the linear solver could not be set up"
+    NO_CONVERGENCE = "Newton's method does not solve the equations of a step of this length"
     SINGULAR_MATRIX = "the Jacobian is singular"
     REFUSED = "the solver's library refused the problem"
     SINGULAR = "the coordinates do not determine the rest"  # no choice of coordinates does, or none was looked for
@@ -35,7 +36,7 @@ class Status(Enum):
 
 
 class Stopped(Exception):
-    """What happens at an instant ends the run: an error, or because the model asks for it (`Status.OK`)."""
+    """The run ends at an instant: with an error, or because the model requests it (`Status.OK`)."""
 
     def __init__(self, status: Status, reason: str) -> None:
         super().__init__(reason)
@@ -44,3 +45,11 @@ class Stopped(Exception):
 
 class NotFound(Exception):
     """A library that an integrator is made of is not installed in a layout that is known here."""
+
+
+class Unsuitable(Exception):
+    """A method does not apply to a scene: why, and what does."""
+
+    def __init__(self, reason: str, hint: str) -> None:
+        super().__init__(reason)
+        self.hint = hint

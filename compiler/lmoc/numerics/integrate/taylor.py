@@ -17,7 +17,9 @@ from lmoc.numerics.evaluate.native.series import LENGTH
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("taylor", "Taylor series", stiff=False, order="8-26", dense="8-26", library="own")
+PROPERTIES = Properties(
+    "taylor", "Taylor series", "Taylor series", "8-26", "8-26", "own", needs="a C compiler, equations without kinks"
+)
 
 _LEAST, _MOST = 8, 26  # orders
 _SAFETY = 0.9

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import NONE, Laws, Switched
+from lmoc.ir.law import NONE, Switched
+from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.integrate.base import Roots
 from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
@@ -21,13 +21,10 @@ from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
-NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a piece …
-APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
-LEAVING = 1e-16  # … or by this one where they grow from zero at once
-ROUNDING = 1e-13  # share of the forces that hold a body by which they may miss each other
+NEAR = 1e-12  # values below this share of their terms are zero up to rounding at the beginning of a piece …
+APART = 1e-13  # … and have come back to zero only when they are below zero by this share
 OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
 OVERLAP_ROUNDING = 1e-12  # … and by more than what start values may be wrong by that are differences
-MODE_NAMES = {"release": "open", "unlock": "unlocked", "lock": "locked"}  # where they differ from those of the events
 
 
 class LawSwitching:
@@ -47,9 +44,7 @@ class LawSwitching:
         self.gauge = Gauge(plan, values, base, signals)
         self.now: Instant | None = None  # where the present piece begins
         self.mode = free_mode(self.gauge.table)
-        self.touched = np.zeros(self.gauge.form.count, bool)  # laws whose motion was zero there
-        self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
-        self.laws = _rows(plan.reduced.flat, self.gauge.form.laws)
+        self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.slice = slice_of(plan, _registers(self.gauge))
         self.limits = self.gauge.known[4]
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
@@ -95,21 +90,18 @@ class LawSwitching:
         return Roots(lambda times, states: values(times, states) + apart, np.ones(len(apart)))
 
     def _apart(self, value: Array) -> Array:
-        """Return what keeps functions that begin at zero, up to rounding, from being noticed at once.
+        """Return what keeps functions that begin at zero from being noticed at once.
 
-        A gap that opens with a velocity begins at zero and grows. What has not been touched counts to the last digit:
-        near the end of its bounces a body rises by less than any share of the lengths around.
+        A gap that opens with a velocity needs nothing: it begins at zero and grows.
         """
         now, table = self.now, self.gauge.table
         with np.errstate(invalid="ignore", divide="ignore"):
             held = np.abs(now.bias / np.diag(now.delassus)) + np.nan_to_num(now.stick)
-            leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
-            motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
+            gaps = np.where(now.rate > STILL * now.rate_scale, 0.0, now.gap_scale)
+            motion = np.where(table.unilateral, gaps, now.rate_scale)
         scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
-        concerned = self.mode.closed | self.touched
-        scale, leaves, concerned = (np.concatenate([v, v[self.second]]) for v in (scale, leaves, concerned))
-        least = np.maximum(-value, 0.0) + np.where(leaves, LEAVING, APART) * scale
-        return np.where(concerned & (np.abs(value) <= NEAR * scale), least, 0.0)
+        scale = np.concatenate([scale, scale[self.second]])
+        return np.where(np.abs(value) <= NEAR * scale, APART * scale, 0.0)
 
     # ------------------------------------------------------------------ what happens
 
@@ -118,6 +110,23 @@ class LawSwitching:
         n = len(self.mode.closed)
         nothing = np.zeros(n, bool)
         return self._take(t, x, Trigger(nothing, nothing, np.zeros(n, int)), at_start=True)
+
+    def resume(
+        self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]
+    ) -> tuple[Array, list[Event]]:
+        """Return the state with which a run goes on in the mode in which another one has ended, as `start`.
+
+        Where that mode does not hold with the present parameters and inputs, the next one is found as at an event.
+
+        Parameters
+        ----------
+        base, signals : with the mode
+        """
+        self.now = self.gauge.at(t, x)
+        values = self.roots(t, x, base, signals).values(np.array([t]), x[None])[0]
+        if (values >= -NEAR).all():
+            return x, []
+        return self.happen(t, x, np.zeros(len(values), bool))
 
     def happen(self, t: float, x: Array, which: NDArray[np.bool_]) -> tuple[Array, list[Event]]:
         """Return the state behind an instant at which root functions vanish, and what happened."""
@@ -142,8 +151,7 @@ class LawSwitching:
             names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
             raise Stopped(Status.CONTRADICTION, reason) from None
-        self.mode, self.now, self.touched = found.mode, found.now, found.touched
-        self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(found.settled.force)
+        self.mode, self.now = found.mode, found.now
         x = found.x.copy()
         if self.ledger is not None and found.impulse.any():
             work, heat = self.ledger
@@ -188,8 +196,8 @@ class LawSwitching:
                     time,
                     name,
                     kind,
-                    _mode_name(laws, was),
-                    _mode_name(laws, now),
+                    mode_word(laws, was),
+                    mode_word(laws, now),
                     float(found.impulse[k]),
                     float(found.lost[k]),
                     f"{found.impact_law}'s law" if found.impulse[k] else "",
@@ -202,23 +210,6 @@ def all_open(form: Switched) -> dict[int, Signal]:
     """Return the values with which all laws are open and give no force, by flat variables."""
     held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
     return {int(v): Constant(0.0) for v in held}
-
-
-def _mode_name(laws: Laws, closed: bool) -> str:
-    word = laws.closing if closed else laws.opening
-    return MODE_NAMES.get(word, word)
-
-
-def _rows(flat: FlatDAE, groups: tuple[Laws, ...]) -> list[tuple[str, Laws]]:
-    """Return the name of each law's part, and its group."""
-    return [(_owner(flat, int(v)), g) for g in groups for v in g.force]
-
-
-def _owner(flat: FlatDAE, force: int) -> str:
-    """Return the name of the part that has a force; that of the force itself at the top of the model."""
-    name = flat.variable_name(force)
-    own = flat.block_at(force).path[-1][0]  # of an argument that is an expression, with dots of its own
-    return name[: name.rindex(own)].rstrip(".") or name
 
 
 def _registers(gauge: Gauge) -> NDArray[np.int64]:

@@ -27,7 +27,8 @@ class Energy:
     stored : J, kinetic, elastic and gravitational
     supplied : J, work of the sources since the start
     lost : J, heat since the start
-    exchanged : J, the most that has moved between stores (from potential to kinetic, from one part to another)
+    exchanged : J, the most that has moved between stores (from potential to kinetic, from one part to another), or in
+        and out between the output times
     balance : the largest |supplied - lost - Δstored| as a fraction of the largest of supplied, lost, the range of
         stored, and what the stores have exchanged (an undamped oscillator is judged by the energy that swings); where
         all these are mere rounding, of what is stored

@@ -13,6 +13,8 @@ from lmoc.numerics.observe.slices import Slice, signal_values, slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
+_KEPT = 100  # variables whose sources are kept with their plan, at most
+
 
 @dataclass(eq=False, repr=False)
 class Observer:
@@ -81,16 +83,9 @@ class Observer:
 
     def prepare(self, variables: np.ndarray):
         """``(times, states) -> (times, variables)`` for repeated use."""
-        reduced, flat = self.plan.reduced, self.flat
         variables = np.asarray(variables, int)
-        kinds = flat.kind[variables]
-        constant = (kinds == Kind.PARAMETER) | (kinds == Kind.CONSTANT)
-        inputs = np.flatnonzero(kinds == Kind.INPUT)
-        registers = reduced.register_of[variables]
-        computed = np.flatnonzero(~constant & (kinds != Kind.INPUT) & (registers >= 0))
-        # what is not determined stays NaN, whatever one of its possible values the solution has taken
-        computed = computed[~np.isin(variables[computed], reduced.undetermined)]
-        part = self._followed(slice_of(self.plan, registers[computed]))
+        constant, inputs, computed = _sources(self.plan, variables)
+        part = self._followed(slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]))
 
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
             result = np.full((len(times), len(variables)), np.nan)
@@ -104,6 +99,31 @@ class Observer:
             return result
 
         return values
+
+
+def _sources(plan: Plan, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where the values of variables come from: a mask of constants, places of inputs and of what is computed."""
+    if len(variables) > _KEPT:
+        return _sorted_by_source(plan, variables)
+    kept, key = plan.once(_kept), variables.tobytes()
+    if key not in kept:
+        kept[key] = _sorted_by_source(plan, variables)
+    return kept[key]
+
+
+def _kept(_: Plan) -> dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return where the sources of a few variables are kept, by these."""
+    return {}
+
+
+def _sorted_by_source(plan: Plan, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    reduced = plan.reduced
+    kinds = reduced.flat.kind[variables]
+    constant = (kinds == Kind.PARAMETER) | (kinds == Kind.CONSTANT)
+    computed = np.flatnonzero(~constant & (kinds != Kind.INPUT) & (reduced.register_of[variables] >= 0))
+    # what is not determined stays NaN, whatever one of its possible values the solution has taken
+    computed = computed[~np.isin(variables[computed], reduced.undetermined)]
+    return constant, np.flatnonzero(kinds == Kind.INPUT), computed
 
 
 def find(flat: FlatDAE, name: str) -> np.ndarray:

@@ -36,7 +36,7 @@ class Recorder:
         n = len(observer.plan.states)
         # the pages of an array that is never written to cost nothing
         self.table = np.empty((len(times), n if variables is None else len(variables)))
-        most = int(np.clip(_SAMPLED // max(1, n), *_SAMPLES))
+        most = min(max(_SAMPLED // max(1, n), _SAMPLES[0]), _SAMPLES[1])
         every = np.arange(0, len(times) - 1, max(1, -(-len(times) // most)))
         self._samples = np.append(every, len(times) - 1) if len(times) else every
         self._sampled = None if variables is None else np.empty((len(self._samples), n))

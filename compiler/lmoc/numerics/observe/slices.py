@@ -11,7 +11,6 @@ from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, pr
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS
 from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Formula, Signal, sample
 
@@ -90,7 +89,11 @@ def _kept(_: Plan) -> dict[bytes, Slice]:
 def _runner(program: Program, count: int):
     """``(w, times)`` fills w (registers, times). Nonlinear blocks are followed from one time to the next."""
     implicit = any(isinstance(s, Solve) and not s.linear for s in walk(program))
-    if not (implicit and program_rows(program) <= CASADI_ROWS and can_segment(program)):
+    if not implicit or program_rows(program) > CASADI_ROWS:
+        return Interpreter(program, count).run
+    from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
+
+    if not can_segment(program):
         return Interpreter(program, count).run
     steps = SegmentedProgram(program, count)
     return Follower(steps.run, steps.newtons)

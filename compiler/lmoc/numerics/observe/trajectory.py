@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.mode import mode_words
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.plan import LEDGER
 
-_CACHED = 2_000_000  # numbers of the largest result that is kept
+if TYPE_CHECKING:
+    from lmoc.numerics.laws.mode import Mode
 
-Mode = tuple[int, ...]
+_CACHED = 2_000_000  # numbers of the largest result that is kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,8 +34,7 @@ class Piece:
     time : (k,) s, the output times in it
     table : (k, n) states at these times, or the kept variables
     samples : some of the times (s,) and the states there (s, n), whatever is kept
-    mode : the laws that are active
-    rounding : (n,) what of the states' rates the forces of closed laws leave by rounding, empty without laws
+    mode : of the laws; None without laws
     """
 
     observer: Observer
@@ -40,8 +42,7 @@ class Piece:
     time: np.ndarray
     table: np.ndarray
     samples: tuple[np.ndarray, np.ndarray]
-    mode: Mode = ()
-    rounding: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    mode: Mode | None = None
 
     @property
     def reduced(self) -> Reduced:
@@ -50,7 +51,13 @@ class Piece:
     @property
     def coordinates(self) -> list[str]:
         """Names of the states."""
-        return self.reduced.state_names
+        return list(self.reduced.state_names)
+
+    @property
+    def words(self) -> dict[str, str]:
+        """{law name: what its mode is called}, such as taut; empty without laws."""
+        form = self.reduced.switched
+        return {} if form is None or self.mode is None else mode_words(self.reduced.flat, form.laws, self.mode.closed)
 
     def until(self, count: int) -> Piece:
         """Return the piece with its first output times alone."""
@@ -67,15 +74,16 @@ class End(Mapping):
     states : names of the coordinates
     x : (n,) their values, then those of the quadratures
     values : (flat.count,) every variable of the flat model: on which branch its equations are solved, too
-    mode : the laws that are active
-    rounding : (n,) what of the states' rates the forces of closed laws leave by rounding, empty without laws
+    mode : of the laws; None without laws
+    crossing : what keeps relations that have just changed from changing back by rounding (`numerics.events.machine`)
     """
 
     time: float
     states: tuple[str, ...]
     x: np.ndarray
     values: np.ndarray
-    mode: Mode = ()
+    mode: Mode | None = None
+    crossing: np.ndarray | None = None
 
     def __getitem__(self, name: str) -> float:
         try:
@@ -105,6 +113,7 @@ class Trajectory:
     stats : what it cost: solver, steps, evaluations, seconds, …
     events : what has happened between the pieces
     notes : what deserves a word about the run
+    crossing : as of `End`
     """
 
     pieces: tuple[Piece, ...]
@@ -113,6 +122,7 @@ class Trajectory:
     stats: dict[str, object]
     events: tuple = ()
     notes: tuple[Diagnostic, ...] = ()
+    crossing: np.ndarray | None = None
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -154,7 +164,7 @@ class Trajectory:
         """Return the complete final state."""
         (time, x), piece = self.last, self.pieces[-1]
         values = piece.observer(np.arange(self.flat.count), np.array([time]), x[None])[0]
-        return End(time, tuple(piece.coordinates), x, values, piece.mode)
+        return End(time, tuple(piece.coordinates), x, values, piece.mode, self.crossing)
 
     @property
     def coordinates(self) -> list[tuple[float, list[str]]]:
@@ -162,9 +172,10 @@ class Trajectory:
         return _changes([(p.begin, p.coordinates) for p in self.pieces])
 
     @property
-    def modes(self) -> list[tuple[float, Mode]]:
-        """From when on which laws have been active."""
-        return _changes([(p.begin, p.mode) for p in self.pieces])
+    def modes(self) -> list[tuple[float, dict[str, str]]]:
+        """From when on the laws have been in which mode, {law name: mode}; at one instant the last counts."""
+        found = {p.begin: p.words for p in self.pieces}
+        return _changes(list(found.items()))
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A variable over time (k,), or all of an array of variables (k, m).
@@ -231,7 +242,7 @@ class Trajectory:
             if left > 0 or not pieces:
                 pieces.append(piece.until(left))
             left -= len(piece.time)
-        return Trajectory(tuple(pieces), self.kept, self.last, self.stats, self.events, self.notes)
+        return Trajectory(tuple(pieces), self.kept, self.last, self.stats, self.events, self.notes, self.crossing)
 
     @cached_property
     def energy(self) -> Energy | None:

@@ -47,6 +47,8 @@ class StepBounds:
 
     def within(self, begin: float, end: float) -> float:
         """Return the shortest of the bounds between two times."""
+        if not len(self.edges):
+            return np.inf
         first = max(0, int(np.searchsorted(self.edges, begin, "right")) - 1)
         last = max(first + 1, int(np.searchsorted(self.edges, end, "left")))
         return float(self.longest[first:last].min(initial=np.inf))

@@ -106,7 +106,7 @@ class InitialEquations:
     # -------------------------------------------------------------------------- equations
 
     def _table(self, group: Group, tangent: Tangent) -> np.ndarray:
-        """(rows, jets) registers of what stands in the equations."""
+        """(rows, jets) registers that appear in the equations."""
         columns = []
         for column, order in (leaf.value for leaf in slots_of(group.residual)):
             register = self._register[group.slots[:, column]]

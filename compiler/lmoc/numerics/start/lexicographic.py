@@ -15,7 +15,7 @@ _LEFT = 1e-6  # of what rows miss: if more than this cannot be made good, they c
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class EqualParts:
     """Independent parts of equal size: (parts, fixed rows), (parts, start rows), (parts, states)."""
 
     hard: np.ndarray
@@ -27,7 +27,7 @@ class Batch:
 class Components:
     """The parts of the system that share no state."""
 
-    batches: tuple[Batch, ...]
+    batches: tuple[EqualParts, ...]
     part_of_row: np.ndarray
     rows: int
     states: int
@@ -126,7 +126,7 @@ def split(jacobian, hard: np.ndarray, states: int) -> Components:
     sizes = np.stack([m.length[parts] for m in members], axis=1)
     first, number = distinct_rows(sizes)
     batches = tuple(
-        Batch(*(m.of(parts[number == k], int(n)) for m, n in zip(members, sizes[at], strict=True)))
+        EqualParts(*(m.of(parts[number == k], int(n)) for m, n in zip(members, sizes[at], strict=True)))
         for k, at in enumerate(first.tolist())
     )
     return Components(batches, row_label, len(hard), states)

@@ -59,7 +59,7 @@ def sources_without_value(flat: FlatDAE, variables: np.ndarray | int, values: np
     """The parameters without value that the bindings of some come from; themselves where nothing else lacks one."""
     lacking, wanted = np.isnan(values), np.zeros(flat.count, bool)
     wanted[variables] = True
-    for binding in reversed(flat.bindings):  # each uses only what stands before it
+    for binding in reversed(flat.bindings):  # each uses only what precedes it
         rows = np.flatnonzero(wanted[binding.target])
         slots = binding.slots[rows]
         from_others = lacking[slots]

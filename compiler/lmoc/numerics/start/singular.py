@@ -14,7 +14,7 @@ class StartSingular(ModelError):
     Attributes
     ----------
     coordinates : names of the states
-    place : where the variable that is lost stands in the model
+    place : where the lost variable is declared in the model
     """
 
     def __init__(

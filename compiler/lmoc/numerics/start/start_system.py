@@ -16,7 +16,7 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.start.initial_equations import InitialEquations
 from lmoc.numerics.start.targets import Targets
 
-_ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
+ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
 
 
 def _parts(
@@ -90,7 +90,7 @@ class StartSystem:
         rows, columns, values = self.jacobian.rows, self.jacobian.columns, self.jacobian.values(self.w, self.time)
         # cos(pi/2) is not zero in floating point: what only roundoff moves does not follow from the states
         size = np.sqrt(np.bincount(rows, values**2, len(residual)))
-        values = np.where((size <= _ROUNDOFF * (1.0 + np.abs(self.value)))[rows], 0.0, values)
+        values = np.where((size <= ROUNDOFF * (1.0 + np.abs(self.value)))[rows], 0.0, values)
         return residual, (rows, columns, values)
 
     # ---------------------------------------------------------------- names for messages

@@ -86,7 +86,7 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
         return _named(root, models, str(name))
     if not models:
         if root.report.errors:
-            raise Wrong()  # a class has been left out: it stands in no package, say
+            raise Wrong()  # a class has been left out: it appears in no package, say
         raise Wrong("E0602", "there is no model to run in the file", _first_line(files),
                     hint="a scene is 'model Name … end Name;'")  # fmt: skip
     uses = _uses(_own_classes(root, files))

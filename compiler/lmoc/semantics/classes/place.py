@@ -84,7 +84,7 @@ class Member:
     Attributes
     ----------
     scope : the class whose text declares it
-    outer : modifications that `extends` clauses put on it, the outermost first, each with the class it stands in
+    outer : modifications that `extends` clauses put on it, the outermost first, each with the class it appears in
     under : where it redeclares another one, modifications of that one that go on to hold, in the same form
     constraint : where it redeclares another one, the class that its own must be a subtype of, and where that is named
     """

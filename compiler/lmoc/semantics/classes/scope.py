@@ -1,6 +1,6 @@
 """Classes in their places, and the lookup of names (Modelica specification, chapters 5 and 7).
 
-A `Scope` is a class definition together with the scope it stands in. Its `table` holds what an instance of the
+A `Scope` is a class definition together with the scope it appears in. Its `table` holds what an instance of the
 class has: its own elements and those it inherits, each with the class whose text declares it, because that is
 where the names in it are looked up.
 

@@ -19,7 +19,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.connections.components import components
 from lmoc.semantics.connections.signal_sources import SignalEdge, check_sources
 from lmoc.semantics.draft import ConnectDraft
-from lmoc.semantics.instances.instance import Broken, Instance, Node, Variable
+from lmoc.semantics.instances.instance import Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.unit_check import unit_of
 from lmoc.semantics.wrong import Wrong
 from lmoc.support.distinct import first_of_each, numbered
@@ -85,7 +85,7 @@ def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connect
     return Connections(tuple(good), Edges.join(across), Edges.join(through), count)
 
 
-def _variables(leaf: Variable, end: Node, elements: np.ndarray) -> np.ndarray:
+def _variables(leaf: Variable, end: InstanceNode, elements: np.ndarray) -> np.ndarray:
     """Indices of a connector's variable in the given elements of the connector."""
     inner = prod(leaf.total[len(end.total) :])
     if inner == 1:
@@ -93,7 +93,7 @@ def _variables(leaf: Variable, end: Node, elements: np.ndarray) -> np.ndarray:
     return (leaf.offset + elements[:, None] * inner + np.arange(inner)).reshape(-1)
 
 
-def _seen_from_inside(end: Node, draft: ConnectDraft) -> bool:
+def _seen_from_inside(end: InstanceNode, draft: ConnectDraft) -> bool:
     """Return whether it is a connector of the class that contains the connect (an "outside connector", 9.1.2)."""
     top = end
     while top.parent is not None and top.parent.kind in ("connector", "record"):
@@ -117,7 +117,7 @@ def _gives_signal(variable: Variable, inside: bool) -> bool:
     return variable.causality == ("input" if inside else "output") and not (inside and variable.hidden)
 
 
-def _pairs(a: Node, b: Node, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
+def _pairs(a: InstanceNode, b: InstanceNode, draft: ConnectDraft) -> Iterator[tuple[Variable, Variable]]:
     """Variables of two connectors that belong together; the connectors must be structurally equal."""
     if isinstance(a, Broken) or isinstance(b, Broken):
         raise Wrong()
@@ -149,7 +149,7 @@ def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Varia
 
 
 def _mismatch(draft: ConnectDraft, why: str) -> Wrong:
-    def kind(end: Node) -> str:
+    def kind(end: InstanceNode) -> str:
         return end.cls.name if isinstance(end, Instance) else end.type.name
 
     left, right = draft.left, draft.right
@@ -160,7 +160,7 @@ def _mismatch(draft: ConnectDraft, why: str) -> Wrong:
     )  # fmt: skip
 
 
-def _place(end: Node, draft: ConnectDraft) -> Span:
+def _place(end: InstanceNode, draft: ConnectDraft) -> Span:
     """The declaration, in the class with the connect, of the part or connector that an end belongs to."""
     node = end
     while node.parent is not None and node.parent is not draft.node and node.parent.component is not None:

@@ -106,7 +106,7 @@ def _moved(shape: Expr, by: int) -> Expr:
 
 
 def _left(draft: GroupDraft) -> tuple | None:
-    """The variable that stands alone on the left of an equation."""
+    """The variable that appears alone on the left of an equation."""
     if draft.left.op != "slot" or draft.left.value[1]:
         return None
     variable, index = draft.columns[draft.left.value[0]]

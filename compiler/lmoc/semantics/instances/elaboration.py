@@ -20,7 +20,16 @@ from lmoc.semantics.classes.redeclare import constraint_of, merged_component
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.subtype import check_subtype
-from lmoc.semantics.instances.instance import NOTHING, Absent, Binding, Broken, Instance, Modifier, Node, Variable
+from lmoc.semantics.instances.instance import (
+    NOTHING,
+    Absent,
+    Binding,
+    Broken,
+    Instance,
+    InstanceNode,
+    Modifier,
+    Variable,
+)
 from lmoc.semantics.instances.known import ElementValues, KnownValues
 from lmoc.semantics.instances.records import record_fields
 from lmoc.semantics.values.context import Context
@@ -111,7 +120,7 @@ class Elaboration:
                 wrong.put_into(self.report)
                 cls.table[name] = found.replaces
 
-    def child(self, instance: Instance, name: str) -> Node:
+    def child(self, instance: Instance, name: str) -> InstanceNode:
         """The child of that name, which the class must have."""
         made = instance.children.get(name)
         if made is not None:
@@ -134,7 +143,7 @@ class Elaboration:
         instance.children[name] = made
         return made
 
-    def _make(self, instance: Instance, member: Member) -> Node:
+    def _make(self, instance: Instance, member: Member) -> InstanceNode:
         component, scope = member.component, member.scope
         if component.outer and not component.inner:
             return self._inner(instance, component)
@@ -198,7 +207,7 @@ class Elaboration:
             base, where = member.constraint
             check_subtype(resolved, resolve(where.find_class(base)), component.type.span)
 
-    def _inner(self, instance: Instance, component: tree.Component) -> Node:
+    def _inner(self, instance: Instance, component: tree.Component) -> InstanceNode:
         around = instance.parent
         while around is not None:
             found = around.cls.table.get(component.name)

@@ -56,7 +56,7 @@ class Modifier:
 NOTHING = Modifier()
 
 
-class Node:
+class InstanceNode:
     """The instance of a declared name.
 
     Attributes
@@ -116,7 +116,7 @@ class Node:
         return f"{type(self).__name__}({self.label or '·'}{list(self.total) if self.total else ''})"
 
 
-class Variable(Node):
+class Variable(InstanceNode):
     """A variable, or an array of them.
 
     Attributes
@@ -163,7 +163,7 @@ class Variable(Node):
     @property
     def hidden(self) -> bool:
         """Return whether it is protected within its part, and belongs to no port of it."""
-        node: Node = self
+        node: InstanceNode = self
         while node is not self.parent.owner:
             if node.protected:
                 return True
@@ -171,7 +171,7 @@ class Variable(Node):
         return False
 
 
-class Instance(Node):
+class Instance(InstanceNode):
     """An instance of a class with elements: the model, a part, a connector, a record."""
 
     def __init__(self, name, parent, dims, component, scope, protected, cls: Scope, kind: str, modifier: Modifier):
@@ -179,7 +179,7 @@ class Instance(Node):
         self.cls = cls
         self.kind = kind
         self.modifier = modifier
-        self.children: dict[str, Node] = {}
+        self.children: dict[str, InstanceNode] = {}
         self.part = 0
         # the part that a connector belongs to; a part itself
         self.owner: Instance = parent.owner if parent and kind in ("connector", "record") else self
@@ -189,7 +189,7 @@ class Instance(Node):
         return self.kind == "connector"
 
     def around(self, scope: Scope) -> Instance | None:
-        """The nearest instance, this one or one around it, in whose class the text of `scope` stands."""
+        """The nearest instance, this one or one around it, whose class contains the text of `scope`."""
         node: Instance | None = self
         while node is not None and not node.cls.is_made_of(scope):
             node = node.parent
@@ -200,7 +200,7 @@ class Instance(Node):
         found: list[Variable] = []
         for child in self.children.values():
             if child.parent is not self:
-                continue  # an outer element: it is listed where it stands
+                continue  # an outer element: it is listed the current point
             if isinstance(child, Variable):
                 found.append(child)
             elif isinstance(child, Instance):
@@ -216,11 +216,11 @@ class Instance(Node):
         return found
 
 
-class Absent(Node):
+class Absent(InstanceNode):
     """A conditional component whose condition is false."""
 
 
-class Broken(Node):
+class Broken(InstanceNode):
     """A declaration that is wrong, as has been said; whatever uses it is left out in silence."""
 
     def __init__(self, name: str, parent: Instance, component: tree.Component, scope: Scope):

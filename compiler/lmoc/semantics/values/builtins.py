@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
-from lmoc.semantics.instances.instance import Node
+from lmoc.semantics.instances.instance import InstanceNode
 from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, concatenated
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, locate
@@ -200,7 +200,7 @@ def _dims(context: Context, e: tree.Expression) -> tuple[int, ...]:
     """The dimensions of a value, or of an array of parts."""
     if isinstance(e, tree.Ref) and e.parts[0].name not in context.names:
         start = find_start(context, e)
-        if isinstance(start, Node):
+        if isinstance(start, InstanceNode):
             return locate(context, e, start).dims
     return context.value(e).dims
 

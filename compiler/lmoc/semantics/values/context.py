@@ -13,7 +13,7 @@ from lmoc.ir.flat import Block, Kind
 from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.instance import Binding, Instance, Node, Variable
+from lmoc.semantics.instances.instance import Binding, Instance, InstanceNode, Variable
 from lmoc.semantics.values.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.values.value import Arrays, Value
 from lmoc.semantics.wrong import Budget, NotAlike, Wrong
@@ -51,7 +51,7 @@ class Model(Protocol):
     drafts: Any
     root: Instance
 
-    def child(self, instance: Instance, name: str) -> Node: ...
+    def child(self, instance: Instance, name: str) -> InstanceNode: ...
 
     def say_once(self, code: str, message: str, span: Span, **more: object) -> None: ...
 
@@ -85,7 +85,7 @@ class Context:
     leaves : the columns of the group in the making
     names : iteration variables and, in a function, its variables
     quiet : how many noEvent() or smooth() stand around: kinks are intended, and relations make no events
-    in_when : it stands in the body of a `when`
+    in_when : it appears in the body of a `when`
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
     end : what `end` means in the subscript being read

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lmoc.messages.diagnostics import Label
-from lmoc.semantics.instances.instance import Node
+from lmoc.semantics.instances.instance import InstanceNode
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, reference, step
 from lmoc.semantics.wrong import Wrong
@@ -57,7 +57,7 @@ def _uses(name: str, body: object) -> Iterator[tuple[tree.Ref, int, int]]:
 def _dims(context: Context, ref: tree.Ref, k: int) -> tuple[int, ...]:
     """The dimensions of what the first parts of a reference, up to number k, stand for."""
     start = find_start(context, ref) if ref.absolute or ref.parts[0].name not in context.names else None
-    if not isinstance(start, Node):
+    if not isinstance(start, InstanceNode):
         whole = replace(ref, parts=(*ref.parts[:k], replace(ref.parts[k], subscripts=())))
         return reference(context, whole).dims
     for part in ref.parts[1 : k + 1]:

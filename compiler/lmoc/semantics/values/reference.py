@@ -18,7 +18,7 @@ from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import ENUMERATIONS, Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.instance import Absent, Broken, Instance, Node, Variable
+from lmoc.semantics.instances.instance import Absent, Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import Index, align, positions
 from lmoc.semantics.values.value import Value, number, stack
@@ -48,7 +48,7 @@ class Located:
     implicit : no subscripts: all that the rows have of it
     """
 
-    node: Node
+    node: InstanceNode
     axes: tuple[Index | Slice, ...]
     shared: int
     implicit: bool
@@ -74,7 +74,7 @@ def reference(context: Context, ref: tree.Ref) -> Value:
             hint = nearest(ref.parts[1].name, fields) or (f"it has {', '.join(fields)}" if fields else "")
             raise Wrong("E0201", f"'{first.name}' has no element '{ref.parts[1].name}'", ref.parts[1].span, hint=hint)
     start = find_start(context, ref)
-    if isinstance(start, Node):
+    if isinstance(start, InstanceNode):
         return located_value(context, locate(context, ref, start), ref.span)
     if start is None:
         if first.name == "time" and len(ref.parts) == 1:
@@ -106,7 +106,7 @@ def _variables(context: Context, classes: bool) -> Iterator[str]:
             yield name
 
 
-def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Builtin | None:
+def find_start(context: Context, ref: tree.Ref) -> InstanceNode | Member | Scope | Builtin | None:
     """Return the meaning of the first name of a reference: a node of the instance tree, a package constant, a class."""
     name = ref.parts[0].name
     if context.node is not None and not ref.absolute and isinstance(context.scope.table.get(name), Member):
@@ -117,7 +117,7 @@ def find_start(context: Context, ref: tree.Ref) -> Node | Member | Scope | Built
 def named_variable(context: Context, ref: tree.Ref) -> Variable | None:
     """The variable that a reference names, subscripts apart; None where there is none."""
     node = find_start(context, ref)
-    if not isinstance(node, Node):
+    if not isinstance(node, InstanceNode):
         return None
     try:
         for part in ref.parts[1:]:
@@ -130,7 +130,7 @@ def named_variable(context: Context, ref: tree.Ref) -> Variable | None:
 # ------------------------------------------------------------------- in the instance tree
 
 
-def locate(context: Context, ref: tree.Ref, start: Node) -> Located:
+def locate(context: Context, ref: tree.Ref, start: InstanceNode) -> Located:
     """Walk a dotted name down the instance tree, evaluating the subscripts."""
     node = start
     shared = len(start.total) - len(start.dims)
@@ -148,7 +148,7 @@ def locate(context: Context, ref: tree.Ref, start: Node) -> Located:
     return Located(node, tuple(axes), shared, implicit)
 
 
-def step(context: Context, node: Node, part: tree.RefPart) -> Node:
+def step(context: Context, node: InstanceNode, part: tree.RefPart) -> InstanceNode:
     """The element of a node that a further part of a reference names."""
     if not isinstance(node, Instance):
         raise Wrong("E0201", f"'{node.name}' is a variable and has no element '{part.name}'", part.span)
@@ -166,14 +166,14 @@ def step(context: Context, node: Node, part: tree.RefPart) -> Node:
     return context.model.child(node, part.name)
 
 
-def _require_present(node: Node, part: tree.RefPart) -> None:
+def _require_present(node: InstanceNode, part: tree.RefPart) -> None:
     if isinstance(node, Broken):
         raise Wrong()
     if isinstance(node, Absent):
         raise Wrong("E0218", f"'{node.name}' is absent here: its condition is false", part.span)
 
 
-def _subscripts(context: Context, node: Node, part: tree.RefPart) -> list[Index | Slice]:
+def _subscripts(context: Context, node: InstanceNode, part: tree.RefPart) -> list[Index | Slice]:
     if len(part.subscripts) != len(node.dims):
         count = len(node.dims)
         expected = f"{count} subscript{'s' * (count != 1)}" if count else "no subscripts: it is not an array"

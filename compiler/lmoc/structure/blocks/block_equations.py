@@ -12,7 +12,7 @@ from lmoc.expression.dag import Expr
 from lmoc.structure.blocks.blocks import Blocks, blocks_of
 from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.index.incidence import Incidence, ranges
-from lmoc.structure.index.system import Batch, SumBatch
+from lmoc.structure.index.system import EquationBatch, SumBatch
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX, counted
 
@@ -28,7 +28,7 @@ class BatchRows:
     registers : (n, leaves)
     """
 
-    batch: Batch
+    batch: EquationBatch
     first: int
     leaves: tuple[Expr, ...]
     registers: np.ndarray
@@ -73,7 +73,7 @@ class SquareSystem:
     given : the same for the unknown jets that are states
     """
 
-    def __init__(self, batches: Sequence[Batch], sums: Sequence[SumBatch], base: np.ndarray, registers: int):
+    def __init__(self, batches: Sequence[EquationBatch], sums: Sequence[SumBatch], base: np.ndarray, registers: int):
         self.rows: list[BatchRows] = []
         self.sums: list[SumRows] = []
         self.registers = registers

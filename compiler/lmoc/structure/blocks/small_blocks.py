@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, postorder, slot, substitute
+from lmoc.expression.dag import Expr, postorder, slot, slots, substitute
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply, Solve, Step
 from lmoc.structure.blocks.block_equations import SquareSystem
@@ -165,7 +165,7 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     favourites = frozenset(v for v in blocks.internal if around.favourite[blocks.registers[0, v]])
     order = tear(unknowns, safe, favourites)
     for e, v in order.steps:
-        around.divide(partial(_vanishing, blocks, blocks.residuals[e], v, unknowns[e]))
+        around.divide(partial(_has_vanished, blocks, blocks.residuals[e], v, unknowns[e]))
     inner = [(v, solved(blocks.residuals[e], slot(v))) for e, v in order.steps]
     linear = [jointly_linear(r, tuple(slot(v) for v in blocks.internal)) for r in blocks.residuals]
     is_linear = all(row is not None for row in linear)
@@ -186,13 +186,25 @@ def _vanishing(
     blocks: AlikeBlocks, residual: Expr, unknown: int, unknowns: frozenset[int], values: np.ndarray
 ) -> np.ndarray:
     """(instances,) whether the coefficient of an unknown is no number, or nothing beside those of the others."""
-    own = pivot(residual, blocks.kinds, slot(unknown))
-    if own is None:
+    found = [pivot(residual, blocks.kinds, slot(v)) for v in (unknown, *unknowns)]
+    if found[0] is None:
         return np.ones(len(blocks.equations), bool)
-    found = [pivot(residual, blocks.kinds, slot(v)) for v in unknowns]
-    sizes = [np.abs(evaluate(c, lambda k, _: values[blocks.registers[:, k]])) for c in (own, *found) if c is not None]
+    sizes = [np.abs(evaluate(c, lambda k, _: values[blocks.registers[:, k]])) for c in found if c is not None]
     size, *others = (np.broadcast_to(s, len(blocks.equations)) for s in sizes)
     return ~(size > NOTHING * np.max(others, axis=0))
+
+
+def _has_vanished(
+    blocks: AlikeBlocks, residual: Expr, unknown: int, unknowns: frozenset[int], values: np.ndarray
+) -> np.ndarray:
+    """(instances,) whether a coefficient that was divided by vanishes with other values of the parameters.
+
+    Parameters without a value may have any.
+    """
+    found = [pivot(residual, blocks.kinds, slot(v)) for v in (unknown, *unknowns)]
+    columns = sorted({leaf.value[0] for c in found if c is not None for leaf in slots(c)})
+    missing = np.isnan(values[blocks.registers[:, columns]]).any(axis=1)
+    return _vanishing(blocks, residual, unknown, unknowns, values) & ~missing
 
 
 def _singular(blocks: AlikeBlocks, linear: list, values: np.ndarray) -> np.ndarray:

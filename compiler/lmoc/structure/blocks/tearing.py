@@ -2,7 +2,7 @@
 
 A greedy heuristic after Cellier & Kofman, "Continuous System Simulation" (2006), 7.2, and Meijer, "Tearing
 differential algebraic equations in an object-oriented modeling language" (2011): what no equation gives safely is
-torn first, then derivatives of states (a mechanism then ends at its mass matrix), then what stands in most of the
+torn first, then derivatives of states (a mechanism then ends at its mass matrix), then what appears in most of the
 equations. Substitution is kept shallow: along a chain it multiplies errors in each link.
 """
 
@@ -80,7 +80,7 @@ def tear(
 
 
 def _users(unknowns: Sequence[frozenset[int]]) -> dict[int, list[int]]:
-    """The equations in which each unknown stands."""
+    """The equations in which each unknown appears."""
     users: dict[int, list[int]] = {}
     for e, found in enumerate(unknowns):
         for v in found:

@@ -17,7 +17,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.structure.coordinates.nearest import nearest
 from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.incidence import ranges
-from lmoc.structure.index.system import Batch, System
+from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.support.distinct import distinct
 
 # steps until it is given up; relative size of the last one; what keeps the equations for it regular where constraints
@@ -25,7 +25,7 @@ from lmoc.support.distinct import distinct
 STEPS, CLOSED, DAMPING, DENSE = 40, 1e-9, 1e-13, 100
 
 
-def start_point(system: System, c: np.ndarray, highest: int) -> Sample:
+def start_point(system: EquationSystem, c: np.ndarray, highest: int) -> Sample:
     """Return a point that satisfies all equations with c > 0 at the start time, near the start values of the model.
 
     Where none is found, those values themselves: no more is known then.
@@ -69,8 +69,8 @@ class _Constraints:
     jets : (unknowns,) positions in the flattened values
     """
 
-    def __init__(self, system: System, c: np.ndarray, sample: Sample):
-        self.parts: list[tuple[Batch, list[tuple[Expr, Expr]]]] = []
+    def __init__(self, system: EquationSystem, c: np.ndarray, sample: Sample):
+        self.parts: list[tuple[EquationBatch, list[tuple[Expr, Expr]]]] = []
         width, first = sample.value.shape[1], 0
         rows, jets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for b in system.batches:

@@ -12,7 +12,7 @@ from lmoc.expression.dag import depends_on_time
 from lmoc.structure.coordinates.preferences import inertial
 from lmoc.structure.coordinates.selection import Selection
 from lmoc.structure.index.incidence import Incidence
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, leaves_of
 from lmoc.support.distinct import distinct
 
@@ -46,7 +46,7 @@ def immobile(selection: Selection) -> tuple[np.ndarray, np.ndarray]:
     return (fixed, np.flatnonzero((match >= 0) & held[match])) if len(fixed) else nothing
 
 
-def _prescribed(system: System) -> np.ndarray:
-    """Rows in which an input or time stands."""
+def _prescribed(system: EquationSystem) -> np.ndarray:
+    """Rows in which an input or time appears."""
     rows = [b.row for b in system.batches if leaves_of(b.shape, b.kinds, INPUT) or depends_on_time(b.shape)]
     return np.concatenate([np.zeros(0, np.int64), *rows])

@@ -15,21 +15,21 @@ from lmoc.structure.blocks.explicit import pivot, solved
 from lmoc.structure.coordinates.coordinates import Wish
 from lmoc.structure.coordinates.tied import Tied
 from lmoc.structure.index.sigma import offsets
-from lmoc.structure.index.system import Batch, System
+from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import linear_form
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.structure.messages.equations import Equations
 from lmoc.support.distinct import distinct
 
 
-def asked_for(system: System, states: Sequence[str] | None) -> np.ndarray:
+def asked_for(system: EquationSystem, states: Sequence[str] | None) -> np.ndarray:
     """Columns behind the names the user requested, best first, each once."""
     found = [system.flat.find(name) for name in states or ()]
     columns = [int(c) for f in found if f is not None for c in system.column[system.normalized.root[f]]]
     return np.array([c for c in dict.fromkeys(columns) if c >= 0], np.int64)
 
 
-def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> np.ndarray:
+def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> np.ndarray:
     """Return the preference of each column as a state: a permutation rank, higher is preferred.
 
     What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
@@ -59,14 +59,14 @@ def preference(system: System, tied: Tied, c: np.ndarray, wanted: np.ndarray, li
     return rank
 
 
-def wishes(system: System, wanted: np.ndarray) -> np.ndarray:
+def wishes(system: EquationSystem, wanted: np.ndarray) -> np.ndarray:
     """(columns,) Wish: how much the user wants each column for a state."""
     wish = np.where(_marked(system), Wish.MARKED, Wish.NONE)
     wish[wanted] = Wish.ASKED
     return wish
 
 
-def _marked(system: System) -> np.ndarray:
+def _marked(system: EquationSystem) -> np.ndarray:
     """(columns,) roots behind variables with ``stateSelect`` above the default."""
     mask = np.zeros(len(system.kind), bool)
     select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
@@ -74,8 +74,8 @@ def _marked(system: System) -> np.ndarray:
     return mask[system.variable]
 
 
-def inertial(system: System, c: np.ndarray) -> np.ndarray:
-    """(columns,) those whose second derivative stands in an equation that is no constraint: coordinates of inertias."""
+def inertial(system: EquationSystem, c: np.ndarray) -> np.ndarray:
+    """(columns,) coordinates of inertias: the second derivative appears in an equation other than a constraint."""
     i = system.incidence
     mask = np.zeros(i.columns, bool)
     mask[i.column[(i.order >= 2) & (c[i.row] == 0)]] = True
@@ -83,7 +83,7 @@ def inertial(system: System, c: np.ndarray) -> np.ndarray:
 
 
 def offsets_with_room(
-    system: System, match: np.ndarray, wanted: np.ndarray, more: np.ndarray
+    system: EquationSystem, match: np.ndarray, wanted: np.ndarray, more: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offsets that leave room for the preferred variables to be states.
 
@@ -112,7 +112,7 @@ def offsets_with_room(
     return offsets(incidence, match, lower)
 
 
-def distances(system: System, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+def distances(system: EquationSystem, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Columns of variables that are computed as differences of massless points, or the like.
 
     In ``x = b - a`` a and b are integrated, though perhaps only x is read: a spring between two dampers.
@@ -129,7 +129,7 @@ def distances(system: System, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     return distinct(np.concatenate(found))
 
 
-def _implicit(system: System, match: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _implicit(system: EquationSystem, match: np.ndarray, d: np.ndarray) -> np.ndarray:
     """(columns,) positions that would have to be found by iteration though another follows from them by a formula.
 
     A massless lever on a mass: ``q = l·sin(theta)`` with q integrated wants an arc sine at every evaluation; with
@@ -148,7 +148,7 @@ def _implicit(system: System, match: np.ndarray, d: np.ndarray) -> np.ndarray:
     return mask
 
 
-def _among_positions(system: System, batch: Batch, rows: np.ndarray) -> bool:
+def _among_positions(system: EquationSystem, batch: EquationBatch, rows: np.ndarray) -> bool:
     """Return whether an equation is geometry: all its unknowns are potentials of connectors, lengths or angles."""
     flat = system.flat
     number = int(system.source[batch.row[rows][0]])
@@ -156,7 +156,7 @@ def _among_positions(system: System, batch: Batch, rows: np.ndarray) -> bool:
     return all((b.connector and not b.flow) or b.unit in LENGTHS_AND_ANGLES for b in blocks)
 
 
-def declared(system: System) -> np.ndarray:
+def declared(system: EquationSystem) -> np.ndarray:
     """(columns,) roots behind outputs, marked variables and what events read: states even if no equation reads them."""
     flat = system.flat
     marked = flat.per_variable(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.ir.flat import Assignments
-from lmoc.structure.index.system import Batch, System
+from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, KNOWN
 from lmoc.structure.linear.generic import spread_at
 
@@ -35,12 +35,12 @@ class Sample:
     value: np.ndarray
     time: float
 
-    def column(self, batch: Batch) -> Callable[[int, int], np.ndarray]:
+    def column(self, batch: EquationBatch) -> Callable[[int, int], np.ndarray]:
         """Return the values that `expression.evaluate` reads."""
         return lambda k, order: self.value[order, batch.slots[:, k]]
 
 
-def generic(system: System, highest: int) -> Sample:
+def generic(system: EquationSystem, highest: int) -> Sample:
     """A generic point near the start, at which coefficients are distinguished from zero.
 
     Start values where they are given and not zero, else small generic numbers; parameters without a value get a
@@ -54,7 +54,7 @@ def generic(system: System, highest: int) -> Sample:
     return Sample(value, GENERIC_TIME)
 
 
-def given(system: System, highest: int) -> tuple[Sample, np.ndarray]:
+def given(system: EquationSystem, highest: int) -> tuple[Sample, np.ndarray]:
     """Return the start as the model states it: start values, and inputs at the start time; all else is nearly zero.
 
     Returns
@@ -87,7 +87,7 @@ def given(system: System, highest: int) -> tuple[Sample, np.ndarray]:
     return Sample(value, time), ease
 
 
-def _small(system: System, highest: int) -> np.ndarray:
+def _small(system: EquationSystem, highest: int) -> np.ndarray:
     """(orders, extended) the known values, and small generic numbers for all else."""
     count = len(system.kind)
     value = np.zeros((highest + 1, count))  # eliminated variables keep the zeros, and their pages are never touched
@@ -102,7 +102,7 @@ def _small(system: System, highest: int) -> np.ndarray:
     return value
 
 
-def _of_roots(system: System, a: Assignments, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _of_roots(system: EquationSystem, a: Assignments, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Start values as values of jets of roots: positions in the flattened `value`, and numbers."""
     n = system.normalized
     wanted = np.asarray(a.values(value[0]), float)

@@ -12,9 +12,9 @@ from lmoc.structure.coordinates import preferences
 from lmoc.structure.coordinates.coordinates import Choice, choose, determined_at_start
 from lmoc.structure.coordinates.sample import Sample, generic
 from lmoc.structure.coordinates.tied import Tied, constraint_matrix, tied_entries
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
-from lmoc.structure.registers.layout import Layout
+from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
 
@@ -32,14 +32,14 @@ class Selection:
     quadrature : (registers,) those of them that no equation reads
     """
 
-    system: System
+    system: EquationSystem
     c: np.ndarray
     d: np.ndarray
     sample: Sample
     start: Sample | None
     tied: Tied
     choice: Choice
-    layout: Layout | None = None
+    layout: RegisterLayout | None = None
     square: SquareSystem | None = None
     is_state: np.ndarray | None = None
     quadrature: np.ndarray | None = None
@@ -73,7 +73,7 @@ class Selection:
         return tied_entries(self.system, self.c, self.d, self.sample, least=0)
 
 
-def select(system: System, match: np.ndarray, wanted: np.ndarray) -> Selection:
+def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Selection:
     """Choose the states.
 
     Between massless points on dampers the distance may be all that matters: it is tried in their place, and taken
@@ -94,7 +94,7 @@ def select(system: System, match: np.ndarray, wanted: np.ndarray) -> Selection:
     return first if len(second.choice.singular) or second.count >= first.count else second
 
 
-def _select(system: System, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection:
+def _select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection:
     c, d = preferences.offsets_with_room(system, match, wanted, liked)
     sample = generic(system, int(d.max(initial=0)))
     tied, start = constraint_matrix(system, c, d, sample)
@@ -103,7 +103,7 @@ def _select(system: System, match: np.ndarray, wanted: np.ndarray, liked: np.nda
     if len(choice.singular):
         return Selection(system, c, d, sample, start, tied, choice)
     batches, sums = system.differentiated(c)
-    layout = Layout(system, d, system.highest_inputs(batches))
+    layout = RegisterLayout(system, d, system.highest_inputs(batches))
     square = SquareSystem(batches, sums, layout.base, layout.count)
     square.finish(_matching(system, square, layout, match, c, d, choice))
     is_state = _state_mask(system, layout, d, choice)
@@ -112,9 +112,9 @@ def _select(system: System, match: np.ndarray, wanted: np.ndarray, liked: np.nda
 
 
 def _matching(
-    system: System,
+    system: EquationSystem,
     square: SquareSystem,
-    layout: Layout,
+    layout: RegisterLayout,
     match: np.ndarray,
     c: np.ndarray,
     d: np.ndarray,
@@ -133,7 +133,7 @@ def _matching(
     return result
 
 
-def _state_mask(system: System, layout: Layout, d: np.ndarray, choice: Choice) -> np.ndarray:
+def _state_mask(system: EquationSystem, layout: RegisterLayout, d: np.ndarray, choice: Choice) -> np.ndarray:
     """(registers,) the jets below the highest that no equation computes."""
     base = layout.base[system.variable]
     variable, order = layout.jets
@@ -144,7 +144,12 @@ def _state_mask(system: System, layout: Layout, d: np.ndarray, choice: Choice) -
 
 
 def _quadratures(
-    system: System, layout: Layout, square: SquareSystem, c: np.ndarray, is_state: np.ndarray, wanted: np.ndarray
+    system: EquationSystem,
+    layout: RegisterLayout,
+    square: SquareSystem,
+    c: np.ndarray,
+    is_state: np.ndarray,
+    wanted: np.ndarray,
 ) -> np.ndarray:
     """(registers,) states that no equation reads and nobody has declared to be interested in."""
     registers = np.flatnonzero(is_state)

@@ -11,7 +11,7 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.coordinates.closure import start_point
 from lmoc.structure.coordinates.sample import Sample
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import is_constant
 
 
@@ -39,7 +39,7 @@ class Tied:
         return np.where(self.constant, 1.0, size / largest_in_row(self.row, size)[self.row])
 
 
-def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample, least: int = 1) -> Tied:
+def tied_entries(system: EquationSystem, c: np.ndarray, d: np.ndarray, sample: Sample, least: int = 1) -> Tied:
     """Entries of the constraint matrix at one point: the equations differentiated `least` times or more.
 
     With ``least=0`` this is the Jacobian of the whole system by its highest derivatives, which must be regular.
@@ -72,7 +72,9 @@ def tied_entries(system: System, c: np.ndarray, d: np.ndarray, sample: Sample, l
     return Tied(row, column, value, value, constant)
 
 
-def constraint_matrix(system: System, c: np.ndarray, d: np.ndarray, sample: Sample) -> tuple[Tied, Sample | None]:
+def constraint_matrix(
+    system: EquationSystem, c: np.ndarray, d: np.ndarray, sample: Sample
+) -> tuple[Tied, Sample | None]:
     """The constraint matrix at the sample point and, where it changes along the motion, at the start: that point."""
     tied = tied_entries(system, c, d, sample)
     if tied.constant.all():

@@ -1,7 +1,7 @@
 """The discrete equations as a sequence of assignments (Modelica specification 3.6, appendix B).
 
-Each discrete variable is determined by a relation or by one equation in which it stands alone on a side. Equations are
-matched with variables, and sorted so that each uses only what stands before it; ``pre(v)`` and the continuous variables
+Each discrete variable is determined by a relation or by one equation in which it appears alone on a side. Equations are
+matched with variables, and sorted so that each uses only what precedes it; ``pre(v)`` and the continuous variables
 are given. A cycle among them is an error: with the continuous part fixed, nothing would say which values hold.
 """
 

@@ -17,7 +17,7 @@ from lmoc.support.indices import INDEX, counted, positions
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class EquationBatch:
     """Equations ``shape(slots[i]) = 0``, all differentiated equally often.
 
     Attributes
@@ -39,8 +39,8 @@ class Batch:
         """The unknown jets among the leaves."""
         return leaves_of(self.shape, self.kinds, UNKNOWN)
 
-    def take(self, rows: np.ndarray) -> Batch:
-        return Batch(self.shape, self.kinds, self.slots[rows], self.row[rows], self.times)
+    def take(self, rows: np.ndarray) -> EquationBatch:
+        return EquationBatch(self.shape, self.kinds, self.slots[rows], self.row[rows], self.times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def derivative(shape: Expr, kinds: Kinds) -> Expr:
     return total_derivative(shape, frozenset(k for k, kind in enumerate(kinds) if kind not in (UNKNOWN, INPUT)))
 
 
-class System:
+class EquationSystem:
     """The normalized equations, numbered through: the groups in order, then the long sums.
 
     Attributes
@@ -98,12 +98,12 @@ class System:
         columns = self.column[normalized.root[at]].astype(np.int64)
         np.maximum.at(self.needed, columns, normalized.order[at])
 
-    def _batches(self, normalized: Normalized) -> tuple[Batch, ...]:
+    def _batches(self, normalized: Normalized) -> tuple[EquationBatch, ...]:
         result, first = [], 0
         for g in normalized.groups:
             if g.rows:
                 rows = counted(first, first + g.rows)
-                result.append(Batch(g.residual, tuple(self.kind[g.slots[0]].tolist()), g.slots, rows))
+                result.append(EquationBatch(g.residual, tuple(self.kind[g.slots[0]].tolist()), g.slots, rows))
                 first += g.rows
         return tuple(result)
 
@@ -123,7 +123,7 @@ class System:
         """The user's name of an unknown."""
         return self.flat.variable_name(int(self.variable[column]))
 
-    def differentiated(self, c: np.ndarray) -> tuple[tuple[Batch, ...], tuple[SumBatch, ...]]:
+    def differentiated(self, c: np.ndarray) -> tuple[tuple[EquationBatch, ...], tuple[SumBatch, ...]]:
         """Every equation and its derivatives up to the c-th; each shape is differentiated once for each order."""
         batches, sums = [], []
         for b in self.batches:
@@ -133,13 +133,13 @@ class System:
                     shape = derivative(shape, b.kinds)
                     rows = np.flatnonzero(c[b.row] >= times)
                 part = b if rows is None or len(rows) == len(b.row) else b.take(rows)
-                batches.append(Batch(shape, part.kinds, part.slots, part.row, times))
+                batches.append(EquationBatch(shape, part.kinds, part.slots, part.row, times))
         if self.sums.row.size:
             for times in range(int(c[self.sums.row].max()) + 1):
                 sums.append(_sums_from(self.sums, np.flatnonzero(c[self.sums.row] >= times), times))
         return tuple(batches), tuple(sums)
 
-    def highest_inputs(self, batches: tuple[Batch, ...]) -> np.ndarray:
+    def highest_inputs(self, batches: tuple[EquationBatch, ...]) -> np.ndarray:
         """(flat.count,) highest derivative of each input in equations or as a flat variable, -1 where there is none."""
         top = np.full(self.flat.count, -1, INDEX)
         roots = self.normalized.root

@@ -28,7 +28,7 @@ def reduce_with_laws(
     ModelError
         Through `report`: E0440 a law whose force does not act on its own motion, E0441 friction without a mass.
     """
-    if not flat.laws:
+    if not flat.laws or flat.closed is not None:
         return reduce(flat, values, states, report)
     report = Report() if report is None else report
     given = flat.parameter_values() if values is None else values
@@ -39,7 +39,7 @@ def reduce_with_laws(
     _report_not_felt(flat, degree, report)
     form, places = switched(flat, degree)
     reduced = reduce(form, _extended(given, form), first.state_names, report)
-    return replace(reduced, switched=places)
+    return replace(reduced, switched=places, lawful=flat)
 
 
 def _extended(values: np.ndarray, flat: FlatDAE) -> np.ndarray:

@@ -19,12 +19,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import zip_longest
 
 import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot
-from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind
+from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, StateSelect
 from lmoc.ir.law import NONE, LawKind, Laws, Switched, law_count
 
 ORIGIN = "law"
@@ -79,8 +78,9 @@ class _Added:
 
     def __init__(self, flat: FlatDAE) -> None:
         directions = [laws.direction for laws in flat.laws if laws.direction is not None]
-        held = np.isin([b.offset for b in flat.blocks], np.concatenate(directions)) if directions else []
-        self.blocks = [replace(b, kind=Kind.INPUT) if own else b for b, own in zip_longest(flat.blocks, held)]
+        held = set(np.concatenate(directions).tolist()) if directions else set()
+        gaps = {int(v) for laws in flat.laws if laws.kind is LawKind.UNILATERAL for v in laws.motion}
+        self.blocks = [_held(b) if b.offset in held else _avoided(b) if b.offset in gaps else b for b in flat.blocks]
         self.groups: list[Group] = []
         self.count = flat.count
 
@@ -98,6 +98,17 @@ class _Added:
             pair = np.stack([made[wanted], of[wanted]], axis=1)
             self.groups.append(Group(slot(0), slot(1, 1), pair, laws.span, laws.part, ORIGIN))
         return made
+
+
+def _held(block: Block) -> Block:
+    """Return a discrete variable as an input."""
+    return replace(block, kind=Kind.INPUT)
+
+
+def _avoided(block: Block) -> Block:
+    """Return a gap that is a state only where no coordinate of a part can be one."""
+    plain = block.state_select == StateSelect.default
+    return replace(block, state_select=StateSelect.avoid) if plain else block
 
 
 def _columns(added: _Added, laws: Laws, degree: np.ndarray) -> _Columns:

@@ -34,7 +34,7 @@ class Role(IntEnum):
     NONE = 0
     ALIAS = 1  # a·x + b·y + c = 0 with y an unknown, an input, or absent
     DERIVATIVE = 2  # a·v + b·der(x) + c = 0
-    CLOSED = 3  # no unknown stands in it
+    CLOSED = 3  # no unknown appears in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +203,7 @@ def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray, time: float 
     Parameters
     ----------
     value, size : (n, columns)
-        What stands in the columns, and the magnitude behind it (of a derived parameter: of its terms).
+        The jets of the columns, and the magnitude behind it (of a derived parameter: of its terms).
     """
     pair: dict[int, tuple] = {}
     with np.errstate(all="ignore"):

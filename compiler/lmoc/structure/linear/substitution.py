@@ -232,6 +232,6 @@ def _with_merged_columns(shape: Expr, kinds: Kinds, columns: tuple[int, ...], pa
 
 
 def _collected(rest: Expr) -> Expr:
-    """A rest with equal terms put together, where it is linear in what stands in it."""
+    """A rest with equal terms put together, where it is linear in its jets."""
     parts = linear_parts(rest, slots(rest))
     return rest if parts is None else linear_sum(*parts)

@@ -1,8 +1,8 @@
 """Rows as linear combinations of terms: jets, and nonlinear functions of them told apart by their values.
 
 ``q = l*sin(theta)`` is a combination of ``q`` and ``sin(theta)`` with constant coefficients. Rows that depend on each
-other as combinations of the same terms do so wherever the mechanism stands. Two terms are the same up to a factor when
-their values at a few generic points are (J. T. Schwartz, J. ACM 27, 1980, for polynomials): so ``(x - y)^2`` is
+other as combinations of the same terms do so in every position of the mechanism. Two terms are the same up to a factor
+when their values at a few generic points are (J. T. Schwartz, J. ACM 27, 1980, for polynomials): so ``(x - y)^2`` is
 ``(y - x)^2``, and ``sin(-theta)`` is ``-sin(theta)``, however they were written.
 """
 

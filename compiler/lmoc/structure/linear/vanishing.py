@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 
 import numpy as np
 
@@ -92,14 +93,20 @@ def vanishes(
 
 def _judged(expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters):
     """Return where the value vanishes, and where it is undefined."""
-    rounded = any(n.op in ("add", "sub", "sin", "cos", "tan") for n in postorder(expr))
-    if rounded or (table.size and table.max() >= derived.base):
+    if _rounds(expr) or (table.size and table.max() >= derived.base):
         value, size = value_and_size(expr, known[table], derived.sizes(known, table))
         zero = np.abs(value) <= ROUNDOFF * size
     else:
         value = evaluate(expr, lambda k, _: known[table[:, k]])
         zero = np.equal(value, 0.0)
-    return np.broadcast_to(zero, (len(table),)), np.broadcast_to(np.isnan(value), (len(table),))
+    none = np.zeros(len(table), bool)  # where the value is one number for all rows
+    return zero | none, np.isnan(value) | none
+
+
+@cache
+def _rounds(expr: Expr) -> bool:
+    """Return whether the value of an expression that vanishes may differ from 0 by rounding."""
+    return any(n.op in ("add", "sub", "sin", "cos", "tan") for n in postorder(expr))
 
 
 class Splitter:

@@ -28,7 +28,7 @@ from lmoc.structure.coordinates.nearest import closed, nearest
 from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.dulmage_mendelsohn import components
 from lmoc.structure.index.incidence import Incidence
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import UNKNOWN, leaves_of
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.linear.generic import spread
@@ -57,7 +57,7 @@ def without_dependent(normalized: Normalized) -> Normalized:
 
     For each of them one reaction is set to zero, and all that could have been otherwise are undetermined.
     """
-    system = System(normalized)
+    system = EquationSystem(normalized)
     rows = _rows(system)
     masks = _Masks(system, rows)
     core = constraints(rows, masks.flow & ~masks.coordinate)
@@ -94,7 +94,7 @@ def without_dependent(normalized: Normalized) -> Normalized:
     )
 
 
-def _rows(system: System) -> list[Rows]:
+def _rows(system: EquationSystem) -> list[Rows]:
     groups = [g for g in system.normalized.groups if g.rows]
     return [Rows(g.residual, b.kinds, g.slots, g.source) for g, b in zip(groups, system.batches, strict=True)]
 
@@ -102,7 +102,7 @@ def _rows(system: System) -> list[Rows]:
 class _Masks:
     """Marks of roots; each (flat.count+1,)."""
 
-    def __init__(self, system: System, rows: list[Rows]):
+    def __init__(self, system: EquationSystem, rows: list[Rows]):
         self.system = system
         self.flow = self._marked(lambda b: b.flow and b.connector)
         self.port = self._marked(lambda b: b.connector)
@@ -141,7 +141,7 @@ class _Judged:
     size: dict[int, float]
 
     @staticmethod
-    def of(system: System, groups: tuple[Rows, ...]) -> _Judged:
+    def of(system: EquationSystem, groups: tuple[Rows, ...]) -> _Judged:
         highest = max(leaf.value[1] for g in groups for leaf in leaves_of(g.shape, g.kinds, UNKNOWN))
         start, ease = given(system, highest)
         value = start.value.copy()
@@ -174,13 +174,13 @@ def _watched(flat: FlatDAE, judged: _Judged) -> Iterator[Check]:
         yield Check(function("le", missed, bound), message, True, g.slots[row : row + 1], g.span)
 
 
-def _guard(system: System, groups: tuple[Rows, ...], judged: _Judged) -> Guard:
+def _guard(system: EquationSystem, groups: tuple[Rows, ...], judged: _Judged) -> Guard:
     """The assumption that the same constraints follow from others."""
     normalized = system.normalized
 
     def holds(values: np.ndarray) -> bool:
         derived = derived_values(normalized.derived, values)
-        other = System(replace(normalized, values=values, derived_values=derived))
+        other = EquationSystem(replace(normalized, values=values, derived_values=derived))
         return _Judged.of(other, groups).dropped.keys() == judged.dropped.keys()
 
     parts = Equations(normalized.flat).parts(judged.dropped)

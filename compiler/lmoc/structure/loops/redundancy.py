@@ -62,7 +62,7 @@ class Constraints:
 def constraints(groups: list[Rows], flow_like: np.ndarray) -> Constraints | None:
     """The rows among coordinates that are not independent at sight, None where all are.
 
-    A row with a jet that stands in no other is independent of all others, whatever function of it stands there.
+    A row with a jet that appears in no other is independent of all others, whatever function of it appears there.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _incidence(
 
 
 def _rows_that_observe(row: np.ndarray, variable: np.ndarray, rows: int, port: np.ndarray) -> np.ndarray:
-    """Rows with an unknown that stands nowhere else and in no connector, again and again; a mask."""
+    """Rows with an unknown that appears nowhere else and in no connector, again and again; a mask."""
     inner = ~port[variable]
     lonely_row = np.where(inner, row, rows)
     observed = np.zeros(rows + 1, bool)

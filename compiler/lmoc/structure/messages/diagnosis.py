@@ -15,16 +15,16 @@ from lmoc.structure.coordinates.tied import Tied
 from lmoc.structure.index.dulmage_mendelsohn import components, decompose
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
-from lmoc.structure.registers.layout import Layout
+from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
 
 # a singular matrix larger than this is not taken apart
 LARGEST_DENSE = 400
 
 
-def structurally_singular(system: System, report: Report) -> None:
+def structurally_singular(system: EquationSystem, report: Report) -> None:
     """Say which equations are too many (E0401) and which unknowns nothing determines (E0402, E0403)."""
     incidence = system.incidence
     parts = decompose(incidence, maximum_matching(incidence))
@@ -39,7 +39,9 @@ def structurally_singular(system: System, report: Report) -> None:
     report_alike(found.diagnostics, report, SHOWN, max(0, len(pieces) - LOOKED_AT))
 
 
-def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: np.ndarray, report: Report) -> None:
+def _too_many(
+    system: EquationSystem, equations: Equations, rows: np.ndarray, columns: np.ndarray, report: Report
+) -> None:
     sources = system.source[rows].tolist()
     names = [system.name(c) for c in columns.tolist()]
     excess = len(rows) - len(columns)
@@ -57,7 +59,7 @@ def _too_many(system: System, equations: Equations, rows: np.ndarray, columns: n
 
 
 def _too_few(
-    system: System,
+    system: EquationSystem,
     equations: Equations,
     ports: _Ports,
     rows: np.ndarray,
@@ -98,7 +100,7 @@ def _too_few(
 class _Ports:
     """The positions of connectors, by the roots that they hang on."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: EquationSystem) -> None:
         positions = np.flatnonzero(system.flat.per_variable(lambda b: b.connector and not b.flow, bool))
         root = system.normalized.root[positions]
         order = np.argsort(root, kind="stable")
@@ -122,7 +124,7 @@ def _carriers(flat: FlatDAE, positions: np.ndarray) -> list[str]:
     return list(names)
 
 
-def dependent_constraints(system: System, jacobian: Tied, rows: np.ndarray, report: Report) -> None:
+def dependent_constraints(system: EquationSystem, jacobian: Tied, rows: np.ndarray, report: Report) -> None:
     """E0404: constraints that depend on each other at the start (or E0402).
 
     Parameters
@@ -147,9 +149,9 @@ def dependent_constraints(system: System, jacobian: Tied, rows: np.ndarray, repo
 
 
 def singular_blocks(
-    system: System,
+    system: EquationSystem,
     square: SquareSystem,
-    layout: Layout,
+    layout: RegisterLayout,
     jacobian: Tied,
     blocks: Sequence[np.ndarray],
     report: Report,
@@ -177,7 +179,7 @@ def singular_blocks(
 class _Floating:
     """Positions that can move together, where a matrix is singular: looked for in connected pieces of it."""
 
-    def __init__(self, system: System, jacobian: Tied) -> None:
+    def __init__(self, system: EquationSystem, jacobian: Tied) -> None:
         self._system, self._ports = system, _Ports(system)
         row, column = jacobian.row, jacobian.column
         tight = Incidence.of(len(system.source), len(system.variable), row, column, np.zeros(len(row), np.int64))
@@ -207,7 +209,9 @@ class _Floating:
         return self._ports.on(self._system.variable[columns[free]])
 
 
-def _floats(system: System, equations: Equations, positions: np.ndarray, rows: np.ndarray, report: Report) -> None:
+def _floats(
+    system: EquationSystem, equations: Equations, positions: np.ndarray, rows: np.ndarray, report: Report
+) -> None:
     message = f"nothing fixes the absolute position of {listed(_carriers(system.flat, positions))}"
     hint = "only differences of positions occur in their equations: fix one of them, or give one a mass or inertia"
     _at(equations, system.source[rows].tolist(), report, "E0402", message, hint=hint)
@@ -223,7 +227,12 @@ def row_of(square: SquareSystem, equation: int) -> int:
 
 
 def refused_states(
-    system: System, states: Sequence[str], layout: Layout, is_state: np.ndarray, c: np.ndarray, report: Report
+    system: EquationSystem,
+    states: Sequence[str],
+    layout: RegisterLayout,
+    is_state: np.ndarray,
+    c: np.ndarray,
+    report: Report,
 ) -> None:
     """E0406: requested variables that cannot be states, with the reason."""
     flat, n = system.flat, system.normalized
@@ -252,7 +261,7 @@ def _refuse(report: Report, message: str, reason: str, span) -> None:
     report.error("E0406", f"{message}: {reason}", span, hint=hint)
 
 
-def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
+def notes(system: EquationSystem, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
     """N0407: for constraints that stay in the system, which coordinates were chosen and what follows from them."""
     if not choice.dependent or tied.constant.all():
         return ()
@@ -269,7 +278,7 @@ def notes(system: System, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:
     return (Diagnostic("N0407", message, hint="states=[…], --states or stateSelect chooses others"),)
 
 
-def immobile(system: System, columns: np.ndarray, rows: np.ndarray) -> tuple[Diagnostic, ...]:
+def immobile(system: EquationSystem, columns: np.ndarray, rows: np.ndarray) -> tuple[Diagnostic, ...]:
     """W0417: inertias that constraints hold in one place.
 
     Parameters

@@ -13,10 +13,10 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import Apply, Program, Registers, Role, Solve, Step, read
 from lmoc.ir.reduced import Constraints, Guard, Reduced
 from lmoc.messages.diagnostics import Diagnostic
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
 from lmoc.structure.linear.substitution import partition
-from lmoc.structure.registers.layout import Layout, inverse_affine, names_of_jets, pattern_of, way_back
+from lmoc.structure.registers.layout import RegisterLayout, inverse_affine, names_of_jets, pattern_of, way_back
 from lmoc.support.distinct import first_of_each
 from lmoc.support.indices import INDEX
 
@@ -32,8 +32,8 @@ class Solved:
     guards, notes, nearby, constraints, block_guess : as in `Reduced`
     """
 
-    system: System
-    layout: Layout
+    system: EquationSystem
+    layout: RegisterLayout
     rhs: Program
     rest: Program
     states: np.ndarray
@@ -102,7 +102,13 @@ def _mask(count: int, some: Iterable[np.ndarray]) -> np.ndarray:
 
 
 def _registers(
-    system: System, layout: Layout, states: np.ndarray, quadratures: np.ndarray, helpers: int, named, count: int
+    system: EquationSystem,
+    layout: RegisterLayout,
+    states: np.ndarray,
+    quadratures: np.ndarray,
+    helpers: int,
+    named,
+    count: int,
 ) -> Registers:
     role = np.full(count, int(Role.COMPUTED), np.uint8)
     variable, order = layout.jets
@@ -123,7 +129,7 @@ def _registers(
 # --------------------------------------------------------------- start values of nonlinear blocks
 
 
-def _with_guesses(system: System, layout: Layout, rhs: Program, observe: Program, first: int):
+def _with_guesses(system: EquationSystem, layout: RegisterLayout, rhs: Program, observe: Program, first: int):
     """Give Newton's iterations the start values that the model has; steps that compute those from parameters."""
     unknown = [s.unknowns for s in (*rhs, *observe) if isinstance(s, Solve) and not s.linear]
     if not unknown:
@@ -139,7 +145,9 @@ def _with_guesses(system: System, layout: Layout, rhs: Program, observe: Program
     return tuple(map(with_guess, rhs)), tuple(map(with_guess, observe)), steps
 
 
-def _starts(system: System, layout: Layout, wanted: np.ndarray, first: int) -> tuple[np.ndarray, list[Apply]]:
+def _starts(
+    system: EquationSystem, layout: RegisterLayout, wanted: np.ndarray, first: int
+) -> tuple[np.ndarray, list[Apply]]:
     n = system.normalized
     register = np.full(layout.count, -1, INDEX)
     steps: list[Apply] = []

@@ -9,14 +9,14 @@ import numpy as np
 from lmoc.expression.dag import Expr, add, mul, neg, slot
 from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import Apply
-from lmoc.structure.index.system import System
+from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.distinct import distinct_rows
 from lmoc.support.indices import INDEX, counted
 
 
-class Layout:
+class RegisterLayout:
     """Registers of roots, inputs and parameters: the jets of one variable stand side by side.
 
     Attributes
@@ -26,7 +26,7 @@ class Layout:
     count : registers so far
     """
 
-    def __init__(self, system: System, d: np.ndarray, highest_input: np.ndarray):
+    def __init__(self, system: EquationSystem, d: np.ndarray, highest_input: np.ndarray):
         self.system = system
         width = np.ones(len(system.kind), np.int8)
         inputs = np.flatnonzero(highest_input >= 0)
@@ -63,7 +63,7 @@ class Layout:
         return self.base[n.root[variables]] + n.order[variables]
 
 
-def names_of_jets(system: System, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+def names_of_jets(system: EquationSystem, layout: RegisterLayout) -> tuple[np.ndarray, np.ndarray]:
     """Flat variable and order by which a person knows each register; -1 for derived parameters.
 
     A derivative that has a name of its own goes by that: first by one of the same part (``mass.v`` for
@@ -88,7 +88,9 @@ def names_of_jets(system: System, layout: Layout) -> tuple[np.ndarray, np.ndarra
     return variable, order
 
 
-def way_back(system: System, layout: Layout, helpers: int) -> tuple[np.ndarray, list[Apply], np.ndarray]:
+def way_back(
+    system: EquationSystem, layout: RegisterLayout, helpers: int
+) -> tuple[np.ndarray, list[Apply], np.ndarray]:
     """Return the register of each flat variable, and the steps that compute those which are not jets themselves.
 
     Parameters

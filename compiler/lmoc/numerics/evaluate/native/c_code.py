@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -204,15 +205,22 @@ def with_loop(writer: Writer, step: Apply, shapes: list[Expr], use) -> None:
     writer.add(*("    " + line for line in use(results, out)), "  }", "  (void)o;", "}")
 
 
+class Namer(Protocol):
+    """Gives names that are used nowhere else."""
+
+    def name(self, lead: str) -> str: ...
+
+
 def expression_lines(
-    shapes: Iterable[Expr], access: dict[int, str], writer: Writer | None = None
+    shapes: Iterable[Expr], access: dict[int, str], writer: Namer | None = None, declare: str = "const double"
 ) -> tuple[list[str], list[str]]:
     """C statements that compute the inner nodes of some shapes, and the expressions of their values.
 
     Parameters
     ----------
-    access : C expression of what stands in each column
+    access : C expression of what is in each column
     writer : gives names that are used nowhere else; without it names are good for one scope
+    declare : what stands before a name
     """
     text: dict[int, str] = {}
     lines: list[str] = []
@@ -229,7 +237,7 @@ def expression_lines(
                 text[id(node)] = "time"
             else:
                 name = writer.name("t") if writer else f"t{len(lines)}"
-                lines.append(f"const double {name} = {_operation(node, [text[id(a)] for a in node.args])};")
+                lines.append(f"{declare} {name} = {_operation(node, [text[id(a)] for a in node.args])};")
                 text[id(node)] = name
         results.append(text[id(shape)])
     return lines, results

@@ -87,7 +87,7 @@ def with_blocks(text: str) -> str:
 
 
 class Data:
-    """What a generated function is given beside the registers.
+    """Arguments of a generated function beside the registers.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Kernel:
     def forget(self) -> None:
         """Forget the solutions of blocks and the order of pivots: parameters or start are others now.
 
-        Where no value stands in the register of an unknown, Newton's method starts from the guess in the model.
+        Where the register of an unknown holds no value, Newton's method starts from the guess in the model.
         """
         self.data.forget()
         for call in self._calls.values():

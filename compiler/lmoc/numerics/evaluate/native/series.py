@@ -327,7 +327,7 @@ class _Nodes:
     # ------------------------------------------------------------------ C
 
     def pointers(self, access: dict[int, str]) -> list[str]:
-        """Declarations of what stands for the nodes: a number, or a series."""
+        """Declarations of the values of the nodes: a number, or a series."""
         self.name: dict[Expr, str] = {}
         lines = []
         work = 0

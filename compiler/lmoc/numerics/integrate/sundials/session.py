@@ -45,7 +45,7 @@ class Session(ABC):
 
     Attributes
     ----------
-    t, x : where it stands
+    t, x : the current point
     """
 
     name: str  # with which SUNDIALS' functions begin

@@ -29,14 +29,14 @@ from lmoc.numerics.signals.signals import Constant, bind_signals
 from lmoc.numerics.sizes import assumed_sizes
 
 if TYPE_CHECKING:
-    from lmoc.report.run import Run
+    from lmoc.run import Run
 
 
 _SAME = 1e-9  # what a variable changes by that does not depend on a state
 
 
 class Scene(Protocol):
-    """What is stepped: a `DAE`."""
+    """The scene that is stepped: a `DAE`."""
 
     def simulate(self, **options) -> Run: ...
 
@@ -141,7 +141,7 @@ class Live:
         x[i] += (value - now) / slope
 
     def copy(self) -> Live:
-        """Return another scene that stands at the same place and goes its own way."""
+        """Return another scene in the same state, independent of this one."""
         other = Live.__new__(Live)
         other._scene, other._options, other._given = self._scene, dict(self._options), dict(self._given)
         other.inputs, other.events = Inputs(other), list(self.events)
@@ -237,7 +237,7 @@ class _Smooth:
                 raise SimulationError(f"the run stopped at t = {run.t:.6g} s: {status.value}", run.t)
 
     def value(self, name: str) -> float:
-        """A variable where the integrator stands."""
+        """The value of a variable at the current time."""
         x = self.run.x
         place = self.states.get(name)
         if place is not None:

@@ -1,0 +1,54 @@
+"""`lmoc draw`: the picture of a scene, from its model alone."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lmoc.cli import terminal
+from lmoc.cli.arguments import Parser, add_model_arguments
+
+if TYPE_CHECKING:
+    from lmoc.view.drawing import Drawing
+
+
+def configure(parser: Parser) -> None:
+    add_model_arguments(parser)
+    parser.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="picture: .svg, .png, .pdf")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    from lmoc.report.files import PICTURES, check_target
+
+    check_target(arguments.output, PICTURES)
+    drawing = _drawn(arguments)
+    path = drawing.save(arguments.output)
+    if not arguments.quiet:
+        for note in drawing.picture.notes:
+            print(note)
+        print(f"picture written to {path}")
+    return 0
+
+
+def _drawn(arguments: argparse.Namespace) -> Drawing:
+    """The scene need not be solvable to be drawn: only a mechanism of the plane is asked where it starts."""
+    from lmoc import pipeline
+    from lmoc.cli.progress import Progress
+    from lmoc.dae import DAE
+    from lmoc.parameters import indexed
+    from lmoc.pipeline import Clock, Scene
+    from lmoc.view.drawing import Drawing
+    from lmoc.view.scene.compose import picture_of
+
+    with Progress(not arguments.quiet) as progress:
+        clock = Clock(progress.stage)
+        scene = Scene((), arguments.model, dict(arguments.set), None, arguments.path)
+        scene = pipeline.open_scene(arguments.file, scene, clock)
+        flat = pipeline.flatten(scene, clock)
+        values = flat.parameter_values(indexed(flat, flat.overrides))
+        picture = picture_of(flat, values, lambda: DAE(scene, flat, clock).at_start())
+    if not arguments.quiet:
+        terminal.show(flat.notes, ("warning",))
+    return Drawing(picture)

@@ -1,0 +1,44 @@
+"""How a part looks in a picture, as the annotations of its class say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# What `annotation(__lmoc(symbol = "…"))` may name; `lmoc.view` draws them.
+SYMBOLS = frozenset(
+    """
+    wall mass spring damper spring-damper rod string elastic-string stop friction pulley beam moving-frame force motion
+    fixed-shaft inertia disk turning-bar torsion-spring torsion-damper gear gear-pair planetary-gear torque rotation
+    bearing-friction clutch brake ratchet backlash drum arm lever
+    ground anchor particle body bar link point pin slider weld guide rolling-wheel contact none box
+    """.split()
+)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One primitive of an `Icon` (Modelica specification, 18.6.5).
+
+    Attributes
+    ----------
+    kind : "line", "polygon", "ellipse" or "text"; a rectangle is a polygon
+    points : in the icon's own coordinates, scaled to -1 … 1, y upwards; of an ellipse and a text two opposite corners
+    text : of a text; ``%name`` stands for the part's name
+    filled : an area that is painted
+    """
+
+    kind: str
+    points: tuple[tuple[float, float], ...]
+    text: str = ""
+    filled: bool = False
+
+
+@dataclass(frozen=True)
+class Look:
+    """A symbol by its name, or a drawing of the user's own, which comes first where there are both."""
+
+    symbol: str = ""
+    drawing: tuple[Drawn, ...] = ()
+
+
+PLAIN = Look()

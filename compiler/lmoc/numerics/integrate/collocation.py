@@ -1,0 +1,17 @@
+"""casadi's Gauss collocation of order 6 with steps of equal length, a run in one native call."""
+
+from __future__ import annotations
+
+from lmoc.numerics.integrate import casadi_run
+from lmoc.numerics.integrate.base import Outcome, Problem, Properties
+
+PROPERTIES = Properties(
+    "collocation", "Gauss collocation", "collocation", "6", "–", "casadi",
+    stability="A", implicit=True, symplectic=True, lengths="fixed", steps=False,
+    needs="a small smooth scene without events; a step ends at every output time",
+)  # fmt: skip
+
+
+def integrate(problem: Problem) -> Outcome | None:
+    """Integrate over the output times; None where casadi's method does not suit or has failed without a result."""
+    return casadi_run.collocation(problem, "legendre")

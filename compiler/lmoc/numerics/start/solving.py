@@ -1,0 +1,110 @@
+"""Starts that are not given by the states alone: solved, with what cannot be met reported."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.messages.ranges import LOOKED_AT, report_alike
+from lmoc.numerics.start.gauss_newton import Start, descend, elsewhere, straight_rows
+from lmoc.numerics.start.lexicographic import split
+from lmoc.numerics.start.singular import StartSingular
+from lmoc.numerics.start.start_system import StartSystem
+from lmoc.structure.messages.equations import SHOWN, listed
+
+
+def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report) -> None:
+    """Put the states into x that meet what is wanted, and say what they do not meet.
+
+    Parameters
+    ----------
+    guess : (n,) where to begin instead, where x leads nowhere or to a place at which something is missed
+    """
+    _, jacobian = system.evaluate(x)
+    components = split(jacobian, system.hard, len(x))
+    start = descend(system, components, x)
+    if not start.complete:
+        rows, columns, _ = start.jacobian
+        own = columns[components.together(np.flatnonzero(start.hard | start.soft))[rows]]
+        beside = x.copy()
+        beside[own] = guess[own]
+        if (beside != x).any():
+            system.restart()  # blocks follow their branch: they begin again where the constraints allow it, too
+            other = descend(system, components, beside)
+            start = other if other.better_than(start) else start
+    if not start.finite:
+        rows, columns, values = start.jacobian
+        lost = np.concatenate([rows[~np.isfinite(values)], np.flatnonzero(~np.isfinite(start.residual))])
+        own = columns[components.together(lost)[rows]]
+        x[own] = guess[own]
+        start = descend(system, components, x)
+    straight = np.ones(len(system.value), bool)
+    if not start.complete:
+        straight = straight_rows(system, x)
+        start = elsewhere(system, components, x, start, straight)
+    x[:] = start.x
+    lost = np.flatnonzero(~np.isfinite(start.residual))
+    if len(lost):
+        system.evaluate(start.x)
+        found, span = system.lost(int(lost[0]))
+        report.error("E0535", f"{found} at the start", span, hint="look at the start values, and at divisions by zero")
+        raise StartSingular(report.diagnostics, system.plan.reduced.state_names, span)
+    groups, found = components.connected(np.flatnonzero(start.hard)), Report()
+    order = np.argsort(start.jacobian[0], kind="stable")
+    by_row = tuple(column[order] for column in start.jacobian)
+    for group in groups[:LOOKED_AT]:
+        first, end = (np.searchsorted(by_row[0], group, side) for side in ("left", "right"))
+        own = np.concatenate([np.arange(a, b) for a, b in zip(first, end, strict=True)])
+        certain = components.excluded(tuple(column[own] for column in by_row), start.residual, group, straight)
+        (_report_contradiction if certain else _report_nothing_found)(system, group, start, found)
+    report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))  # type: ignore[attr-defined]
+    if not start.hard.any():
+        _report_missed(system, np.flatnonzero(start.soft), start, report)
+
+
+def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
+    who = _listed(system, group)
+    fixed = "the fixed values " if (group < len(system.targets)).all() else ""
+    if len(group) == 1:
+        message, hint = f"the model does not allow {who} at the start", ""
+    else:
+        message = f"{fixed}{who} contradict each other"
+        hint = "fix fewer of them, or values that fit the constraints between them"
+    found = f"the nearest the model allows is {_reached(system, group, start)}"
+    report.error("E0531", message, system.span_of(group), found=found, hint=_with_given(system, group, hint))
+
+
+def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
+    hint = "perhaps there is none; if there is, start values (start = …) near a solution lead to it"
+    found = f"the nearest that was found is {_reached(system, group, start)}"
+    message, hint = f"no start was found with {_listed(system, group)}", _with_given(system, group, hint)
+    report.error("E0532", message, system.span_of(group), found=found, hint=hint)
+
+
+def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: Report) -> None:
+    if not len(rows):
+        return
+    value = system.value + start.residual
+    names = listed([f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows.tolist()])
+    report.warning(
+        "W0533",
+        f"the start values contradict each other: {names}",
+        system.span(int(rows[0])),
+        hint="fixed = true on the ones that matter makes the others follow",
+    )
+
+
+def _listed(system: StartSystem, group: np.ndarray) -> str:
+    return listed([system.text(k) for k in group.tolist()])
+
+
+def _with_given(system: StartSystem, group: np.ndarray, hint: str) -> str:
+    """A hint, and which of the values do not stand in the model."""
+    names = [system.text(k) for k in group.tolist() if system.given(k)]
+    told = f"given for this run (--init, initial=): {listed(names)}" if names else ""
+    return "; ".join(filter(None, [told, hint]))
+
+
+def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:
+    """Describe the end of the iteration: values, and residuals of equations."""
+    return ", ".join(system.reached(k, float(start.residual[k])) for k in group[:SHOWN].tolist())

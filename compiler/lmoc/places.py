@@ -1,0 +1,111 @@
+"""Where a scene is linearized: a time of the default run, a run's last point, a given point, or rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from numbers import Real
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.prepared import Prepared
+from lmoc.numerics.options import RunOptions
+from lmoc.run import Run
+from lmoc.session import Session
+from lmoc.simulation import Request, simulate
+
+if TYPE_CHECKING:
+    from lmoc.symbolic.places import Moment, Point
+
+
+def place(
+    session: Session, at: object, parameters: Point | None, inputs: Point | None = None
+) -> tuple[Prepared, Moment | Point | None]:
+    """Return the scene as a derivation needs it, and the moment or point at which it is taken (None: at rest).
+
+    A scene with laws is taken in the mode that it has there. `inputs` are constant values of inputs at rest.
+
+    Raises
+    ------
+    ModelError
+        The time lies before the start.
+    SimulationError
+        The run until that time failed.
+    TypeError
+        `at` is none of these.
+    """
+    if isinstance(at, Real):
+        at = _run_until(session, float(at), parameters)
+    if isinstance(at, Run):
+        prepared, moment = _last_point(session, at, parameters)
+        return _in_mode(session, prepared, moment, at) if prepared.flat.laws else (prepared, moment)
+    if at is not None and not isinstance(at, Mapping):
+        expected = "a time, {name: value}, an equilibrium or a run"
+        raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
+    prepared = session.for_derivation(parameters)
+    return _of_laws(session, prepared, at, inputs or {}) if prepared.flat.laws else (prepared, at)
+
+
+def _of_laws(
+    session: Session, prepared: Prepared, at: Point | None, inputs: Point
+) -> tuple[Prepared, Moment | Point]:
+    """Return a scene with laws in the mode of a point, and the point; by default that of rest."""
+    from lmoc.symbolic.places import number, only, with_inputs
+    from lmoc.symbolic.values import read_values
+
+    if at is None:
+        at = only(session.equilibria(prepared, inputs))
+    laws = getattr(at, "laws", None)
+    if laws is not None:
+        mode = session.lawful(prepared).in_mode(laws.closed, laws.direction)
+        point = with_inputs(at, inputs) | {s.name: at.member[s.name] for s in at.values}
+        return mode, {name: value for name, value in point.items() if name in (*mode.reduced.state_names, *mode.inputs)}
+    given = {n: number(prepared, v, set()) for n, v in read_values({**at, **inputs}, prepared.flat).items()}
+    begin = session.flat.experiment.start or 0.0
+    states = {n: v for n, v in given.items() if n not in prepared.inputs}
+    loads = {n: given.get(n, 0.0) for n in prepared.inputs}
+    run = simulate(session, Request(RunOptions(times=[begin]), None, states, loads))
+    mode, moment = _in_mode(session, prepared, _moment(run, prepared.inputs), run)
+    return mode, moment.values
+
+
+def _in_mode(session: Session, prepared: Prepared, moment: Moment, run: Run) -> tuple[Prepared, Moment]:
+    """Return the scene in the mode in which a run has ended, and the states that it has there."""
+    mode = run.end.mode
+    held = session.lawful(prepared).in_mode(mode.closed, np.where(mode.closed, 0, mode.direction))
+    return held, _moment(run, held.inputs, held.reduced.state_names)
+
+
+def _run_until(session: Session, time: float, parameters: Point | None) -> Run:
+    """Return the default run until a time."""
+    start = session.flat.experiment.start or 0.0
+    if time < start:
+        from lmoc.symbolic.places import no_place
+
+        raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about")
+    return simulate(session, Request(RunOptions(times=sorted({start, time})), parameters))
+
+
+def _last_point(session: Session, run: Run, parameters: Point | None) -> tuple[Prepared, Moment]:
+    """Return the last point of a run, with the values of its parameters and discrete variables."""
+    reduced, values = run.reduced, run.trajectory.observer.values
+    if parameters:
+        prepared = session.for_derivation(parameters)
+    elif reduced.lawful is not None:
+        flat = reduced.lawful
+        prepared = Prepared(flat, reduced, values[: flat.count])
+        if flat.events is not None:
+            prepared = session.without_events(prepared, run.trajectory.end.values[: flat.count])
+    elif reduced.flat.events is not None:
+        prepared = session.without_events(Prepared(reduced.flat, reduced, values), run.trajectory.end.values)
+    else:
+        prepared = Prepared(reduced.flat, reduced, values)
+    return prepared, _moment(run, prepared.inputs)
+
+
+def _moment(run: Run, inputs: Sequence[str], states: Sequence[str] | None = None) -> Moment:
+    """Return the last point of a run: its states, or others, and inputs."""
+    from lmoc.symbolic.places import Moment
+
+    names = (*(run.reduced.state_names if states is None else states), *inputs)
+    return Moment(float(run.time[-1]), {name: float(run[name][-1]) for name in names})

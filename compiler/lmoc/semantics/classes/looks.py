@@ -1,0 +1,128 @@
+"""The looks of parts: ``annotation(__lmoc(symbol = "spring"))`` and ``annotation(Icon(graphics = {…}))``.
+
+Both are inherited. A drawing is painted over those of the bases (Modelica specification, 18.6), a symbol replaces what
+the bases say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lmoc.ir.look import PLAIN, SYMBOLS, Drawn, Look
+from lmoc.messages.diagnostics import Report, nearest
+from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.classes.vendor import vendor_entry
+from lmoc.semantics.wrong import Wrong
+from lmoc.syntax import tree
+
+Corner = tuple[float, float]
+
+
+class Looks:
+    """The look of each class, read once."""
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self._found: dict[int, Look] = {}
+
+    def of(self, cls: Scope) -> Look:
+        """Return the look of a class; mistakes in its annotations are warnings."""
+        if id(cls) not in self._found:
+            look = PLAIN
+            for scope in cls.lineage():
+                own = self._own(scope)
+                if own is not None:
+                    look = Look(own.symbol, look.drawing + own.drawing if own.drawing else ())
+            self._found[id(cls)] = look
+        return self._found[id(cls)]
+
+    def _own(self, scope: Scope) -> Look | None:
+        """Return what a class says itself, None where it says nothing."""
+        annotation = scope.definition.annotation
+        if annotation is None:
+            return None
+        symbol = vendor_entry(annotation, "symbol")
+        try:
+            drawing = tuple(_drawing(annotation))
+            if drawing:
+                return Look("", drawing)
+            if symbol is None:
+                return None
+            if isinstance(symbol, tree.String) and symbol.value in SYMBOLS:
+                return Look(symbol.value)
+            name = symbol.value if isinstance(symbol, tree.String) else symbol.span.text.strip()
+            raise Wrong("W0247", f"there is no symbol '{name}'", symbol.span, hint=nearest(name, SYMBOLS))
+        except Wrong as wrong:
+            wrong.put_into(self._report)
+            return None
+
+
+def _drawing(annotation: tree.Modification) -> Iterator[Drawn]:
+    icon = _entry(annotation, "Icon")
+    if icon is None or icon.modification is None:
+        return
+    system = _entry(icon.modification, "coordinateSystem")
+    extent = _entry(system.modification, "extent") if system is not None and system.modification else None
+    (x0, y0), (x1, y1) = _points(extent.modification.value) if extent is not None else ((-100, -100), (100, 100))
+    if x0 == x1 or y0 == y1:
+        raise Wrong("W0247", "the coordinates of the icon have no extent", extent.span)
+
+    def scaled(points: tuple[Corner, ...]) -> tuple[Corner, ...]:
+        return tuple((2 * (x - x0) / (x1 - x0) - 1, 2 * (y - y0) / (y1 - y0) - 1) for x, y in points)
+
+    graphics = _entry(icon.modification, "graphics")
+    value = graphics.modification.value if graphics is not None and graphics.modification else None
+    if value is None:
+        return
+    if not isinstance(value, tree.Array):
+        raise Wrong("W0247", "the graphics of an icon are a list {…}", value.span)
+    for item in value.items:
+        if not (isinstance(item, tree.Call) and str(item.function) == "Bitmap"):  # a file, which a picture does without
+            yield _drawn(item, scaled)
+
+
+def _entry(modification: tree.Modification, name: str) -> tree.ElementModification | None:
+    """The entry of that name in an annotation."""
+    for argument in modification.arguments:
+        if isinstance(argument, tree.ElementModification) and argument.name == (name,):
+            return argument
+    return None
+
+
+def _drawn(item: tree.Expression, scaled) -> Drawn:
+    kind = str(item.function) if isinstance(item, tree.Call) else item.span.text.strip()[:20]
+    if not isinstance(item, tree.Call) or kind not in ("Line", "Polygon", "Rectangle", "Ellipse", "Text"):
+        known = ("Line", "Polygon", "Rectangle", "Ellipse", "Text")
+        hint = nearest(kind, known) or f"there are {', '.join(known)}"
+        raise Wrong("W0247", f"an icon cannot hold '{kind}'", item.span, hint=hint)
+    given = dict(item.named)
+    wanted = "points" if kind in ("Line", "Polygon") else "extent"
+    if wanted not in given:
+        raise Wrong("W0247", f"'{kind}' needs '{wanted}'", item.span)
+    points = _points(given[wanted])
+    text = given.get("textString")
+    pattern = str(given["fillPattern"]) if isinstance(given.get("fillPattern"), tree.Ref) else "FillPattern.None"
+    filled = not pattern.endswith(".None")
+    if kind != "Line" and kind != "Polygon" and len(points) != 2:
+        raise Wrong("W0247", f"the extent of '{kind}' has two corners", given[wanted].span)
+    if kind == "Rectangle":
+        (a, b), (c, d) = points
+        return Drawn("polygon", scaled(((a, b), (c, b), (c, d), (a, d))), "", filled)
+    return Drawn(kind.lower(), scaled(points), text.value if isinstance(text, tree.String) else "", filled)
+
+
+def _points(value: tree.Expression) -> tuple[Corner, ...]:
+    """``{{x, y}, …}`` as numbers."""
+    if isinstance(value, tree.Array) and len(value.items) >= 2:
+        pairs = [tuple(_number(n) for n in p.items) if isinstance(p, tree.Array) else () for p in value.items]
+        if all(len(p) == 2 for p in pairs):
+            return tuple(pairs)
+    raise Wrong("W0247", "expected points {{x, y}, {x, y}, …}", value.span)
+
+
+def _number(value: tree.Expression) -> float:
+    if isinstance(value, tree.Number):
+        return value.value
+    if isinstance(value, tree.Unary) and value.op in "+-":
+        return _number(value.operand) * (-1 if value.op == "-" else 1)
+    raise Wrong("W0247", "expected a number", value.span)

@@ -1,0 +1,144 @@
+"""One simulation, from what a user asks for to the `Run` that the user holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.prepared import Prepared
+from lmoc.messages.diagnostics import ModelError, Report, RunInterrupted, SimulationError
+from lmoc.parameters import Value, check_initial, check_mappings
+from lmoc.pipeline import Clock
+from lmoc.semantics.parameter_checks import check_parameters
+from lmoc.session import Session
+
+if TYPE_CHECKING:
+    from lmoc.numerics.observe.trajectory import Trajectory
+    from lmoc.numerics.options import RunOptions
+    from lmoc.run import Run
+    from lmoc.symbolic.places import Point
+
+
+@dataclass(frozen=True)
+class Request:
+    """The options and arguments of one simulation.
+
+    Attributes
+    ----------
+    options : span, output times, tolerances, solver
+    parameters, initial, inputs, progress : as in `lmoc.DAE.simulate`
+    compiled : {stage: seconds} of the compilation, for the run's timings
+    """
+
+    options: RunOptions
+    parameters: Mapping[str, Value] | None = None
+    initial: Point | str | None = None
+    inputs: Mapping[str, object] | None = None
+    progress: Callable[[float, float], None] | None = None
+    compiled: Mapping[str, float] = field(default_factory=dict)
+
+
+def simulate(session: Session, request: Request, clock: Clock | None = None) -> Run:
+    """Simulate once, in other coordinates where the preferred ones do not serve at the start.
+
+    Raises
+    ------
+    ModelError
+        Unknown names, missing values, contradictory or impossible starts.
+    SimulationError
+        The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
+    RunInterrupted
+        A KeyboardInterrupt with the same attributes.
+    """
+    from lmoc.numerics.observe.trajectory import End
+    from lmoc.numerics.start.singular import StartSingular
+
+    clock = clock or Clock()
+    initial = request.initial
+    check_mappings(
+        parameters=request.parameters, initial=None if isinstance(initial, str) else initial, inputs=request.inputs
+    )
+    initial = _start_values(session, request)
+    check_initial(initial or {})
+    request = replace(request, initial=initial)
+    at_work, prepared = session.prepare(request.parameters, clock)
+    if isinstance(initial, End):
+        prepared = at_work.continuing(prepared, initial.states, clock)
+    try:
+        return run_prepared(at_work, prepared, request, clock)
+    except StartSingular:
+        other = at_work.elsewhere(prepared, initial, clock)
+        if other is None:
+            raise
+    return run_prepared(at_work, other, request, clock)
+
+
+def run_prepared(session: Session, prepared: Prepared, request: Request, clock: Clock) -> Run:
+    """Simulate what is prepared; errors as of `simulate`, a partial result as a `Run`."""
+    from lmoc.numerics.start.singular import StartSingular
+
+    report = Report()
+    check_parameters(session.flat, prepared.values, report)
+    report.check()
+    with clock.stage("lower"):
+        import lmoc.run  # noqa: F401  (the time of its import belongs here, not to the simulation)
+
+        session.simulator(prepared.reduced)
+
+    def result(trajectory: Trajectory, broke_off: float | None = None) -> Run:
+        return _as_run(session, prepared, request, report, clock, trajectory, broke_off)
+
+    try:
+        with clock.stage("simulate"):
+            trajectory = session.run(prepared, request.options, request.inputs, request.initial, request.progress)
+    except StartSingular as error:
+        raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
+    except ModelError as error:
+        raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
+    except (SimulationError, RunInterrupted) as failure:
+        if failure.partial is not None:
+            failure.partial = result(failure.partial, failure.time)
+        raise
+    return result(trajectory)
+
+
+def _start_values(session: Session, request: Request) -> Mapping[str, float] | None:
+    """Return the start as numbers, where it is an equilibrium or given in symbols."""
+    initial = request.initial
+    if initial is None or initial == {}:
+        return initial
+    from lmoc.symbolic.starts import in_symbols, start_values
+
+    if not in_symbols(initial):
+        return initial
+    start = request.options.start
+    begin = (session.flat.experiment.start or 0.0) if start is None else start
+    return start_values(
+        session.for_derivation(request.parameters), initial, request.inputs, begin, session.equilibria
+    )
+
+
+def _as_run(
+    session: Session,
+    prepared: Prepared,
+    request: Request,
+    report: Report,
+    clock: Clock,
+    trajectory: Trajectory,
+    broke_off: float | None,
+) -> Run:
+    """Return what a user holds of a trajectory: with all notes, timings, and the way to more output times."""
+    from lmoc.run import Run
+
+    def again(times: np.ndarray) -> Run:
+        finer = replace(request.options, stop=None, points=None, times=times)
+        return run_prepared(session, prepared, replace(request, options=finer, progress=None), Clock())
+
+    notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics, *trajectory.notes
+    lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
+    spent = {**request.compiled, **clock.seconds}
+    spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
+    return Run(prepared.reduced, trajectory, tuple(dict.fromkeys(notes)), spent, broke_off, again)

@@ -1,0 +1,103 @@
+"""Compiled scenes kept between processes: the flat model and its reduction, until something they depend on changes.
+
+They depend on the texts of the scene's file and of the library, on what was asked for, on this program, and on which
+classes the folders around would offer: a scene that has taken a class from a folder is not kept. All of it is compared
+with what it was, the texts by content.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.reduced import Guard, Reduced
+from lmoc.ir.stored import NotStorable, restore, store
+from lmoc.sources.files import class_files, library_texts, read_source
+from lmoc.support import cache
+
+_ROOMS = ("", "support", "messages", "expression", "ir", "syntax", "grammar", "sources", "semantics", "structure")
+_LARGEST = 2_000_000  # bytes: what is larger does not depend on start-up times
+_MOST = 100  # scenes kept
+_NAME = "scene-"
+
+
+@dataclass(frozen=True, eq=False)
+class Unchanged:
+    """The only assumption of a reduction that has been kept: the parameter values are those that it was made for."""
+
+    values: np.ndarray
+
+    def __call__(self, values: np.ndarray) -> bool:
+        return np.array_equal(values, self.values, equal_nan=True)
+
+
+class Compiled:
+    """The place of one scene among those that are kept.
+
+    Parameters
+    ----------
+    file : as the user has named it
+    asked : model, parameters, states, path: whatever else makes the scene what it is
+    """
+
+    def __init__(self, file: str, asked: Sequence[object]) -> None:
+        place = "\0".join([file, os.getcwd(), repr(asked)])
+        self._entry = f"{_NAME}{crc32(place.encode()):08x}{crc32(place[::-1].encode()):08x}"
+        settings = sorted((k, v) for k, v in os.environ.items() if k.startswith("LMO"))
+        texts = [read_source(file).text, *(part for text in library_texts() for part in text)]
+        self._key = "\0".join([file, os.getcwd(), repr(asked), repr(settings), *texts]).encode() + _program()
+
+    def read(self) -> tuple[FlatDAE, Reduced] | None:
+        """Return the flat model and its reduction; None where they are not kept, or were made from something else."""
+        kept = cache.read(self._entry, self._key)
+        if kept is None:
+            return None
+        try:
+            folders, flat, reduced = restore(kept)
+        except (ValueError, KeyError, TypeError, AttributeError, ImportError, IndexError):
+            return None
+        if any(_classes(folder) != names for folder, names in folders):
+            return None
+        guard = Guard(Unchanged(reduced.values), "the parameters keep the values that the scene was compiled with")
+        return flat, replace(reduced, guards=(guard,))
+
+    def write(self, flat: FlatDAE, reduced: Reduced, folders: Sequence[Path]) -> None:
+        """Keep a flat model and its reduction.
+
+        Parameters
+        ----------
+        folders : in which classes have been looked for, and none found
+        """
+        around = [str(f) for f in folders] + [f for f in os.environ.get("LMOPATH", "").split(os.pathsep) if f]
+        try:
+            payload = store(([(f, _classes(f)) for f in around], flat, replace(reduced, guards=())))
+        except NotStorable:
+            return
+        if len(payload) <= _LARGEST:
+            cache.write(self._entry, self._key, payload)
+            cache.prune(_NAME, _MOST)
+
+
+def _classes(folder: str) -> list[str] | None:
+    """Return the names of the classes that a folder offers; None where it cannot be read."""
+    try:
+        return list(class_files(folder))
+    except OSError:
+        return None
+
+
+def _program() -> bytes:
+    """Return sizes and times of the files that compile."""
+    top = os.path.dirname(os.path.dirname(__file__))
+    found = []
+    for room in _ROOMS:
+        for folder, inner, files in os.walk(os.path.join(top, room)):
+            inner[:] = [name for name in inner if room and name != "__pycache__"]
+            found += [os.path.join(folder, name) for name in files if name.endswith((".py", ".lark"))]
+    return cache.fingerprint(*sorted(found))

@@ -1,0 +1,76 @@
+"""What a chart has found: its points and its reference, and what they recommend."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from lmoc.studies.points import Point
+from lmoc.studies.reference import Reference
+
+DIGITS = 6  # that a recommendation is made for
+COLUMNS = (
+    "solver", "formulation", "rtol", "error", "seconds", "evaluations", "residual", "energy", "status", "note",
+    "step", "end_error", "steps", "jacobians", "events", "repeats",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a scene's runs cost and how accurate they are, by method, formulation and tolerance.
+
+    Attributes
+    ----------
+    name : of the model
+    points : in the order of methods, and of tolerances from coarse to fine
+    reference : what the errors are measured against
+    note : what else there is to say
+    interrupted : it was broken off; what had been measured is there
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    reference: Reference
+    note: str = ""
+    interrupted: bool = False
+
+    def to_dataframe(self):
+        """Return a pandas DataFrame with the columns of `COLUMNS`, one row a point."""
+        import pandas
+
+        return pandas.DataFrame(self.records(), columns=list(COLUMNS))
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the points as {column: value}."""
+        rows = []
+        for p in self.points:
+            values = {**vars(p), **vars(p.setting)}
+            rows.append({column: values[column] for column in COLUMNS})
+        return rows
+
+    def recommended(self, digits: int = DIGITS) -> Point | None:
+        """Return the fastest point with so many digits; None where no method has them, or the reference has not."""
+        if self.reference.uncertainty > 10.0**-digits:
+            return None
+        good = [p for p in self.points if p.ok and p.error <= 10.0**-digits]
+        return min(good, key=lambda p: p.seconds, default=None)
+
+    @property
+    def recommendation(self) -> str:
+        """Return one line: ``for 6 digits: dop853 at rtol 1e-7, 4 ms``; of fewer digits where none has so many."""
+        for digits in range(DIGITS, 0, -1):
+            point = self.recommended(digits)
+            if point is not None:
+                return f"for {digits} digits: {point.setting.text}, {seconds_text(point.seconds)}"
+        return "no method has one digit"
+
+
+def seconds_text(seconds: float) -> str:
+    """Return ``4 ms``, ``0.12 s``, ``250 µs``."""
+    if not math.isfinite(seconds):
+        return "–"
+    for factor, unit in ((1.0, "s"), (1e-3, "ms")):
+        if seconds >= factor:
+            return f"{seconds / factor:.2g} {unit}" if seconds < 100 * factor else f"{seconds / factor:.0f} {unit}"
+    return f"{seconds / 1e-6:.2g} µs" if seconds < 1e-4 else f"{seconds / 1e-6:.0f} µs"

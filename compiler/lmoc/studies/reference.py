@@ -1,0 +1,134 @@
+"""The reference of a chart: the same run by two different methods at tight tolerances, which must agree."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.numerics.integrate.status import Status
+from lmoc.studies.deviation import Signals, compared_names, deviation, signals_of
+from lmoc.studies.points import Runner, Setting
+
+# methods of different families, the most accurate first, with tolerances that double precision still allows
+_SMOOTH = (("dop853", 1e-13), ("taylor", 1e-13), ("gauss", 1e-13), ("adams", 1e-12), ("radau", 1e-12), ("cvode", 1e-12))
+_STIFF = (("gauss", 1e-12), ("cvode", 1e-12), ("radau", 1e-11), ("dop853", 1e-12))
+_COARSER = 1.0, 1e3, 1e5  # factors on the tolerances, the next one where no two methods come to the end in time
+_AGREED = 1e-9  # below this no third method is asked
+_STIFF_SOLVERS = {"cvode", "ida", "radau"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Probe:
+    """A first run of a scene, by `auto` at a tolerance of 1e-6.
+
+    Attributes
+    ----------
+    names : what runs are compared by
+    begin, reached, end : s; it has been given up where it has not reached its end
+    seconds : of the processor, that it has taken
+    step : s, the mean length of its steps
+    stiff : `auto` has found the scene stiff
+    """
+
+    names: tuple[str, ...]
+    begin: float
+    reached: float
+    end: float
+    seconds: float
+    step: float
+    stiff: bool
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Attributes
+    ----------
+    signals : of the better of the two methods
+    methods : the two, as text
+    uncertainty : their deviation from each other, in the units of the chart's errors; errors below are not resolved
+    """
+
+    signals: Signals
+    methods: tuple[str, str]
+    uncertainty: float
+
+    @property
+    def text(self) -> str:
+        """Return what it is and how far it can be trusted."""
+        return f"{self.methods[0]} and {self.methods[1]} agree to {self.uncertainty:.1e}"
+
+
+def probe(runner: Runner, seconds: float) -> Probe:
+    """Run a scene once, for `seconds` at the most.
+
+    Raises
+    ------
+    ModelError
+        The scene cannot start.
+    SimulationError
+        It fails.
+    """
+    setting = Setting("auto", "reduced", 1e-6)
+    runner.warm(setting)
+    begin = clock.thread_time()
+    try:
+        run, spent = runner.run(setting, seconds)
+        reached = float(run.time[-1])
+    except SimulationError as failure:
+        run, spent, reached = failure.partial, clock.thread_time() - begin, failure.time
+        if run is None or Status.TOO_LONG.value not in str(failure):
+            raise
+    span = runner.span
+    stiff = bool(_STIFF_SOLVERS & set(str(run.stats["solver"]).split(", ")))
+    step = (reached - span.start) / max(1, int(run.stats.get("steps", 1)))
+    return Probe(compared_names(run), span.start, reached, span.end, spent, step, stiff)
+
+
+def make_reference(runner: Runner, first: Probe, seconds: float, told: Callable[[str, float], None]) -> Reference:
+    """Return the reference of a scene.
+
+    Parameters
+    ----------
+    seconds : that a single run of it may take
+
+    Raises
+    ------
+    SimulationError
+        No two methods come to its end in that time.
+    """
+    failures: list[str] = []
+    for factor in _COARSER:
+        found: list[tuple[str, Signals]] = []
+        for solver, rtol in _STIFF if first.stiff else _SMOOTH:
+            setting = Setting(solver, "reduced", rtol * factor)
+            told(f"reference: {setting.text}", 0.0)
+            try:
+                runner.warm(setting)
+                run, _ = runner.run(setting, seconds)
+            except RunInterrupted:
+                raise
+            except (SimulationError, ModelError) as error:
+                failures.append(f"{setting.text}: {error}")
+                continue
+            if run.stats["solver"] != solver:  # another one has taken its place
+                continue
+            found.append((setting.text, signals_of(run, first.names)))
+            if len(found) > 2 or len(found) == 2 and _closest(found)[2] < _AGREED:
+                break
+        if len(found) > 1:
+            better, other, uncertainty = _closest(found)
+            return Reference(better[1], (better[0], other[0]), uncertainty)
+    message = "there is no reference to measure errors by, since no two methods come to the end of the run: "
+    raise SimulationError(message + "; ".join(failures), first.end, None)
+
+
+def _closest(found: list[tuple[str, Signals]]) -> tuple[tuple[str, Signals], tuple[str, Signals], float]:
+    """Return the two runs that agree best, the one of the more accurate method first, and their deviation."""
+    pairs = [(found[i], found[j]) for j in range(len(found)) for i in range(j)]
+    apart = [deviation(one[1], two[1]).largest for one, two in pairs]
+    best = min(range(len(pairs)), key=apart.__getitem__)
+    return *pairs[best], apart[best]

@@ -1,0 +1,90 @@
+"""A scene with laws as derivations see it: one reduction for each mode, and the free one with the forces as inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.law import COMPLEMENTARY, LawKind, Switched, law_count
+from lmoc.ir.mode import law_names, mode_words, with_mode
+from lmoc.ir.prepared import Prepared
+from lmoc.ir.reduced import Reduced
+from lmoc.structure.laws.switched import free
+
+Reduce = Callable[[FlatDAE, np.ndarray], Reduced]
+
+
+@dataclass(frozen=True, eq=False)
+class Lawful:
+    """A scene with laws, its discrete variables held.
+
+    Attributes
+    ----------
+    prepared : with the reduction of the switched form, whose states are those of runs
+    reduce : from a flat model and parameter values to its reduction
+    """
+
+    prepared: Prepared
+    reduce: Reduce
+
+    @property
+    def flat(self) -> FlatDAE:
+        return self.prepared.flat
+
+    @property
+    def count(self) -> int:
+        """Number of laws."""
+        return law_count(self.flat.laws)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the laws."""
+        return law_names(self.flat, self.flat.laws)
+
+    @cached_property
+    def force(self) -> np.ndarray:
+        """(laws,) variables of the forces."""
+        return np.concatenate([g.force for g in self.flat.laws])
+
+    @cached_property
+    def force_names(self) -> list[str]:
+        """Names of the forces; one that is an expression is called after its law."""
+        own = [self.flat.variable_name(int(v)) for v in self.force]
+        return [o if self.flat.find(o) is not None else f"force of {n}" for o, n in zip(own, self.names, strict=True)]
+
+    @cached_property
+    def kinds(self) -> list[LawKind]:
+        """The kind of each law."""
+        return [g.kind for g in self.flat.laws for _ in range(g.rows)]
+
+    @cached_property
+    def complementary(self) -> np.ndarray:
+        """(laws,) whether a law is a complementarity; the others are frictions."""
+        return np.array([kind in COMPLEMENTARY for kind in self.kinds], bool)
+
+    def words(self, closed: np.ndarray) -> dict[str, str]:
+        """Return {law name: what its mode is called}."""
+        return mode_words(self.flat, self.flat.laws, closed)
+
+    def in_mode(self, closed: np.ndarray, direction: np.ndarray | None = None) -> Prepared:
+        """Return the scene in a mode: which laws are closed, and how open friction slips (`ir.mode.with_mode`).
+
+        Raises
+        ------
+        ModelError
+            The closed laws contradict each other.
+        """
+        direction = np.zeros(self.count, int) if direction is None else direction
+        flat = with_mode(self.flat, closed, direction)
+        values = self.prepared.values
+        return Prepared(flat, self.reduce(flat, values), values)
+
+    def loose(self) -> tuple[Prepared, Switched]:
+        """Return the scene with all laws open and their forces as inputs, and where these are."""
+        flat, form = free(self.flat)
+        values = np.concatenate([self.prepared.values, np.full(flat.count - self.flat.count, np.nan)])
+        return Prepared(flat, self.reduce(flat, values), values), form

@@ -1,0 +1,68 @@
+"""A drawn scene, as a user holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.report.files import PICTURES, check_target
+from lmoc.support.replacing import replace_file
+from lmoc.view.scene.picture import Picture
+from lmoc.view.scene.svg import svg
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture; shown in notebooks, written by `save`.
+
+    Attributes
+    ----------
+    picture : what it shows, item by item
+    """
+
+    picture: Picture
+
+    @cached_property
+    def svg(self) -> str:
+        """The text of the SVG file."""
+        return svg(self.picture)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the picture.
+
+        Parameters
+        ----------
+        path : .svg, .png or .pdf
+
+        Raises
+        ------
+        ModelError
+            E0623, E0624: it cannot be written.
+        """
+        path = Path(path)
+        check_target(path, PICTURES)
+        content = self.svg.encode() if path.suffix.lower() == ".svg" else self._painted(path.suffix[1:].lower())
+        try:
+            replace_file(path, lambda target: target.write_bytes(content))
+        except OSError as error:
+            reason = error.strerror or error
+            raise ModelError([Diagnostic("E0623", f"'{path}' cannot be written: {reason}")]) from None
+        return path
+
+    def _painted(self, ending: str) -> bytes:
+        from io import BytesIO
+
+        from lmoc.view.scene.figure import figure
+
+        content = BytesIO()
+        figure(self.picture).savefig(content, format=ending)
+        return content.getvalue()
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+    def __repr__(self) -> str:
+        p = self.picture
+        return f"<Drawing {p.title}: {len(p.items)} items, {p.width:.0f} by {p.height:.0f} px>"

@@ -1,0 +1,268 @@
+"""A run as JavaScript: what a page needs to simulate the scene again with other parameter values.
+
+The functions are written from the plan of the run; the registers are those of the plan, behind them the parameters of
+the flat model that something is computed from. What is a number is data, so that the text has no names in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.expression.calculus import linear_parts
+from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
+from lmoc.ir.flat import Assignments, FlatDAE, Kind
+from lmoc.ir.program import Apply, Program, Solve, Step, read, walk, written
+from lmoc.numerics.integrate import dop853_table
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.trajectory import Trajectory
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.activity import lookout
+from lmoc.numerics.signals.signals import Function, break_times
+from lmoc.numerics.signals.tables import Table
+from lmoc.numerics.sizes import assumed_sizes
+from lmoc.view.javascript.code import Writer
+from lmoc.view.javascript.start import start_program
+
+MOST_ROWS = 20_000  # of all steps: more makes a large page, and a run that takes seconds
+
+
+class NotWritten(Exception):
+    """The run cannot be repeated in a page; the text says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Script:
+    """The functions and the data from which a page simulates.
+
+    Attributes
+    ----------
+    text : the JavaScript expression of ``{parameters, start, rhs, observe, breaks}``, functions of ``(w, time)``, where
+        `tab`, `blocks` and the names of `elementary.js` and `blocks.js` are known
+    data : what `simulate.js` reads, in plain lists, numbers and texts; None stands for NaN
+    slots : (flat.count,) where the value of each parameter stands, -1 where nothing is computed from it
+    registers : (flat.count,) where the value of each variable stands after ``observe``, -1: nowhere
+    """
+
+    text: str
+    data: dict
+    slots: np.ndarray
+    registers: np.ndarray
+
+
+def write_script(trajectory: Trajectory, stop: float) -> Script:
+    """Return a run as JavaScript.
+
+    Parameters
+    ----------
+    stop : s, where the run was to end
+
+    Raises
+    ------
+    NotWritten
+        For what the page cannot do: laws and events, inputs that are Python functions, coordinates that change, …
+    """
+    _check(trajectory)
+    observer, piece = trajectory.observer, trajectory.pieces[0]
+    times, states = piece.samples
+    if not len(times):
+        raise NotWritten("the run has no state to begin from")
+    return _Scene(observer, piece.begin, stop, times[0], states[0], trajectory.stats).script()
+
+
+def _check(trajectory: Trajectory) -> None:
+    observer = trajectory.observer
+    reduced, flat = observer.plan.reduced, observer.flat
+    if reduced.switched is not None:
+        raise NotWritten("the scene has laws (strings, stops, friction), whose switching the page does not compute")
+    if flat.events is not None:
+        raise NotWritten("the scene has events (when, relations), which the page does not compute")
+    if any(p.reduced is not reduced for p in trajectory.pieces):
+        raise NotWritten("the coordinates change during this run, which the page does not compute")
+    for variable, _ in observer.plan.samplers:
+        if isinstance(observer.signals[variable], Function):
+            name = flat.variable_name(variable)
+            raise NotWritten(f"the input '{name}' is a function of Python, which the page does not have")
+    if observer.plan.row_count > MOST_ROWS:
+        rows = f"{observer.plan.row_count:,}".replace(",", " ")
+        raise NotWritten(f"the scene is too large to be simulated in a page ({rows} rows of equations)")
+
+
+class _Scene:
+    """One run on its way to a script."""
+
+    def __init__(self, observer: Observer, begin: float, stop: float, time: float, x: np.ndarray, stats: dict) -> None:
+        self.plan: Plan = observer.plan
+        self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
+        self.flat: FlatDAE = observer.flat
+        self.rtol = float(stats.get("rtol", 1e-6))
+        self.count = self.plan.count
+        self.slots = np.full(self.flat.count, -1)
+        self.base = list(observer.base)
+        self.undetermined = np.isin(np.arange(self.flat.count), self.plan.reduced.undetermined)
+
+    def add(self, count: int, values: np.ndarray | None = None) -> np.ndarray:
+        """Return new registers."""
+        self.count += count
+        self.base += [np.nan] * count if values is None else list(values)
+        return np.arange(self.count - count, self.count)
+
+    def of_parameters(self, variables: np.ndarray) -> np.ndarray:
+        """Return the registers of parameters of the flat model, made where there are none yet."""
+        new = np.unique(variables[self.slots[variables] < 0])
+        self.slots[new] = self.add(len(new), self.observer.values[new])
+        return self.slots[variables]
+
+    def script(self) -> Script:
+        plan, writer = self.plan, Writer()
+        used = plan.read_parameters
+        copied = Apply(slot(0), self.of_parameters(used[1])[:, None], used[0])
+        start = start_program(self.observer, self.time, self.x, self)
+        breaks, lines, switches = self._breaks()
+        judged, checks = self._checks()
+        steps = (copied, *plan.reduced.parameter_program)
+        steps = (*self._bindings((*steps, *start.wanted, *breaks, *judged)), *steps, *start.wanted, *judged)
+        base = np.array(self.base)
+        base[np.concatenate([np.zeros(0, int), *map(written, steps)])] = np.nan
+        rates = writer.function(plan.program)
+        watched = len(writer.blocks)  # the motion depends on these alone
+        functions = {
+            "parameters": steps,
+            "start": start.program,
+            "observe": plan.full_program,
+            "breaks": breaks,
+        }
+        text = ",\n".join(f"{name}: {writer.function(program)}" for name, program in functions.items())
+        text += f",\nrhs: {rates}"
+        data = {
+            "count": self.count,
+            "base": _numbers(base),
+            "tables": writer.tables,
+            "blocks": len(writer.blocks),
+            "watched": watched,
+            "seeds": self._seeds(),
+            "states": plan.states.tolist(),
+            "derivatives": plan.derivatives.tolist(),
+            "x": _numbers(self.x),
+            "held": start.held,
+            "begin": self.begin,
+            "end": self.stop,
+            "rtol": self.rtol,
+            "atol": self._absolute_tolerances().tolist(),
+            "curves": self._curves(),
+            "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
+            "checks": checks,
+            "lines": lines,
+            "switches": switches,
+            "bounds": self._bounds(),
+            "method": method(),
+        }
+        registers = plan.reduced.register_of.copy()
+        registers[self.undetermined] = -1
+        return Script(f"{{\n{text}\n}}", data, self.slots, registers)
+
+    # ------------------------------------------------------------------ parameters
+
+    def _bindings(self, program: Program) -> Program:
+        """Return the steps that compute parameters bound to others, as far as a program needs them."""
+        steps: list[Step] = []
+        wanted = np.unique(np.concatenate([np.zeros(0, int), *map(read, program)]))
+        kind = self.flat.kind
+        dependent = [a for a in self.flat.bindings if a.slots.shape[1] and kind[a.target[0]] <= Kind.PARAMETER]
+        for a in reversed(dependent):
+            own = self.slots[a.target]
+            rows = np.flatnonzero((own >= 0) & np.isin(own, wanted) & ~self._overridden(a))
+            if len(rows):
+                slots = self.of_parameters(a.slots[rows].ravel()).reshape(len(rows), -1)
+                steps.append(Apply(a.shape, slots, own[rows]))
+                wanted = np.union1d(wanted, slots.ravel())
+        return tuple(reversed(steps))
+
+    def _overridden(self, a: Assignments) -> np.ndarray:
+        """Return which rows of a binding do not hold, because a value has been given instead."""
+        values = self.observer.values
+        return ~((a.values(values) == values[a.target]) | (np.isnan(a.values(values)) & np.isnan(values[a.target])))
+
+    def _checks(self) -> tuple[Program, list[list]]:
+        """Return what judges the values of parameters, and [register, message] of each judgement."""
+        steps, checks = [], []
+        for check in self.flat.checks:
+            if check.error and len(check.slots) and (self.flat.kind[check.slots] <= Kind.PARAMETER).all():
+                slots = self.of_parameters(check.slots.ravel()).reshape(check.slots.shape)
+                out = self.add(len(slots))
+                steps.append(Apply(if_(check.condition, ONE, ZERO), slots, out))
+                checks += [[r, check.message] for r in out.tolist()]
+        return tuple(steps), checks
+
+    # ------------------------------------------------------------------ time
+
+    def _breaks(self) -> tuple[Program, list[list[int]], list[list[int]]]:
+        """Return what computes the places of kinks in formulas of time.
+
+        Returns
+        -------
+        the program; (registers of slope and offset) of what is linear in time; (register, 1 where its jumps count and
+        not its signs) of the rest
+        """
+        steps: list[Step] = []
+        lines, switches = [], []
+        for expression, registers in kinks.switches(self.plan):
+            linear = linear_parts(expression, [TIME])
+            if linear is None:
+                out = self.add(len(registers))
+                steps.append(Apply(expression, registers, out))
+                switches += [[r, int(expression.op in ("floor", "ceil"))] for r in out.tolist()]
+            else:
+                slope, offset = self.add(len(registers)), self.add(len(registers))
+                steps += [Apply(linear[0][TIME], registers, slope), Apply(linear[1], registers, offset)]
+                lines += np.stack([slope, offset], axis=1).tolist()
+        return tuple(steps), lines, switches
+
+    def _curves(self) -> list[dict]:
+        """Return tables as piecewise polynomials of their own derivatives."""
+        found = []
+        for register, (variable, order) in zip(self.plan.sampled.tolist(), self.plan.samplers, strict=True):
+            signal = self.observer.signals[variable]
+            assert isinstance(signal, Table)
+            found.append({"register": register, "order": order} | signal.curve.pieces(order))
+        return found
+
+    def _bounds(self) -> list[list[float]]:
+        """Return from when on steps are bounded, and by how much; infinity is left out as None."""
+        seen = lookout(self.plan, self.observer.base, self.observer.signals, (self.begin, self.stop))
+        edges = [self.begin, *seen.edges(self.begin, self.stop), self.stop]
+        bounds = [(a, seen.longest(a, b)) for a, b in zip(edges, edges[1:]) if b > a]
+        return [[a, longest if np.isfinite(longest) else None] for a, longest in bounds]
+
+    # ------------------------------------------------------------------ numbers
+
+    def _absolute_tolerances(self) -> np.ndarray:
+        plan, values = self.plan, self.observer.values
+        found = self.rtol * 1e-3 * assumed_sizes(plan, values, self.x, {})
+        stored = self.flat.find("ledger.stored")
+        if plan.ledger.any() and stored is not None:
+            at_start = self.observer(stored, np.array([self.time]), self.x[None])[0]
+            found[plan.ledger] = np.fmax(found[plan.ledger], self.rtol * np.abs(at_start))
+        return found
+
+    def _seeds(self) -> list[list[float]]:
+        """Return where the unknowns of nonlinear blocks stand at the start: the branch of the run."""
+        unknowns = [s.unknowns.ravel() for s in walk(self.plan.full_program) if isinstance(s, Solve) and not s.linear]
+        if not unknowns:
+            return []
+        registers = np.unique(np.concatenate(unknowns))
+        values = [float(self.observer.register(r, np.array([self.time]), self.x[None])[0]) for r in registers.tolist()]
+        return [[r, v] for r, v in zip(registers.tolist(), values, strict=True) if np.isfinite(v)]
+
+
+def method() -> dict:
+    """Return the coefficients of DOP853 as `dop853.js` reads them."""
+    rows = {"a": dop853_table.A, "b": dop853_table.B, "c": dop853_table.C, "d": dop853_table.D}
+    return {name: m.tolist() for name, m in (rows | {"e3": dop853_table.E3, "e5": dop853_table.E5}).items()}
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    """Return numbers as JSON has them."""
+    return [float(v) if np.isfinite(v) else None for v in values]

@@ -1,0 +1,84 @@
+"""The parameters that a page lets change: those given as numbers, which the equations read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmoc.ir.flat import Kind
+from lmoc.numerics.observe.observer import Observer
+from lmoc.support.distinct import distinct
+
+_TRIED = (0.31, 0.77, 1.29, 3.7)  # times the value, at which the assumptions of the reduction are looked at
+_TRIED_OF_ZERO = (-0.83, 0.29, 1.13)
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A parameter of a page.
+
+    Attributes
+    ----------
+    variable : of the flat model
+    slot : where the script keeps its value
+    fixed : why it cannot be changed in the page; "" where it can
+    """
+
+    name: str
+    variable: int
+    slot: int
+    value: float
+    unit: str
+    text: str
+    fixed: str = ""
+
+
+def sliders(observer: Observer, slots: np.ndarray) -> list[Slider]:
+    """Return the independent parameters, in the order of the model.
+
+    Parameters
+    ----------
+    slots : (flat.count,) as of `Script`
+    """
+    flat, values = observer.flat, observer.values
+    found = []
+    for variable in independent(observer)[0].tolist():
+        block = flat.block_at(variable)
+        numeric = block.quantity == "Real" and np.isfinite(values[variable])
+        if slots[variable] < 0 or not numeric or block.protected or block.final:
+            continue
+        name = flat.variable_name(variable)
+        why = "it shapes the model" if block.structural else _why_fixed(observer, variable)
+        value = float(values[variable])
+        found.append(Slider(name, variable, int(slots[variable]), value, block.unit, block.description, why))
+    return found
+
+
+def independent(observer: Observer) -> tuple[np.ndarray, np.ndarray]:
+    """Return the parameters that are bound to numbers, and those given otherwise than the model binds them."""
+    flat, values = observer.flat, observer.values
+    literal, given = [np.zeros(0, int)], [np.zeros(0, int)]
+    for a in flat.bindings:
+        if len(a.target) and flat.kind[a.target[0]] <= Kind.PARAMETER:
+            bound = a.values(values)
+            other = (bound != values[a.target]) & ~np.isnan(values[a.target])
+            given.append(a.target[other])
+            literal.append(a.target if not a.slots.shape[1] else a.target[other])
+    literal = distinct(np.concatenate(literal))
+    return literal[flat.kind[literal] == Kind.PARAMETER], distinct(np.concatenate(given))
+
+
+def _why_fixed(observer: Observer, variable: int) -> str:
+    """Return which assumption of the reduction fails for other values of a parameter; "" where it holds for some."""
+    reduced, values = observer.plan.reduced, observer.values
+    flat, own = reduced.flat, float(values[variable])
+    given = independent(observer)[1]
+    broken = ""
+    for other in [own * f for f in _TRIED] if own else _TRIED_OF_ZERO:
+        overrides = dict(zip(given.tolist(), values[given].tolist(), strict=True)) | {variable: other}
+        text = reduced.broken_guard(flat.parameter_values(overrides))
+        if text is None:
+            return ""
+        broken = broken or text
+    return f"the equations were reduced with {broken}"

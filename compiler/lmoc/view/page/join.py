@@ -1,0 +1,48 @@
+"""The files of a page: JavaScript modules are joined into one script, since a file on a disk cannot import others."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib.resources import files
+
+_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(async |)function|class|const)", re.MULTILINE)
+_NAME = re.compile(r"^(?:async )?(?:function\*?|class|const|let) +(\{[^}]*\}|\w+)", re.MULTILINE)
+
+
+@cache
+def asset(name: str) -> str:
+    """Return the text of a file."""
+    return (files("lmoc.view.page") / "assets" / name).read_text(encoding="utf-8")
+
+
+@cache
+def joined(name: str) -> str:
+    """Return a module with all that it imports before it, without imports and exports.
+
+    Raises
+    ------
+    ValueError
+        Two modules have a name in common at their top, or an import renames.
+    """
+    parts: dict[str, str] = {}
+    _collect(name, parts)
+    owner: dict[str, str] = {}
+    for module, text in parts.items():
+        for found in _NAME.finditer(text):
+            for own in re.findall(r"\w+", found[1]):
+                if own in owner:
+                    raise ValueError(f"{own} is a name of {owner[own]} and of {module}")
+                owner[own] = module
+    return "\n".join(f"// {module}\n{text}" for module, text in parts.items())
+
+
+def _collect(name: str, parts: dict[str, str]) -> None:
+    text = asset(name)
+    for names, other in _IMPORT.findall(text):
+        if " as " in names:
+            raise ValueError(f"{name} renames what it imports from {other}")
+        if other not in parts:
+            _collect(other, parts)
+    parts[name] = _EXPORT.sub("", _IMPORT.sub("", text))

@@ -1,0 +1,79 @@
+"""From a compiled scene to its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lmoc.ir.flat import FlatDAE
+from lmoc.view.scene import symbols
+from lmoc.view.scene.attached import attach
+from lmoc.view.scene.block import Block, packed
+from lmoc.view.scene.elements import Graph, graph_of
+from lmoc.view.scene.names import Names, shortened, symbol
+from lmoc.view.scene.picture import End, Picture
+from lmoc.view.scene.planar import draw_plane, finish, is_planar
+from lmoc.view.scene.schematic import GAP, WIDTH, Schematic, gravity_arrow, style_of
+from lmoc.view.scene.strips import BODIES
+
+Values = Callable[[str], float]  # from a dotted name
+
+MARGIN = 14.0
+ROOM = 24.0  # px that a node may go
+
+
+def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | None = None) -> Picture:
+    """Return the picture of a scene.
+
+    Parameters
+    ----------
+    values : (flat.count,) of the parameters
+    start : returns what gives the value of a variable at the start of a run; asked for mechanisms of the plane only
+    """
+    graph = graph_of(flat, values)
+    names = Names(graph)
+    if not graph.elements:
+        return without_parts(flat)
+    style = style_of(graph, names)
+    rest = [e for e in graph.elements if not is_planar(e)]
+    blocks = []
+    if len(rest) < len(graph.elements):
+        if start is None:
+            raise ValueError("a mechanism of the plane is drawn where it starts: `start` is needed")
+        plane = draw_plane(graph, names, start())
+        rest = attach(plane, rest)
+        blocks.append(finish(plane))
+    if rest:
+        blocks.append(Schematic(graph, rest, style).block())
+    block = packed([b for b in blocks if b.items], WIDTH, GAP)
+    if gravity := gravity_name(graph, names):
+        block = gravity_arrow(block, gravity)
+    return finished(block, flat.description or flat.name)
+
+
+def without_parts(flat: FlatDAE) -> Picture:
+    """Return what stands in the place of a picture where there is nothing to draw."""
+    note = f"{flat.name} has no parts with ports to draw, only equations of its own: {flat.equation_count}"
+    return finished(Block((symbols.label(shortened(note, 90), End(0, 0)),)), flat.description or flat.name, (note,))
+
+
+def gravity_name(graph: Graph, names: Names) -> str:
+    """Return the symbol of gravity where it acts on a body of a line, else nothing."""
+    for element in graph.elements:
+        if element.symbol in BODIES and graph.value(element, "g", 0.0):
+            return names.parameter(element, "g") or symbol("g")
+    if any(e.symbol in ("particle", "body", "bar") and is_planar(e) for e in graph.elements):
+        for block in graph.flat.blocks:
+            world = graph.flat.parts[block.part].class_name.endswith("Planar.World")
+            if world and block.path[-1][0] == "g" and graph.values[block.offset] != 0:
+                return symbol("g")
+    return ""
+
+
+def finished(block: Block, title: str, notes: tuple[str, ...] = ()) -> Picture:
+    """Return a block as a picture with a margin around it."""
+    left, top, right, bottom = block.corners
+    block = block.at(MARGIN - left, MARGIN - top)
+    width, height = right - left + 2 * MARGIN, bottom - top + 2 * MARGIN
+    return Picture(title, width, height, block.items, {"line": ROOM}, notes)

@@ -1,0 +1,79 @@
+"""Places for labels beside what they name: where they cover as little as possible."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import ceil, cos, hypot, pi, sin
+
+from lmoc.view.scene.block import Corners, shape_corners
+from lmoc.view.scene.picture import Circle, End, Frame, Item, Label, Path, Point
+from lmoc.view.scene.text import box
+
+NEAR = 2.5  # px between a label and a line
+STEP = 6.0  # px between the points of a line that are looked at
+OFFSETS = ((0, -1), (1, -1), (1, 0), (-1, -1), (-1, 0), (1, 1), (-1, 1), (0, 1))
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A label that is to stand near a point: at least `clear` px from it."""
+
+    text: str
+    at: End
+    part: str = ""
+    clear: float = 10.0
+    colour: str = "ink"
+
+
+def placed_labels(items: Sequence[Item], wishes: Iterable[Wish]) -> list[Item]:
+    """Return the labels, each where it covers the fewest other labels and lines."""
+    lines = [p for item in items for p in _points(item)]
+    taken = [shape_corners(s, item.frame()) for item in items for s in item.shapes if isinstance(s, Label)]
+    made = []
+    for wish in wishes:
+        best: tuple[float, Label, Corners] | None = None
+        for distance in (1.0, 1.6, 2.4, 3.4):
+            for dx, dy in OFFSETS:
+                label = _label(wish, dx, dy, distance)
+                corners = box(label, Frame(wish.at.x, wish.at.y))
+                cost = 1000 * sum(_overlap(corners, c) for c in taken) + 10 * sum(_inside(p, corners) for p in lines)
+                cost += distance
+                if best is None or cost < best[0]:
+                    best = cost, label, corners
+        taken.append(best[2])
+        made.append(Item("label", wish.part, (wish.at,), (best[1],)))
+    return made
+
+
+def _label(wish: Wish, dx: float, dy: float, distance: float) -> Label:
+    clear = wish.clear * distance
+    anchor = "middle" if dx == 0 else "start" if dx > 0 else "end"
+    x = dx * clear * (0.75 if dy else 1.0)
+    y = dy * (clear * (0.75 if dx else 1.0) + 7)
+    return Label(wish.text, (0.0, x, y), anchor, colour=wish.colour)
+
+
+def _points(item: Item) -> Iterable[Point]:
+    """Points of the lines of an item, close to each other."""
+    frame = item.frame()
+    for shape in item.shapes:
+        if isinstance(shape, Circle):
+            x, y = frame.place(shape.centre)
+            yield x, y
+            yield from ((x + shape.radius * cos(k * pi / 4), y + shape.radius * sin(k * pi / 4)) for k in range(8))
+        elif isinstance(shape, Path):
+            places = [frame.place(v) for v in shape.vertices]
+            places += places[:1] if shape.closed else []
+            for (x0, y0), (x1, y1) in zip(places, places[1:]):
+                n = max(1, ceil(hypot(x1 - x0, y1 - y0) / STEP))
+                for k in range(n + 1):
+                    yield x0 + (x1 - x0) * k / n, y0 + (y1 - y0) * k / n
+
+
+def _overlap(a: Corners, b: Corners) -> bool:
+    return min(a[2], b[2]) - max(a[0], b[0]) > -2 and min(a[3], b[3]) - max(a[1], b[1]) > -1
+
+
+def _inside(p: Point, c: Corners) -> bool:
+    return c[0] - NEAR < p[0] < c[2] + NEAR and c[1] - NEAR < p[1] < c[3] + NEAR

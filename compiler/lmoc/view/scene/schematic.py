@@ -1,0 +1,177 @@
+"""The schematic picture of what moves along lines and turns on shafts: strips, and the joints between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+from lmoc.view.scene import symbols
+from lmoc.view.scene.arrange import strips_of
+from lmoc.view.scene.block import Block, packed
+from lmoc.view.scene.elements import Element, Graph, Port
+from lmoc.view.scene.levers import draw_lever
+from lmoc.view.scene.names import Names
+from lmoc.view.scene.picture import End
+from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
+from lmoc.view.scene.strips import BODIES, DOWN, RIGHT, UP, Strip, Style, draw_strip
+from lmoc.view.scene.wheels import Turning, decorated, gear_row, gears_of, turning, wheel
+
+WIDTH = 640.0  # px that a picture may take before its pieces go below each other
+GAP = 34.0
+ROPES, LEVERS = ("pulley", "drum"), ("lever", "arm", "beam")
+
+
+def style_of(graph: Graph, names: Names) -> Style:
+    """Return the names of the nodes: those of their coordinates, and of what moves them."""
+    wanted: dict[int, list[int]] = {}
+    variables: dict[int, str] = {}
+    for element in graph.elements:
+        for port in element.ports:
+            if port.domain in ("line", "shaft"):
+                at = wanted.setdefault(port.node, [])
+                names_of_places = ("q", "theta", "s", "phi") if element.symbol in BODIES else ()
+                own = [graph.variable(element, n) for n in names_of_places]
+                at[:0] = [v for v in own if v is not None][:1]
+                at.append(port.potentials[0])
+                variables.setdefault(port.node, graph.name(port))
+    bodies = {e.ports[0].node for e in graph.elements if e.symbol in BODIES}
+    driven = {e.ports[0].node: e for e in graph.elements if e.symbol in ("motion", "rotation")}
+    shown = {n: tuple(vs) for n, vs in wanted.items() if n in bodies or n in driven or names.own(*vs)}
+    for element in graph.elements:
+        if element.symbol == "moving-frame":
+            shown[-element.port("flange").node - 1] = (graph.variable(element, "q"),)
+            variables[-element.port("flange").node - 1] = f"{element.name}.q"
+    coordinates = names.coordinates(shown)
+    for node, element in driven.items():
+        coordinates[node] = names.signal(element, "q" if element.symbol == "motion" else "theta")
+    return Style(names, coordinates, variables)
+
+
+def gravity_of(strip: Strip, graph: Graph) -> float:
+    """Return the sign of gravity along +q: that of the first body on which it acts."""
+    if not strip.shaft:
+        for node in strip.nodes:
+            for element in strip.bodies(node):
+                value = graph.value(element, "g", 0.0)
+                if value:
+                    return 1.0 if not isfinite(value) or value > 0 else -1.0
+    return 0.0
+
+
+class Schematic:
+    """Puts the strips and joints of a scene together."""
+
+    def __init__(self, graph: Graph, elements: Sequence[Element], style: Style) -> None:
+        self.graph, self.elements, self.style = graph, elements, style
+        self.lines = strips_of(graph, elements, "line")
+        self.shafts = strips_of(graph, elements, "shaft")
+        for strip in self.shafts:
+            strip.shaft = True
+        by_node = {n: s for s in self.lines for n in s.nodes}
+        walls = {e.ports[0].node: e for e in elements if e.symbol == "wall"}
+        self.hanging = Hanging(by_node, walls, style, lambda strip: gravity_of(strip, graph))
+        self.wheel_shafts: set[int] = set()  # identities of shaft strips drawn along their axis
+
+    def block(self) -> Block:
+        """Return everything, joints first, then what no joint has taken along."""
+        blocks = [*self._levers(), *self._ropes()]
+        blocks += [b for s in self.lines if id(s) not in self.hanging.used and (b := self._line(s)) is not None]
+        blocks += [b for s in self.shafts if id(s) not in self.wheel_shafts and (b := self._shaft(s)) is not None]
+        blocks = [b for b in blocks if b.items]
+        return packed(blocks, WIDTH, GAP)
+
+    # ------------------------------------------------------------------ strips alone
+
+    def _line(self, strip: Strip) -> Block | None:
+        if not self.hanging.shown(strip):
+            return None
+        gravity = gravity_of(strip, self.graph)
+        direction = RIGHT if not gravity else DOWN if gravity > 0 else UP
+        return draw_strip(strip, self.style, direction).block
+
+    def _shaft(self, strip: Strip) -> Block | None:
+        if not strip.links and not any(strip.on[n] for n in strip.nodes):
+            return None
+        gears = gears_of(strip)
+        if gears:
+            return gear_row(strip, gears, self.style)
+        if gears is not None and not strip.links:
+            shaft = turning(strip, strip.nodes[0])
+            if any(e.symbol in BODIES for e in shaft.on):
+                items, legs = decorated(shaft, self.style, 40.0, True)
+                return Block((*legs, *wheel(shaft, self.style, [40.0], False), *items))
+        return draw_strip(strip, self.style, RIGHT).block
+
+    # ------------------------------------------------------------------ joints
+
+    def _joints(self, kinds: Sequence[str]) -> list[Element]:
+        return [e for e in self.elements if e.symbol in kinds]
+
+    def _turning(self, port: Port | None) -> Turning | None:
+        """The shaft of a joint where it can be seen along its axis."""
+        if port is None or port.domain != "shaft":
+            return None
+        strip = next((s for s in self.shafts if port.node in s.nodes), None)
+        if strip is None:
+            return Turning(port.node, (), ())
+        single = [n for n in strip.nodes if strip.held(n) is None]
+        if len(single) == 1 and id(strip) not in self.wheel_shafts:
+            self.wheel_shafts.add(id(strip))
+            return turning(strip, port.node)
+        return Turning(port.node, (), ())
+
+    def _levers(self) -> list[Block]:
+        return [
+            draw_lever(e, self._turning(e.port("pivot") or e.port("shaft")), self.hanging) for e in self._joints(LEVERS)
+        ]
+
+    def _ropes(self) -> list[Block]:
+        joints = self._rope_joints()
+        blocks = []
+        for group in _connected(joints):
+            rope = rope_of(group)
+            ropes = [rope] if rope is not None else [_alone(j) for j in group]
+            blocks += [draw_rope(r, self.hanging) for r in ropes]
+        return blocks
+
+    def _rope_joints(self) -> list[Joint]:
+        found: list[Joint] = []
+        wheels: dict[int, list[Element]] = {}
+        for element in self._joints(ROPES):
+            if element.symbol == "drum":
+                wheels.setdefault(element.port("shaft").node, []).append(element)
+            else:
+                axle = element.port("axle").node
+                strip = self.hanging.strips.get(axle)
+                fixed = strip is None or axle in self.hanging.walls
+                ends = element.port("a").node, element.port("b").node
+                found.append(Joint((element,), ends, axle, None, not fixed))
+        for drums in wheels.values():
+            shaft = self._turning(drums[0].port("shaft"))
+            for k in range(0, len(drums), 2):
+                pair = drums[k : k + 2]
+                found.append(Joint(tuple(pair), tuple(d.port("flange").node for d in pair), None, shaft))
+        return found
+
+
+def _connected(joints: Sequence[Joint]) -> list[list[Joint]]:
+    """Joints that share a node of a rope."""
+    groups: list[list[Joint]] = []
+    for joint in joints:
+        touching = [g for g in groups if any(set(j.ends) & set(joint.ends) for j in g)]
+        merged = [joint] if not touching else [*sum(touching, []), joint]
+        groups = [g for g in groups if g not in touching] + [merged]
+    return groups
+
+
+def _alone(joint: Joint) -> Rope:
+    """A joint by itself."""
+    return Rope([joint], [joint.ends[0], joint.ends[1]] if len(joint.ends) == 2 else [None, joint.ends[0]])
+
+
+def gravity_arrow(block: Block, name: str) -> Block:
+    """Return a block with an arrow for gravity at its right."""
+    _, top, right, _ = block.corners
+    at = End(right + 26, top + 6)
+    made = symbols.arrow("gravity", "", at, (0, 0), (0, 40), "muted", 1.5)
+    return block.beside(Block((made, symbols.label(name, at, 8, 20, "start", colour="muted"))))

@@ -1,0 +1,246 @@
+"""Shafts seen along their axis: wheels with what drives and holds them, and gears in mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+from lmoc.view.scene import symbols
+from lmoc.view.scene.block import Block
+from lmoc.view.scene.elements import Element
+from lmoc.view.scene.picture import Circle, End, Item, Turn
+from lmoc.view.scene.strips import BODIES, Strip, Style, between
+from lmoc.view.scene.text import width
+
+LARGEST, SMALLEST = 64.0, 15.0  # px, radii of gears
+GEARS = ("gear", "gear-pair")
+LEG = 62.0  # length of what holds a wheel
+APART = 46.0  # between two legs
+
+
+@dataclass(frozen=True)
+class Window:
+    """Angles (degrees) from which to which the arrows about a wheel go, where they count counter-clockwise."""
+
+    coordinate: tuple[float, float]
+    torque: tuple[float, float]
+
+
+ALL_ROUND = Window((95, 142), (38, 85))
+FIRST, LAST, BETWEEN = Window((75, 118), (140, 190)), Window((45, 92), (-15, 30)), Window((70, 110), (250, 290))
+
+
+@dataclass(frozen=True)
+class Turning:
+    """What belongs to one shaft: its bodies, what drives it, what holds it on the ground.
+
+    Attributes
+    ----------
+    sense : 1 where its angle counts counter-clockwise, -1 where clockwise
+    """
+
+    node: int
+    on: tuple[Element, ...]
+    legs: tuple[Element, ...]
+    sense: int = 1
+
+
+def turning(strip: Strip, node: int, sense: int = 1) -> Turning:
+    """Return what belongs to a shaft of a strip."""
+    legs = []
+    for element, a, b in strip.links:
+        other = b if a == node else a
+        held = strip.held(other)
+        if node in (a, b) and held is not None and held.symbol == "fixed-shaft":
+            legs.append(element)
+    return Turning(node, tuple(strip.on[node]), tuple(legs), sense)
+
+
+def decorated(
+    shaft: Turning, style: Style, radius: float, down: bool, title: bool = True, held: bool = False, window=None
+) -> tuple[list[Item], list[Item]]:
+    """Return the arrows about a wheel at (0, 0), and its legs to the ground.
+
+    Parameters
+    ----------
+    radius : of the wheel
+    down : where the legs go; else upwards
+    title : its bodies' names are written
+    held : it has a bearing where nothing else holds it
+    window : where there is room for arrows
+    """
+    window = window or ALL_ROUND
+    centre = End(0.0, 0.0)
+    items: list[Item] = []
+    names, s = style.names, shaft.sense
+
+    def around(
+        text: str, symbol: str, part: str, colour: str, angles: tuple[float, float], variables: Mapping
+    ) -> None:
+        r, (start, stop) = radius + 9, angles
+        a, b = (start, stop) if s > 0 else (stop, start)
+        items.append(symbols.turning_arrow(symbol, part, centre, r, radians(a), radians(b), colour, dict(variables)))
+        at = radians((start + stop) / 2)
+        anchor = "start" if cos(at) > 0.35 else "end" if cos(at) < -0.35 else "middle"
+        x, y = (r + 6) * cos(at), -(r + 11) * sin(at)
+        items.append(symbols.label(text, centre, x, y, anchor, part, colour=colour))
+
+    if shaft.node in style.coordinates and not any(e.symbol == "rotation" for e in shaft.on):
+        variables = {"angle": style.variables[shaft.node]}
+        around(style.coordinates[shaft.node], "coordinate", "", "ink", window.coordinate, variables)
+    for element in shaft.on:
+        if element.symbol == "torque":
+            text = names.signal(element, "tau")
+            around(text, "torque", element.name, "force", window.torque, {"force": f"{element.name}.tau"})
+        elif element.symbol == "rotation":
+            around(names.signal(element, "theta"), "rotation", element.name, "ink", window.torque, {})
+        elif element.symbol not in BODIES:
+            text = names.called(element)
+            half = width(text, 13) / 2 + 7
+            y = (1 if not down else -1) * (radius + 34)
+            items.append(symbols.box("box", element.name, centre, (-half, y - 12, half, y + 12), text))
+    if title and (text := " + ".join(names.part(e, "J", "m") for e in shaft.on if e.symbol in BODIES)):
+        inside = radius > 26 and width(text, 13) < 1.5 * radius
+        x, y, anchor = (0, 0.52 * radius, "middle") if inside else (-8, radius + 14, "end")
+        part = next(e.name for e in shaft.on if e.symbol in BODIES)
+        items.append(symbols.label(text, centre, x, y, anchor, part))
+    return items, _legs(shaft, style, radius, down, held)
+
+
+def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -> list[Item]:
+    """What holds a wheel: springs and dampers side by side on the ground, or a bearing."""
+    way = 1.0 if down else -1.0
+    if not shaft.legs:
+        if not held:
+            return []
+        stem = symbols.path((0, 0), (0, way * (radius + 14)), width=2.0)
+        ground = symbols.wall("", End(0, way * (radius + 14)), (0, way), -15, 15, "bearing")
+        return [Item("bearing", "", (End(0, 0),), (stem,)), ground]
+    n = len(shaft.legs)
+    top = radius + 12
+    xs = [(k - (n - 1) / 2) * APART for k in range(n)]
+    items = [Item("shaft", "", (End(0, 0),), (symbols.path((0, 0), (0, way * top), width=2.0),))]
+    if n > 1:
+        bar = symbols.path((xs[0], way * top), (xs[-1], way * top), width=2.0)
+        items.append(Item("joint", "", (End(0, 0),), (bar,)))
+    for x, element in zip(xs, shaft.legs):
+        a, b = End(x, way * top), End(x, way * (top + LEG))
+        items.append(between(element, element.symbol, a, b, True, style.names))
+        items.append(symbols.wall("", b, (0, way), -18, 18, "fixed-shaft"))
+        text = style.names.part(element, "k", "c", "tau")
+        items.append(symbols.label(text, End(x, way * (top + 12)), 9, 0, "start", element.name))
+    return items
+
+
+def wheel(shaft: Turning, style: Style, radii: Sequence[float], gear: bool) -> list[Item]:
+    """Return the disks of a shaft, the largest behind."""
+    parts = [e.name for e in shaft.on if e.symbol in BODIES]
+    turn = Turn(0.0, style.variables.get(shaft.node, ""), shaft.sense)
+    largest, *smaller = sorted(radii, reverse=True)
+    variables = {"angle": turn.variable} if turn.variable else {}
+    made = symbols.wheel("wheel", parts[0] if parts else "", End(0, 0), largest, turn, gear, variables)
+    inner = tuple(Circle((0.0, 0.0, 0.0), r, "body") for r in smaller)
+    return [Item(made.symbol, made.part, made.ends, (*made.shapes, *inner), made.turn, made.variables)]
+
+
+# ------------------------------------------------------------------------------ gears in mesh
+
+
+def gears_of(strip: Strip) -> list[tuple[Element, int, int]] | None:
+    """Return the gears of a strip that can be drawn as wheels in mesh, None where it cannot.
+
+    It can where gears are all that joins its shafts, and they form no loop.
+    """
+    gears = []
+    for element, a, b in strip.links:
+        if element.symbol in GEARS:
+            gears.append((element, a, b))
+        elif not any(strip.held(n) is not None and strip.held(n).symbol == "fixed-shaft" for n in (a, b)):
+            return None
+    shafts = {n for n in strip.nodes if strip.held(n) is None or strip.held(n).symbol == "rotation"}
+    if any(strip.held(n) is not None for _, a, b in gears for n in (a, b) if n not in shafts):
+        return None
+    if strip.hubs or len(gears) != len(shafts) - 1 or len(gears) > 8:
+        return None
+    touching: dict[int, int] = {}
+    for _, a, b in gears:
+        touching[a], touching[b] = touching.get(a, 0) + 1, touching.get(b, 0) + 1
+    return gears if all(n <= 2 for n in touching.values()) else None
+
+
+def ratio(element: Element, style: Style) -> float:
+    """Return the angle of a gear's first shaft by that of the second."""
+    graph = style.names.graph
+    if element.symbol == "gear":
+        value = graph.value(element, "N", graph.value(element, "ratio"))
+    else:
+        value = -graph.value(element, "r2") / graph.value(element, "r1")
+        value *= -1 if graph.value(element, "internal", 0.0) else 1
+    return value if value == value and value else 1.0
+
+
+def gear_row(strip: Strip, gears: Sequence[tuple[Element, int, int]], style: Style) -> Block:
+    """Return gears side by side, their radii in the ratio of the gears."""
+    order, meshes = _order(strip, gears)
+    size: list[tuple[float, float]] = []  # of the two wheels of each mesh
+    sense = {order[0]: 1}
+    for element, a, b in meshes:
+        n = ratio(element, style)
+        forwards = any(element is g and a == first for g, first, _ in gears)
+        n = n if forwards else 1 / n
+        size.append((1.0, abs(n)))
+        sense[b] = -sense[a] if n > 0 else sense[a]
+    size = [_bounded(pair) for pair in size]
+    x, placed = 0.0, {order[0]: 0.0}
+    radii: dict[int, list[float]] = {n: [] for n in order}
+    for (_, a, b), (ra, rb) in zip(meshes, size):
+        radii[a].append(ra)
+        radii[b].append(rb)
+        x += ra + rb
+        placed[b] = x
+    block = Block(())
+    for k, node in enumerate(order):
+        shaft = turning(strip, node, sense[node])
+        largest = max(radii[node])
+        window = FIRST if k == 0 else LAST if k == len(order) - 1 else BETWEEN
+        items, legs = decorated(shaft, style, largest, True, window=window)
+        own = Block((*legs, *wheel(shaft, style, radii[node], True), *items), {node: (0.0, 0.0)})
+        block = block.beside(own.at(placed[node], 0.0))
+    named = []
+    for (element, a, _), (ra, rb) in zip(meshes, size):
+        contact = Circle((0.0, 0.0, 0.0), 2.0, "ink")
+        named.append(Item("mesh", element.name, (End(placed[a] + ra, 0.0),), (contact,)))
+        text = style.names.part(element, "N", "ratio") if element.symbol == "gear" else ""
+        if text:  # in the wedge below the point of contact
+            low = min(ra, rb) + 14
+            named.append(symbols.label(text, End(placed[a] + ra, 0), -5, low, "end", element.name))
+    return Block((*block.items, *named), block.anchors)
+
+
+def _bounded(pair: tuple[float, float]) -> tuple[float, float]:
+    """Radii in px for two in a ratio: the larger one is of the usual size, the smaller one can still be seen."""
+    scale = LARGEST / max(pair)
+    if min(pair) * scale >= SMALLEST:
+        return pair[0] * scale, pair[1] * scale
+    return tuple(max(SMALLEST, r * scale) for r in pair)
+
+
+def _order(strip: Strip, gears: Sequence[tuple[Element, int, int]]) -> tuple[list[int], list[tuple[Element, int, int]]]:
+    """Shafts from one end of a train of gears to the other, and the gears between them."""
+    at: dict[int, list[tuple[Element, int]]] = {}
+    for element, a, b in gears:
+        at.setdefault(a, []).append((element, b))
+        at.setdefault(b, []).append((element, a))
+    shafts = [n for n in strip.nodes if n in at] or [n for n in strip.nodes if strip.held(n) is None]
+    start = next((n for n in shafts if len(at.get(n, ())) <= 1), shafts[0])
+    order, meshes, used = [start], [], set()
+    while True:
+        step = next(((g, n) for g, n in at.get(order[-1], ()) if g.name not in used), None)
+        if step is None:
+            return order, meshes
+        used.add(step[0].name)
+        meshes.append((step[0], order[-1], step[1]))
+        order.append(step[1])
+
+

@@ -1,0 +1,250 @@
+"""Runs repeated by JavaScript: the same answer as Python's, with the model's values and with others."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.node import needs_node, run_script
+
+import lmoc
+from lmoc.view.javascript.script import NotWritten, Script, write_script
+from lmoc.view.javascript.sliders import Slider, sliders
+from lmoc.view.page.join import joined
+
+MODELS = Path(__file__).parents[2] / "models"
+AGREE = 1e-6  # of the largest value of the same unit
+
+pytestmark = needs_node
+
+
+@dataclass
+class Repeated:
+    """A run of JavaScript beside that of Python."""
+
+    names: list[str]
+    values: np.ndarray  # (times, names)
+    complete: bool
+    reason: str
+    steps: int
+
+
+def program(script: Script, body: str) -> str:
+    """A script of its own around the functions of a scene."""
+    data = json.dumps(script.data, allow_nan=False)
+    made = f"new Scene({data}, (tab, blocks) => ({script.text}))"
+    return f"{{ const scene = {made};\n{body}\n}}"
+
+
+def repeat(cases: list[tuple[object, Script, list[list[float]]]]) -> list[Repeated]:
+    """Repeat runs in one process: (run of Python, its script, changed values) each."""
+    parts, names = [], []
+    for run, script, changed in cases:
+        variables = run.table_variables()
+        variables = variables[script.registers[variables] >= 0]
+        wanted = script.registers[variables].tolist()
+        names.append([run.flat.variable_name(int(v)) for v in variables])
+        call = f"simulate(scene, {json.dumps(changed)}, {json.dumps(run.time.tolist())}, {json.dumps(wanted)})"
+        parts.append(program(script, f"const r = {call};\nr.columns = r.columns.map((c) => [...c]);\nout.push(r);"))
+    text = "\n".join([joined("simulate.js"), joined("elementary.js"), "const out = [];", *parts])
+    found = run_script(text + "\nconsole.log(JSON.stringify(out));")
+    return [
+        Repeated(own, np.array(r["columns"], float).T, r["complete"], r["reason"], r["steps"])
+        for own, r in zip(names, found, strict=True)
+    ]
+
+
+def difference(run, repeated: Repeated) -> float:
+    """The largest difference by the largest value of the same unit."""
+    truth = run.values(np.concatenate([run.flat.find(name) for name in repeated.names]))
+    assert (np.isnan(truth) == np.isnan(repeated.values)).all()
+    units = np.array([run.unit(name) for name in repeated.names])
+    top = np.nanmax(np.abs(truth), axis=0, initial=0.0)
+    missed = np.nan_to_num(np.abs(truth - repeated.values)).max(axis=0)
+    return max(float(missed[units == u].max()) / (float(top[units == u].max()) or 1.0) for u in set(units.tolist()))
+
+
+def scripts(files: list[Path], **options) -> list[tuple[object, Script]]:
+    runs = [lmoc.compile(f).simulate(**options) for f in files]
+    return [(run, write_script(run.trajectory, float(run.time[-1]))) for run in runs]
+
+
+def test_every_scene_of_the_notes_and_its_variables():
+    files = sorted((MODELS / "notes").glob("*.lmo"))
+    cases = scripts(files)
+    repeated = repeat([(run, script, []) for run, script in cases])
+    for file, (run, script), again in zip(files, cases, repeated, strict=True):
+        assert again.complete, (file.name, again.reason)
+        assert again.steps == run.stats["steps"], file.name
+        assert difference(run, again) < AGREE, file.name
+        assert script.data["held"] == [], file.name
+
+
+def test_mechanisms_with_blocks_and_constraints():
+    names = ["chain", "slider_crank", "scissor_lift", "four_bar"]
+    files = [MODELS / "planar" / f"{name}.lmo" for name in names] + [MODELS / "hard" / "h27_car_axis.lmo"]
+    cases = scripts(files, rtol=1e-8, points=40)
+    for (run, _), again in zip(cases, repeat([(run, script, []) for run, script in cases]), strict=True):
+        assert again.complete, (run.flat.name, again.reason)
+        assert difference(run, again) < AGREE, run.flat.name
+
+
+def changeable(run, script: Script) -> list[Slider]:
+    return [s for s in sliders(run.trajectory.observer, script.slots) if not s.fixed and s.value]
+
+
+def test_other_values_of_parameters_give_what_python_gives():
+    files = [MODELS / "notes" / f for f in ("ex05_suspension.lmo", "ex09_gear_pair_with_load.lmo", "fig5_rods.lmo")]
+    files += [MODELS / "planar" / f for f in ("slider_crank.lmo", "cart_pole.lmo")]
+    cases, truths = [], []
+    for file in files:
+        dae = lmoc.compile(file)
+        run = dae.simulate(points=30, rtol=1e-8)
+        script = write_script(run.trajectory, float(run.time[-1]))
+        chosen = changeable(run, script)
+        assert len(chosen) >= 2, file.name
+        for slider in (chosen[0], chosen[-1]):
+            value = 1.3 * slider.value
+            truths.append(dae.simulate(points=30, rtol=1e-8, parameters={slider.name: value}))
+            cases.append((truths[-1], script, [[slider.slot, value]]))
+    for truth, again in zip(truths, repeat(cases), strict=True):
+        assert again.complete, again.reason
+        assert difference(truth, again) < AGREE
+
+
+def test_what_is_bound_follows():
+    text = """
+    model Bound
+      parameter Real k = 8, a = 0.2;
+      parameter Real stiff = 2*k;
+      Fixed wall; Spring spring(k = stiff, d0 = a); Mass body(m = 2, q(start = 3*a, fixed = true));
+      Real h(start = a + 1, fixed = true);
+    equation
+      connect(wall.flange, spring.a); connect(spring.b, body.flange);
+      der(h) = -h + body.q;
+    end Bound;
+    """
+    dae = lmoc.compile_text(text)
+    run = dae.simulate(stop=3, points=20)
+    script = write_script(run.trajectory, 3.0)
+    found = {s.name: s for s in sliders(run.trajectory.observer, script.slots)}
+    assert "k" in found and "stiff" not in found and "spring.k" not in found
+    truth = dae.simulate(stop=3, points=20, parameters={"k": 3.0, "a": -0.4})
+    (again,) = repeat([(truth, script, [[found["k"].slot, 3.0], [found["a"].slot, -0.4]])])
+    assert difference(truth, again) < 1e-7
+    assert truth["h"][0] == pytest.approx(0.6)
+
+
+def test_a_value_given_for_what_is_bound_stays():
+    text = "model M parameter Real k = 8; parameter Real s = 2*k; Real x(start = 1, fixed = true); equation\n" \
+           "der(x) = -s*x; end M;"  # fmt: skip
+    dae = lmoc.compile_text(text, parameters={"s": 1.0})
+    run = dae.simulate(stop=1, points=5)
+    script = write_script(run.trajectory, 1.0)
+    assert [s.name for s in sliders(run.trajectory.observer, script.slots)] == ["s"]
+    (again,) = repeat([(run, script, [])])
+    assert again.values[-1, again.names.index("x")] == pytest.approx(np.exp(-1), rel=1e-6)
+
+
+def test_kinks_tables_and_starts_on_dependent_variables():
+    text = """
+    model Driven
+      parameter Real t1 = 0.7, l = 0.5;
+      input Real u = if time < t1 then 0 else 2*sin(3*time)*sign(sin(20*time));
+      input Real v = 0;
+      Mass body(m = 2); Fixed wall; Spring s(k = 30); Damper d(c = 0.3); Force push(f = u + v);
+      output Real twice(start = l, fixed = true) = 2*body.q;
+      output Real rate(start = 1, fixed = true) = 3*body.v;
+    equation
+      connect(wall.flange, s.a); connect(s.b, body.flange); connect(wall.flange, d.a); connect(d.b, body.flange);
+      connect(push.flange, body.flange);
+    end Driven;
+    """
+    dae = lmoc.compile_text(text)
+    table = np.array([[0, 0], [0.5, 1], [0.5, -1], [1, 0.3], [2, 0.4]])
+    run = dae.simulate(stop=2, points=21, inputs={"v": table})
+    script = write_script(run.trajectory, 2.0)
+    found = {s.name: s for s in sliders(run.trajectory.observer, script.slots)}
+    assert {"t1", "l"} <= set(found)
+    truth = dae.simulate(stop=2, points=21, inputs={"v": table}, parameters={"t1": 1.1, "l": -0.2})
+    first, second = repeat([(run, script, []), (truth, script, [[found["t1"].slot, 1.1], [found["l"].slot, -0.2]])])
+    assert first.steps == run.stats["steps"]
+    assert difference(run, first) < 1e-9 and difference(truth, second) < 1e-9
+
+
+def test_a_start_that_was_given_is_held():
+    dae = lmoc.compile(MODELS / "notes" / "ex02_spring_mass_damper.lmo")
+    states = [n for n in dae.states if not n.startswith("der") and n.endswith("q")]
+    run = dae.simulate(stop=1, points=5, initial={states[0]: 0.123})
+    script = write_script(run.trajectory, 1.0)
+    assert script.data["held"] == [states[0]]
+    (again,) = repeat([(run, script, [])])
+    assert again.values[0, again.names.index(states[0])] == 0.123
+
+
+def test_values_that_the_model_forbids_are_refused():
+    run = lmoc.compile(MODELS / "notes" / "ex02_spring_mass_damper.lmo").simulate(points=5)
+    script = write_script(run.trajectory, 1.0)
+    mass = next(s for s in sliders(run.trajectory.observer, script.slots) if s.name.endswith("m"))
+    (again,) = repeat([(run, script, [[mass.slot, -1.0]])])
+    assert not again.complete and "m" in again.reason and len(again.values) == 0
+
+
+def test_no_second_branch_without_a_word():
+    """Beyond its dead centre the point has no height: no value, as in Python, and none of another branch."""
+    text = """
+    model M
+      Real x(start = 0.6, fixed = true), y(start = 0.8), z(start = 0, fixed = true);
+    equation
+      x^2 + y^2 = 1;
+      der(x) = 1;
+      der(z) = SLOPE;
+    end M;
+    """
+    free, bound = (lmoc.compile_text(text.replace("SLOPE", e)).simulate(stop=0.3, points=5) for e in ("1", "y"))
+    for run, complete in ((free, True), (bound, False)):
+        script = write_script(run.trajectory, 1.0)
+        times = np.linspace(0, 1, 51).tolist()
+        wanted = [int(script.registers[run.flat.find("y")[0]])]
+        body = f"const r = simulate(scene, [], {times}, {wanted}); console.log(JSON.stringify([r, [...r.columns[0]]]));"
+        r, y = run_script("\n".join([joined("simulate.js"), joined("elementary.js"), program(script, body)]))
+        x, y = 0.6 + np.array(r["time"]), np.array(y, float)
+        assert r["complete"] is complete and bool(r["reason"]) is not complete
+        assert np.allclose(y[x < 0.99], np.sqrt(1 - x[x < 0.99] ** 2)) and np.isnan(y[x > 1.0001]).all()
+
+
+@pytest.mark.parametrize(
+    ("file", "word"), [("laws/h19_bouncing_ball", "laws"), ("hard/h01_cartesian_pendulum", "coordinates")]
+)
+def test_what_a_page_cannot_do_is_said(file, word):
+    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
+    with pytest.raises(NotWritten, match=word):
+        write_script(run.trajectory, float(run.time[-1]))
+
+
+def test_a_function_of_python_is_not_in_the_page():
+    dae = lmoc.compile_text("model M input Real u; Real x(start=1, fixed=true); equation der(x) = u; end M;")
+    run = dae.simulate(stop=1, points=5, inputs={"u": lambda t: t})
+    with pytest.raises(NotWritten, match="'u' is a function of Python"):
+        write_script(run.trajectory, 1.0)
+
+
+def test_the_functions_of_the_language():
+    """Every function and relation, at arguments of both signs, also where they give no number."""
+    terms = "sin(x) cos(x) tan(x) asin(x) acos(x) atan(x) sinh(x) cosh(x) tanh(x) exp(x) log(x) log10(x) sqrt(x) "
+    terms += "abs(x) sign(x) floor(3*x) ceil(3*x) integer(3*x) min(x,0.3) max(x,0.3) mod(x,0.4) rem(x,0.4) "
+    terms += "div(3*x,0.4) atan2(x,0.2) x^3 abs(x)^1.7 2^x (if(x>0.2)then(x)else(-x))"
+    shown = terms.split()
+    text = "model M Real x(start=-0.9,fixed=true); " + " ".join(f"Real y{k};" for k in range(len(shown)))
+    text += " equation der(x) = 1; " + " ".join(f"y{k} = noEvent({e});" for k, e in enumerate(shown)) + " end M;"
+    run = lmoc.compile_text(text).simulate(stop=1.8, points=37)
+    (again,) = repeat([(run, write_script(run.trajectory, 1.8), [])])
+    jumps = {k for k, e in enumerate(shown) if e.startswith(("floor", "ceil", "integer", "mod", "rem", "div"))}
+    for k, e in enumerate(shown):
+        ours, theirs = again.values[:, again.names.index(f"y{k}")], run[f"y{k}"]
+        assert (np.isnan(ours) == np.isnan(theirs)).all(), e
+        if k not in jumps:
+            assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-9, equal_nan=True), e
+        else:
+            assert np.mean(np.isclose(ours, theirs, rtol=1e-9, atol=1e-9)) > 0.9, e

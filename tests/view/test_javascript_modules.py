@@ -1,0 +1,107 @@
+"""The modules of the page by themselves, run by node against closed forms."""
+
+import json
+
+import numpy as np
+import pytest
+from oracles.node import needs_node, run_script
+
+from lmoc.numerics.signals.curves import fit
+from lmoc.view.javascript.script import method
+from lmoc.view.page import join
+from lmoc.view.page.join import joined
+
+pytestmark = needs_node
+
+
+def test_elimination_solves_and_tells_the_sign_of_the_determinant():
+    rng = np.random.default_rng(1)
+    for size in (1, 2, 5, 9):
+        a, b = rng.normal(size=(size, size)), rng.normal(size=size)
+        body = f"const a = Float64Array.from({a.ravel().tolist()}), b = Float64Array.from({b.tolist()}), p = [];"
+        body += f"const s = factorize(a, {size}, p); substitute(a, {size}, p, b);"
+        body += "console.log(JSON.stringify([s, [...b]]));"
+        sign, x = run_script(joined("linear.js") + body)
+        assert sign == np.sign(np.linalg.det(a))
+        assert np.allclose(a @ x, b, atol=1e-10)
+    body = "console.log(factorize(Float64Array.from([1, 2, 2, 4]), 2, []));"
+    assert run_script(joined("linear.js") + body) == 0
+
+
+def test_dop853_keeps_its_order_in_steps_and_between():
+    """A swing and a decay over 20 s: the errors fall with the tolerance, at the steps and within them."""
+    body = """
+    const system = { rates(t, x, out) { out[0] = x[1]; out[1] = -4*x[0]; out[2] = -x[2]; }, keep() {}, restore() {} };
+    const worst = [1e-4, 1e-7, 1e-10].map((rtol) => {
+      const run = new Dop853(METHOD, system, 0, [1, 0, 1], 20, rtol, [rtol/1e3, rtol/1e3, rtol/1e3], Infinity);
+      const place = new Float64Array(3);
+      let most = 0;
+      while (run.t < 20) {
+        run.step();
+        for (const theta of [0, 0.3, 0.77, 1]) {
+          const t = run.before + theta*(run.t - run.before);
+          run.interpolate(t, place);
+          const error = Math.max(Math.abs(place[0] - Math.cos(2*t)), Math.abs(place[2] - Math.exp(-t)));
+          most = Math.max(most, error);
+        }
+      }
+      return most;
+    });
+    console.log(JSON.stringify(worst));
+    """
+    worst = run_script(joined("dop853.js") + body.replace("METHOD", json.dumps(method())))
+    assert worst[0] < 1e-2 and worst[1] < 1e-5 and worst[2] < 1e-8
+
+
+@pytest.mark.parametrize("smoothness", [0, 1, 2])
+def test_curves_are_those_of_the_run(smoothness):
+    knots = np.array([0.0, 0.4, 1.0, 1.0, 1.7, 2.0])
+    curve = fit(knots, np.array([1.0, 3.0, 2.5, -1.0, 0.0, 4.0]), smoothness)
+    times = np.sort(np.concatenate([np.linspace(-0.5, 2.5, 41), knots]))
+    for order in range(smoothness + 1):
+        data = json.dumps({"order": order} | curve.pieces(order))
+        body = f"const c = {data}; console.log(JSON.stringify({times.tolist()}.map((t) => curveAt(c, t))));"
+        assert np.allclose(run_script(joined("curve.js") + body), curve(times, order), atol=1e-12)
+
+
+def test_newton_finds_the_near_solution_and_refuses_a_far_one():
+    body = """
+    const w = Float64Array.from([1.4, 0, 2]);
+    const inner = (w) => { w[1] = w[0]*w[0] - w[2]; };
+    const blocks = makeBlocks(1);
+    const go = () => { solve(blocks, 0, w, 0, [0], [1], 1, false, null, inner); return w[0]; };
+    const first = go();
+    blocks.patient = false;
+    w[2] = 2.2;
+    const near = go();
+    w[2] = 20;
+    const far = go();
+    w[2] = -1;
+    const none = go();
+    w[2] = 2;
+    console.log(JSON.stringify([first, near, far, none, go(), blocks.failed, signsOf(blocks)[0][0]]));
+    """
+    first, near, far, none, again, failed, sign = run_script(joined("blocks.js") + body)
+    assert first == pytest.approx(2**0.5, rel=1e-14) and near == pytest.approx(2.2**0.5, rel=1e-14)
+    assert far is None and none is None  # NaN
+    assert again == pytest.approx(2**0.5, rel=1e-14) and failed is True and sign == 1
+
+
+def test_linear_blocks_of_ill_scaled_equations():
+    """Large terms beside small coefficients: what a matrix from differences loses, the refinement brings back."""
+    body = """
+    const w = new Float64Array(4);
+    const inner = (w) => { w[2] = 1e-3*w[0] + 2e-3*w[1] - 5e5; w[3] = 3e-3*w[0] - 1e-3*w[1] - 1e5; };
+    solve(makeBlocks(1), 0, w, 0, [0, 1], [2, 3], 2, true, null, inner);
+    console.log(JSON.stringify([w[0], w[1]]));
+    """
+    truth = np.linalg.solve([[1e-3, 2e-3], [3e-3, -1e-3]], [5e5, 1e5])
+    assert np.allclose(run_script(joined("blocks.js") + body), truth, rtol=1e-14)
+
+
+def test_names_of_joined_modules_are_told_apart(monkeypatch):
+    texts = {"a.js": 'import { f } from "./b.js";\nexport const x = f();\n'}
+    texts["b.js"] = "export function f() {}\nconst x = 1;\n"
+    monkeypatch.setattr(join, "asset", texts.__getitem__)
+    with pytest.raises(ValueError, match=r"x is a name of b\.js and of a\.js"):
+        join.joined.__wrapped__("a.js")
