@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.equivalent import Equivalent
+    from lmoc.symbolic.laws.equations import EquationsOfModes
     from lmoc.symbolic.linearize import LinearModel
     from lmoc.symbolic.places import Point
     from lmoc.symbolic.system import SymbolicSystem
@@ -360,8 +361,10 @@ class DAE:
 
     def equations(
         self, forces: bool = False, parameters: Point | None = None, *, explicit: bool = False
-    ) -> EquationsOfMotion:
+    ) -> EquationsOfMotion | EquationsOfModes:
         """Return the equations of motion as a person writes them.
+
+        Of a scene with laws these are the equations of each mode that the default run meets, and the laws between them.
 
         Parameters
         ----------
@@ -371,6 +374,12 @@ class DAE:
         from lmoc.symbolic.equations import equations_of_motion
 
         prepared = self.prepare(parameters)
+        if prepared.flat.laws:
+            from lmoc.places import modes_met
+            from lmoc.symbolic.laws.equations import equations_of_modes
+
+            modes = modes_met(self._session, parameters)
+            return equations_of_modes(self._session.lawful(prepared), modes, forces, explicit)
         return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:

@@ -1,4 +1,7 @@
-"""Where a scene is linearized: a time of the default run, a run's last point, a given point, or rest."""
+"""Where a scene is linearized: a time of the default run, a run's last point, a given point, or rest.
+
+And in which modes of its laws: those that the run meets.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.prepared import Prepared
+from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.numerics.options import RunOptions
 from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
 
 if TYPE_CHECKING:
+    from lmoc.symbolic.laws.equations import MetMode
     from lmoc.symbolic.places import Moment, Point
+
+OF_RUNS = "E05"  # codes of what makes a run impossible, and not the equations: no value, no start
 
 
 def place(
@@ -74,6 +81,31 @@ def _in_mode(session: Session, prepared: Prepared, moment: Moment, run: Run) -> 
     mode = run.end.mode
     held = session.lawful(prepared).in_mode(mode.closed, np.where(mode.closed, 0, mode.direction))
     return held, _moment(run, held.inputs, held.reduced.state_names)
+
+
+def modes_met(session: Session, parameters: Point | None) -> list[MetMode] | None:
+    """Return the modes of the laws that the default run meets, in their order; None where it cannot start.
+
+    A run that fails on its way counts up to there.
+    """
+    from lmoc.symbolic.laws.equations import MetMode
+
+    try:
+        trajectory = simulate(session, Request(RunOptions(energy=False), parameters)).trajectory
+    except SimulationError as failure:
+        if failure.partial is None:
+            raise
+        trajectory = failure.partial.trajectory
+    except ModelError as error:
+        if not all(d.code.startswith(OF_RUNS) for d in error.diagnostics if d.severity == "error"):
+            raise
+        return None
+    found: dict[tuple[bool, ...], MetMode] = {}
+    for piece in trajectory.pieces:
+        if piece.mode is not None:
+            closed = tuple(piece.mode.closed.tolist())
+            found.setdefault(closed, MetMode(closed, piece.begin))
+    return list(found.values())
 
 
 def _run_until(session: Session, time: float, parameters: Point | None) -> Run:

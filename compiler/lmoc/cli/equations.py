@@ -13,7 +13,9 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 
 if TYPE_CHECKING:
     from lmoc.dae import DAE
+    from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.laws.equations import EquationsOfModes
 
 
 def configure(parser: Parser) -> None:
@@ -37,7 +39,7 @@ def execute(arguments: argparse.Namespace) -> int:
         found = dae.equations(forces=arguments.with_forces, explicit=arguments.explicit)
         if arguments.about_equilibrium or arguments.equilibrium is not None:
             rest = equilibrium(dae, arguments.equilibrium)
-            found = found.about(rest)
+            found = found.about(rest)  # of a scene with laws, in the mode that it has there
     if arguments.json:
         print(json.dumps(found.to_dict(), indent=2, ensure_ascii=False))
     elif arguments.latex:
@@ -48,7 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
         print(page(f"Equations of motion: {dae.name}", found.html()))
     else:
         given = f"deviations from {_rest(dae, rest)}" if rest is not None else names(found.coordinates)
-        print(f"{dae.name}: {_counted(len(found.equations))}" + (f" in {given}" if given else ""))
+        print(f"{dae.name}: {_counted(found)}" + (f" in {given}" if given else ""))
         print()
         print(found.text(ascii=arguments.ascii))
     return 0
@@ -82,5 +84,11 @@ def _rest(dae: DAE, rest: Equilibrium) -> str:
     return f"the equilibrium {names(places) or 'at zero'}"
 
 
-def _counted(n: int) -> str:
+def _counted(found: EquationsOfMotion | EquationsOfModes) -> str:
+    from lmoc.symbolic.laws.equations import EquationsOfModes
+
+    if isinstance(found, EquationsOfModes):
+        n = len(found.modes) + found.more
+        return f"equations of motion of {n} mode{'s' if n != 1 else ''}"
+    n = len(found.equations)
     return f"{n} equation{'s' if n != 1 else ''} of motion"

@@ -77,7 +77,7 @@ class EquationsOfMotion:
     def text(self, ascii: bool = False) -> str:
         """For a terminal: the equations, the forces, and the table of abbreviations."""
         style = ASCII if ascii else UNICODE
-        lines = self.lines(style) or [_NOTHING_MOVES]
+        lines = self.lines(style) or [NOTHING_MOVES]
         if self.forces:
             lines += ["", "internal forces:", *self.force_lines(style)]
         if self.undetermined:
@@ -101,7 +101,7 @@ class EquationsOfMotion:
 
     def html(self) -> str:
         """The equations in MathML and the table of symbols, to be put into a page."""
-        shown = _formulas(self.lines(MATHML)) or f"<p>{_NOTHING_MOVES}</p>"
+        shown = _formulas(self.lines(MATHML)) or f"<p>{NOTHING_MOVES}</p>"
         if self.forces:
             shown += f"\n<h2>Internal forces</h2>\n{_formulas(self.force_lines(MATHML))}"
         if self.undetermined:
@@ -181,7 +181,7 @@ class EquationsOfMotion:
         return replace(self, equations=tuple(moved), notation=notation, forces={})
 
 
-_NOTHING_MOVES = "there is no free coordinate: all motion is given"
+NOTHING_MOVES = "there is no free coordinate: all motion is given"
 _UNDETERMINED = "not determined, because of a redundant loop:"
 
 

@@ -1,0 +1,77 @@
+"""Equations of scenes with laws: each mode that a run meets has its own, and the laws stand between them."""
+
+import json
+from pathlib import Path
+
+import pytest
+import sympy as sp
+
+import lmoc
+from lmoc.cli.main import main
+
+MODELS = Path(__file__).parents[2] / "models" / "laws"
+
+
+def residuals(found, k: int) -> list[sp.Expr]:
+    return [e.residual for e in found.modes[k].equations.equations]
+
+
+def same(a: sp.Expr, text: str) -> bool:
+    """Return whether two residuals are the same up to a factor, symbols with dots written with underscores."""
+    names = {s: sp.Symbol(s.name.replace(".", "_").replace("(", "").replace(")", "")) for s in a.free_symbols}
+    ratio = sp.simplify(a.xreplace(names) / sp.sympify(text))
+    return ratio.is_number and ratio != 0
+
+
+def test_a_string_between_two_masses():
+    found = lmoc.compile(MODELS / "h06_bungee.lmo").equations()
+    assert [dict(m.mode) for m in found.modes] == [{"string": "slack"}, {"string": "taut"}]
+    assert found.modes[0].since == 0.0 and found.modes[1].since == pytest.approx(0.319275428407, rel=1e-9)
+    upper, lower = residuals(found, 0)
+    assert same(upper, "upper_m*derderupper_q + spring_k*upper_q - upper_m*upper_g")
+    assert same(lower, "derderlower_q - lower_g")
+    (both,) = residuals(found, 1)
+    loads = "lower_g*lower_m + upper_g*upper_m"
+    assert same(both, f"(lower_m + upper_m)*derderupper_q + spring_k*upper_q - ({loads})")
+    assert found.law_lines() == ["string: 0 ≤ f ⟂ q_upper + L - q_lower ≥ 0"]
+
+
+def test_friction_sticks_and_slips():
+    found = lmoc.compile(MODELS / "h16_stick_slip.lmo").equations()
+    assert [m.title for m in found.modes] == ["friction stick, from t = 0 s", "friction slip, from t = 0.4 s"]
+    assert same(residuals(found, 0)[0], "dermass_q - Rational(1, 5)")
+    slip = "mass_m*derdermass_q + friction_F*sign(dermass_q - Rational(1, 5)) + spring_k*mass_q"
+    assert same(residuals(found, 1)[0], slip)
+    (law,) = found.law_lines()
+    assert law == "friction: stick: q̇ - 0.2 = 0, |force| ≤ Fstick; slip: force = -sign(q̇ - 0.2)·F"
+
+
+def test_without_values_all_modes_of_few_laws():
+    text = """model M Fixed w; Mass m; Stop s(L = 0); equation connect(w.flange, s.a); connect(s.b, m.flange); end M;"""
+    found = lmoc.compile_text(text).equations()
+    assert [dict(m.mode) for m in found.modes] == [{"s": "open"}, {"s": "contact"}]
+    assert all(m.since is None for m in found.modes) and found.modes[1].equations.equations == ()
+
+
+def test_many_modes_are_counted():
+    found = lmoc.compile(MODELS / "wagons.lmo", parameters={"N": 9}).equations()
+    assert len(found.modes) == 6 and found.more == 3
+    assert "and 3 more modes" in found.text()
+
+
+def test_deviations_from_the_equilibrium_in_its_mode():
+    dae = lmoc.compile(MODELS / "h06_bungee.lmo")
+    about = dae.equations().about(dae.equilibria()[0])
+    assert about.lines() == ["(m_lower + m_upper)·δq̈1 + k·δq1 = 0"]
+
+
+@pytest.mark.parametrize("form", ["--latex", "--json", "--html", "--ascii"])
+def test_every_form_is_printed(form, capsys):
+    assert main(["equations", str(MODELS / "h16_stick_slip.lmo"), form]) == 0
+    out = capsys.readouterr().out
+    if form == "--json":
+        data = json.loads(out)
+        assert [m["laws"] for m in data["modes"]] == [{"friction": "stick"}, {"friction": "slip"}]
+        assert data["laws"][0]["slip"] == "friction.F"
+    assert ("paragraph{Laws}" if form == "--latex" else "aws") in out
+    assert form != "--ascii" or out.isascii()
