@@ -93,9 +93,10 @@ def modes_met(session: Session, parameters: Point | None) -> list[MetMode] | Non
     try:
         trajectory = simulate(session, Request(RunOptions(energy=False), parameters)).trajectory
     except SimulationError as failure:
-        if failure.partial is None:
+        partial: Run | None = failure.partial
+        if partial is None:
             raise
-        trajectory = failure.partial.trajectory
+        trajectory = partial.trajectory
     except ModelError as error:
         if not all(d.code.startswith(OF_RUNS) for d in error.diagnostics if d.severity == "error"):
             raise

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.events.happenings import Happenings
 
 _FINER = 0.1  # factor on the tolerances of pieces behind a change of coordinates
+_NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
 
 
@@ -244,6 +245,9 @@ class _Run:
             return self.cost.add(Outcome(end, x, len(times)), stretch.system, "none", "no states")
         if begin == end:
             return self.cost.add(Outcome(begin, x, 0), stretch.system, "none", "only the start")
+        if end - begin <= _NO_TIME * max(abs(begin), abs(end)):
+            recorder(done, np.tile(x, (len(times), 1)))
+            return self.cost.add(Outcome(end, x, len(times)), stretch.system, "none", "only an instant")
         status = self._judge_the_beginning(begin, x)
         if status is not Status.OK:
             return Outcome(begin, x, 0, status)
@@ -280,6 +284,7 @@ class _Run:
         if not len(x):
             return self.cost.add(standing(problem), stretch.system, "none", "no states")
         outcome, method = choice.run(problem, options.solver)
+        stretch.largest = None if roots is None else roots.largest
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
 
     def _judge_the_beginning(self, begin: float, x: np.ndarray) -> Status:

@@ -65,23 +65,30 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
 
 def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:
     """Return whether some component stays well below its assumed size, as one at least does where `too_loose` is."""
-    plan, (_, states) = piece.observer.plan, piece.samples
-    if not len(states):
+    plan, (start, tops) = piece.observer.plan, _magnitudes(piece)
+    if not len(tops):
         return False
-    tops = np.fmax.reduce(np.abs(states))
-    return bool((tops < _LOOSE * assumed_sizes(plan, values, states[0], known))[~plan.ledger].any())
+    return bool((tops < _LOOSE * assumed_sizes(plan, values, start, known))[~plan.ledger].any())
+
+
+def _magnitudes(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
+    """Return a state of a piece, and the largest magnitude of each component, at its steps where these are known."""
+    states = piece.samples[1]
+    if piece.largest is not None:
+        states = np.concatenate([states, piece.largest[None]])
+    return (states[0], np.fmax.reduce(np.abs(states))) if len(states) else (np.zeros(0), np.zeros(0))
 
 
 def _extents(piece: Piece, values: np.ndarray, known: Sizes) -> list[tuple[Array, float, float]]:
     """Return the largest value in a piece, and the assumed size, of each array whose size is not declared."""
-    plan, (_, states) = piece.observer.plan, piece.samples
-    if not len(states):
+    plan, (start, tops) = piece.observer.plan, _magnitudes(piece)
+    if not len(tops):
         return []
     arrays, number = plan.once(_arrays)
     free = np.flatnonzero(~np.isfinite(plan.nominal(values)) & ~plan.ledger)
     top, size = np.full(len(arrays), -1.0), np.zeros(len(arrays))
-    np.fmax.at(top, number[free], np.fmax.reduce(np.abs(states))[free])
-    np.fmax.at(size, number[free], assumed_sizes(plan, values, states[0], known)[free])
+    np.fmax.at(top, number[free], tops[free])
+    np.fmax.at(size, number[free], assumed_sizes(plan, values, start, known)[free])
     return [e for e in zip(arrays, top.tolist(), size.tolist(), strict=True) if e[1] >= 0.0]
 
 

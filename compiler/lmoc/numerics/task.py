@@ -66,6 +66,7 @@ class Stretch:
     begin : s
     first : number of output times that lie before it
     mode : of the laws; None without laws
+    largest : (n,) the magnitude of each state at the steps; None where they were not looked at
     watch : judges its coordinates; None where their choice never divides by anything that changes
     """
 
@@ -77,6 +78,7 @@ class Stretch:
         self.recorder = Recorder(observer, times[first:], variables)
         self.watch: CoordinateWatch | None = None
         self.mode: Mode | None = None
+        self.largest: np.ndarray | None = None
 
     @property
     def reached(self) -> int:
@@ -93,7 +95,7 @@ class Stretch:
         if self.watch is not None:
             times_, states = self.watch.path
             self.observer.path = np.array(times_), np.array(states)
-        return Piece(self.observer, self.begin, times, table, self.recorder.sampled(), self.mode)
+        return Piece(self.observer, self.begin, times, table, self.recorder.sampled(), self.mode, self.largest)
 
 
 class Cost:

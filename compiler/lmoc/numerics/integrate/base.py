@@ -78,7 +78,7 @@ class Guard(Protocol):
         """Return why there are no more steps, where the method has found the step size collapsed or values lost."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Roots:
     """Functions whose change of sign ends a step.
 
@@ -90,11 +90,13 @@ class Roots:
     reached : callable (t, x, which, signs) -> bool
         Called with each root in order, `which` (m,) of them change sign there, to `signs`. True ends the integration
         there, False lets it go on.
+    largest : (n,) the magnitude of each state where the functions have been looked at; kept on the way
     """
 
     values: Callable[[np.ndarray, np.ndarray], np.ndarray]
     signs: np.ndarray
     reached: Callable[[float, np.ndarray, np.ndarray, np.ndarray], bool] = lambda t, x, which, signs: True
+    largest: np.ndarray | None = None
 
 
 @dataclass

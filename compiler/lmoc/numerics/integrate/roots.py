@@ -39,6 +39,8 @@ class RootFinder:
         unknown = self.signs == 0
         self.signs[unknown] = np.sign(roots.values(np.array([t]), x[None])[0])[unknown]
         self.which = np.zeros(len(self.signs), bool)
+        if roots.largest is None:
+            roots.largest = np.abs(x)
         self._place = t, x.copy()  # the end of the step before: multistep methods do not interpolate it exactly
 
     def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
@@ -67,6 +69,7 @@ class RootFinder:
         states[-1] = run.x
         if times[0] == self._place[0]:
             states[0] = self._place[1]
+        np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
         values = self.roots.values(times, states)
         best, rest = self._together(times, values, curve)
         for k in rest.tolist():

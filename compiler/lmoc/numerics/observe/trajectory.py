@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -35,6 +35,7 @@ class Piece:
     table : (k, n) states at these times, or the kept variables
     samples : some of the times (s,) and the states there (s, n), whatever is kept
     mode : of the laws; None without laws
+    largest : (n,) the magnitude of each state at the steps; None where they were not looked at
     """
 
     observer: Observer
@@ -43,6 +44,7 @@ class Piece:
     table: np.ndarray
     samples: tuple[np.ndarray, np.ndarray]
     mode: Mode | None = None
+    largest: np.ndarray | None = None
 
     @property
     def reduced(self) -> Reduced:
@@ -61,7 +63,7 @@ class Piece:
 
     def until(self, count: int) -> Piece:
         """Return the piece with its first output times alone."""
-        return Piece(self.observer, self.begin, self.time[:count], self.table[:count], self.samples, self.mode)
+        return replace(self, time=self.time[:count], table=self.table[:count])
 
 
 @dataclass(frozen=True, eq=False)
