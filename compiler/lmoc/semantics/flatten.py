@@ -37,6 +37,7 @@ from lmoc.semantics.values.reference import named_variable
 from lmoc.semantics.values.unit_check import check_units, report_unknown_units
 from lmoc.semantics.wrong import Wrong
 from lmoc.sources.packages import Folder
+from lmoc.support.distinct import distinct
 from lmoc.syntax import tree
 
 MANY_ALONE = 1000  # so many parts of an array are not left without connection on purpose
@@ -208,7 +209,7 @@ class _Flattening:
         moving = {id(v.parent.owner) for d in self.drafts.groups for v in _derived(d)}
         ports: dict[Instance, list[np.ndarray]] = {}
         for port, (variable, positions) in self._unconnected.items():
-            elements = np.unique(positions // (variable.size // port.owner.size))
+            elements = distinct(positions // (variable.size // port.owner.size))
             ports.setdefault(port.owner, []).append(elements)
         for part, open_ends in ports.items():
             own = [c for c in part.children.values() if isinstance(c, Instance) and c.connector and c.parent is part]

@@ -187,10 +187,11 @@ def equilibria(
     rest = [e.xreplace(at_rest) for e in equations if e not in system.states]
     unknowns = [x for x in system.states if x not in at_rest]
     rest, balanced = _without_balanced(rest, set(unknowns), system)
-    linear = all(not slope(e, x).free_symbols & set(unknowns) for e in rest for x in unknowns)
+    rows = [{j: slope(e, x) for j, x in enumerate(unknowns) if x in e.free_symbols} for e in rest]
+    linear = all(not s.free_symbols & set(unknowns) for row in rows for s in row.values())
     how = "exact"
     if linear:
-        found = _linear(rest, unknowns, set(system.inputs) - set(given))
+        found = _linear(rest, rows, unknowns, set(system.inputs) - set(given))
     else:
         found, zeroed, how = _nonlinear(rest, unknowns, system)
         given |= zeroed
@@ -205,7 +206,12 @@ def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) ->
     import sympy as sp
 
     left, conditions = [], []
+    free = sorted(set().union(*(e.free_symbols for e in equations)), key=lambda x: x.name)
+    point = {x: sp.Rational(2 * k + 3, 7) for k, x in enumerate(free)} | system.numbers
     for e in equations:
+        if not _may_vanish(e.xreplace(point)):  # then no factor does, and factorizing is dear
+            left.append(e)
+            continue
         common = [f for f, _ in sp.factor_list(sp.numer(sp.together(e)))[1] if not f.free_symbols & unknowns]
         balance = next((f for f in common if f.is_Add and f.xreplace(system.numbers) == 0), None)
         if balance is None:
@@ -213,6 +219,14 @@ def _without_balanced(equations: list, unknowns: set, system: SymbolicSystem) ->
         else:
             conditions.append(balance)
     return left, conditions
+
+
+def _may_vanish(value: sympy.Expr) -> bool:
+    """Return whether an expression without symbols may be zero."""
+    import sympy as sp
+
+    number = sp.N(value, 15, chop=1e-9)
+    return not number.is_comparable or number == 0
 
 
 def _finished(system, root: Root, at_rest, given, nonlinear: bool, about: LinearAbout) -> Equilibrium:
@@ -241,11 +255,11 @@ def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearM
         return None
 
 
-def _linear(equations: list, unknowns: list, inputs: set) -> list[Root]:
+def _linear(equations: list, rows: list[dict[int, sympy.Expr]], unknowns: list, inputs: set) -> list[Root]:
+    """Solve linear equations; `rows` are their derivatives with respect to the unknowns."""
     import sympy as sp
 
     zero = {x: sp.S.Zero for x in unknowns}
-    rows = [{j: slope(e, x) for j, x in enumerate(unknowns) if e.has(x)} for e in equations]
     right = [-e.xreplace(zero) for e in equations]
     found = eliminate(rows)
 

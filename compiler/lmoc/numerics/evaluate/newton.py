@@ -17,6 +17,7 @@ _LOOSE = 1e-8  # good enough where the corrections do not shrink any more
 _ITERATIONS = 50
 _FEW = 10  # enough from nearby
 _HALVINGS = 12
+_IN_VAIN = 8  # so many steps that halve neither the residuals nor the corrections end a search
 _BESIDE = (1e-3, 0.1, 1.0, 10.0)  # how far beside a flat first guess a search begins again, on both sides
 _NEAR_SAME = 1e-6  # of the size of the unknowns: solutions found from both sides are the same
 _ROUNDING = 1e-15  # of the terms of an equation: what their sum may miss zero by
@@ -153,10 +154,14 @@ def _from_both_sides(residual, matrix, guess, u, good) -> tuple[np.ndarray, np.n
 
 
 def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Damped Newton steps from `start`: the point reached, which instances have converged, where the first step led."""
+    """Damped Newton steps from `start`: the point reached, which instances have converged, where the first step led.
+
+    Where there is no solution the steps wander about the place that comes nearest to one: they are given up there.
+    """
     u, target = start.copy(), start
     r = residual(u)
     before = np.full(len(u), np.inf)
+    best, progress = np.full((2, len(u)), np.inf), 0
     for iteration in range(most):
         a = matrix(u)
         step = correction(a, r, u)
@@ -169,6 +174,11 @@ def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray,
         if (stuck | (length <= _TIGHT * size)).all():
             return u, np.ones(len(u), bool), target
         if not np.isfinite(length).any():
+            break
+        reached = np.stack([np.abs(r).max(axis=1), length])
+        if (reached <= 0.5 * best).any():
+            best, progress = np.fmin(best, reached), iteration
+        elif iteration - progress >= _IN_VAIN:
             break
         u, r = _damped(residual, a, u, step, length)
         before = length
