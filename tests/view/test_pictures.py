@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import lmoc
+from lmoc.view.scene.abbreviate import shown
 from lmoc.view.scene.block import shape_corners
-from lmoc.view.scene.elements import graph_of
 from lmoc.view.scene.picture import Label, Picture
 from lmoc.view.scene.text import plain
 
@@ -59,7 +59,7 @@ def test_every_part_is_shown(path):
     if path.stem in LONG:
         return  # a summary
     p, dae = picture(path), compiled(path)
-    elements = graph_of(dae.flat, dae.values).elements
-    shown = {item.part for item in p.items}
+    elements = shown(dae.flat, dae.values).graph.elements
+    drawn = {item.part for item in p.items}
     silent = {e.name for e in elements if e.symbol in ("wall", "fixed-shaft")}  # told by the hatching
-    assert {e.name for e in elements} - silent - shown == set()
+    assert {e.name for e in elements} - silent - drawn == set()

@@ -8,14 +8,16 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.view.scene import symbols
+from lmoc.view.scene.abbreviate import shown
 from lmoc.view.scene.attached import attach
 from lmoc.view.scene.block import Block, packed
-from lmoc.view.scene.elements import Graph, graph_of
+from lmoc.view.scene.elements import Graph
 from lmoc.view.scene.names import Names, shortened, symbol
 from lmoc.view.scene.picture import End, Picture
 from lmoc.view.scene.planar import draw_plane, finish, is_planar
 from lmoc.view.scene.schematic import GAP, WIDTH, Schematic, gravity_arrow, style_of
 from lmoc.view.scene.strips import BODIES
+from lmoc.view.scene.summary import summary
 
 Values = Callable[[str], float]  # from a dotted name
 
@@ -31,7 +33,11 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     values : (flat.count,) of the parameters
     start : returns what gives the value of a variable at the start of a run; asked for mechanisms of the plane only
     """
-    graph = graph_of(flat, values)
+    found = shown(flat, values)
+    if found.graph is None:
+        names = Names(Graph(flat, values, ()))
+        return finished(summary(flat, found.parts, names), flat.description or flat.name, found.notes)
+    graph = found.graph
     names = Names(graph)
     if not graph.elements:
         return without_parts(flat)
@@ -49,7 +55,7 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     block = packed([b for b in blocks if b.items], WIDTH, GAP)
     if gravity := gravity_name(graph, names):
         block = gravity_arrow(block, gravity)
-    return finished(block, flat.description or flat.name)
+    return finished(block, flat.description or flat.name, found.notes)
 
 
 def without_parts(flat: FlatDAE) -> Picture:

@@ -140,10 +140,3 @@ def elements_of(flat: FlatDAE, part: Part, first: np.ndarray, positions: np.ndar
     named = Block(part.path, 0, size(part), Kind.UNKNOWN)
     kind = part.class_name.rpartition(".")[2]
     return [Element(named.name(i), kind, part.look, ports_of(flat, part, first, i)) for i in map(int, positions)]
-
-
-def graph_of(flat: FlatDAE, values: np.ndarray) -> Graph:
-    """Return the graph of a scene with all its elements."""
-    first = node_of(flat)
-    elements = [e for part in drawn_parts(flat) for e in elements_of(flat, part, first, range(size(part)))]
-    return Graph(flat, values, tuple(elements))

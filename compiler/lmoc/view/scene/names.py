@@ -74,6 +74,8 @@ class Names:
 
     def called(self, element: Element) -> str:
         """Return the element's own name."""
+        if element.hidden:
+            return escaped(element.name)
         return symbol(element.name) if len(element.name) <= 4 else shortened(element.name)
 
     @cached_property

@@ -14,6 +14,7 @@ from lmoc.view.scene.picture import Circle, End, Item, Move, Path, Point, Shape,
 from lmoc.view.scene.placing import Wish, placed_labels
 from lmoc.view.scene.text import width
 
+MOST_LABELS = 60
 EXTENT = 380.0  # px of the longer side
 DOMAINS = ("point", "frame")
 
@@ -339,7 +340,8 @@ def draw_plane(graph: Graph, names: Names, value: Callable[[str], float]) -> Pla
 def finish(plane: Plane) -> Block:
     """Return everything as a block, with its labels placed."""
     items = [*plane.back, *plane.items, *plane.front]
-    return Block((*items, *placed_labels(items, plane.wishes)))
+    few = plane.wishes if len(plane.wishes) <= MOST_LABELS else []
+    return Block((*items, *placed_labels(items, few)))
 
 
 def _middle(a: End, b: End) -> End:

@@ -12,7 +12,7 @@ from lmoc.view.scene.elements import Element
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import End, Item, Label, Move, Path, Point, Turn
 from lmoc.view.scene.rows import Rows, Segment, lay_out
-from lmoc.view.scene.text import width
+from lmoc.view.scene.text import escaped, width
 
 Direction = tuple[float, float]
 RIGHT, UP, DOWN = (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)
@@ -199,7 +199,7 @@ class _Drawing:
         if kind == "hub":
             return ""
         if element.hidden:
-            return element.name
+            return escaped(element.name)
         wanted = {
             "spring": ("k",), "damper": ("c", "d"), "torsion-spring": ("k", "c"), "torsion-damper": ("c", "d"),
             "gear": ("N", "ratio"), "friction": ("F", "mu"), "gear-pair": ("r1", "r2"),
@@ -437,6 +437,9 @@ class _Drawing:
         middle, half = (low + high) / 2, self.half[node]
         held = self.strip.held(node)
         end = self.end(node)
+        if node in self.strip.hubs:
+            self._hub(node, low, high)
+            return
         if held is not None and held.symbol == "fixed-shaft":
             leaving = any(a == node for _, a, _, _ in self.parts) or not self.parts
             sign = -1.0 if leaving else 1.0
@@ -468,8 +471,6 @@ class _Drawing:
             self.items.append(Item("disk", made.part, made.ends, shapes, Turn(), {"angle": turn.variable}))
             x, y = (tall + 8, 0.0) if self.upright else (0.0, -tall - 10)
             self.labels.append(symbols.label(self._title(node), end, x, y, "middle", bodies[0].name))
-        elif node in self.strip.hubs:
-            self._hub(node, low, high)
         if held is not None:  # a prescribed rotation
             self._around(end, -16.0, 15.0, self.names.signal(held, "theta"), "rotation", held.name, "ink")
         for element in self.strip.on[node]:
