@@ -451,24 +451,44 @@ class DAE:
 
     # ---------------------------------------------------------------------- pictures
 
-    def draw(self, path: str | Path | None = None, parameters: Mapping[str, Value] | None = None) -> Drawing:
+    def draw(
+        self,
+        path: str | Path | None = None,
+        free_body: bool = False,
+        parameters: Mapping[str, Value] | None = None,
+        *,
+        run: Run | None = None,
+        time: float | None = None,
+    ) -> Drawing:
         """Draw the scene: a schematic of what moves along lines and turns, mechanisms of the plane where they start.
 
         Parameters
         ----------
         path : where to write it (.svg, .png, .pdf), if anywhere
+        free_body : draw the free-body diagrams instead: each body cut out, the forces on it, and their balance
         parameters : {name: value} for this picture only
+        run, time : for free-body diagrams with numbers, their arrows to scale: at the output time nearest to `time`
+            (s), by default the last
 
         Raises
         ------
         ModelError
-            E0623, E0624: the picture cannot be written. A mechanism of the plane has no consistent start.
+            E0623, E0624: the picture cannot be written. E0660: there are no free-body diagrams. A mechanism of the
+            plane has no consistent start.
         """
         from lmoc.view.drawing import Drawing
-        from lmoc.view.scene.compose import picture_of
 
+        if not free_body and (run is not None or time is not None):
+            raise TypeError("`run` and `time` belong to free-body diagrams: free_body=True")
         prepared = self.prepare(parameters)
-        drawing = Drawing(picture_of(prepared.flat, prepared.values, lambda: self.at_start(parameters)))
+        if free_body:
+            from lmoc.view.bodies.compose import free_body_picture
+
+            drawing = Drawing(free_body_picture(prepared, run, time))
+        else:
+            from lmoc.view.scene.compose import picture_of
+
+            drawing = Drawing(picture_of(prepared.flat, prepared.values, lambda: self.at_start(parameters)))
         if path is not None:
             drawing.save(path)
         return drawing

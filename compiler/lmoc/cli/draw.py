@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def configure(parser: Parser) -> None:
     add_model_arguments(parser)
     parser.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="picture: .svg, .png, .pdf")
+    parser.add_argument("--free-body", action="store_true", help="each body cut out, with the forces on it")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -33,14 +34,13 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _drawn(arguments: argparse.Namespace) -> Drawing:
-    """The scene need not be solvable to be drawn: only a mechanism of the plane is asked where it starts."""
+    """The scene need not be solvable to be drawn; only a mechanism of the plane is asked where it starts."""
     from lmoc import pipeline
     from lmoc.cli.progress import Progress
     from lmoc.dae import DAE
     from lmoc.parameters import indexed
     from lmoc.pipeline import Clock, Scene
     from lmoc.view.drawing import Drawing
-    from lmoc.view.scene.compose import picture_of
 
     with Progress(not arguments.quiet) as progress:
         clock = Clock(progress.stage)
@@ -48,7 +48,14 @@ def _drawn(arguments: argparse.Namespace) -> Drawing:
         scene = pipeline.open_scene(arguments.file, scene, clock)
         flat = pipeline.flatten(scene, clock)
         values = flat.parameter_values(indexed(flat, flat.overrides))
-        picture = picture_of(flat, values, lambda: DAE(scene, flat, clock).at_start())
+        if arguments.free_body:
+            from lmoc.view.bodies.compose import free_body_picture
+
+            picture = free_body_picture(DAE(scene, flat, clock).prepare())
+        else:
+            from lmoc.view.scene.compose import picture_of
+
+            picture = picture_of(flat, values, lambda: DAE(scene, flat, clock).at_start())
     if not arguments.quiet:
         terminal.show(flat.notes, ("warning",))
     return Drawing(picture)

@@ -16,6 +16,7 @@ from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Group, Kind
 from lmoc.symbolic.elimination import Elimination, eliminate
 from lmoc.symbolic.kinematics import Kinematics
+from lmoc.symbolic.names import base_of
 from lmoc.symbolic.slope import slope
 
 if TYPE_CHECKING:
@@ -144,13 +145,17 @@ class PartLaws:
 
         return lower(group.residual, column)
 
-    def solve_relations(self, balances: bool = False) -> tuple[Elimination, dict[int, sympy.Expr], list[sympy.Expr]]:
+    def solve_relations(
+        self, balances: bool = False, massless: bool = False
+    ) -> tuple[Elimination, dict[int, sympy.Expr], list[sympy.Expr]]:
         """Eliminate unknown flows by the relations among them.
 
         Parameters
         ----------
         balances : bool
             With the connections' sums: then every flow that is determined gets a value.
+        massless : bool
+            Of the sums only those in which nothing accelerates.
 
         Returns
         -------
@@ -166,7 +171,10 @@ class PartLaws:
                 part = slice(sums.start[r], sums.start[r + 1])
                 pairs = list(zip(sums.index[part].tolist(), sums.sign[part].tolist(), strict=True))
                 if all(self.flat.block_at(v).flow for v, _ in pairs):
-                    residuals.append(sp.Add(*(int(sign) * self.value(v) for v, sign in pairs)))
+                    total = sp.Add(*(int(sign) * self.value(v) for v, sign in pairs))
+                    if massless and any(base_of(s.name)[1] >= 2 for s in total.free_symbols):
+                        continue
+                    residuals.append(total)
                     unknown |= {v for v, _ in pairs if self._is_unknown(v) and v not in self._cause}
         unknowns = {v: self.symbol(v) for v in sorted(unknown)}
         zero = {s: sp.S.Zero for s in unknowns.values()}

@@ -118,7 +118,7 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
 
 def _balanced(interpreter: Interpreter, outline: Outline, values: np.ndarray, forces: bool) -> Motion | None:
     """Equations that divide by nothing that moves; None where there are not enough of them."""
-    ports = _ports(interpreter.reduced.flat)
+    ports = ports_of_elements(interpreter.reduced.flat)
     try:
         kinematics = Kinematics(interpreter, outline, [p for p, _ in ports])
         laws = PartLaws(interpreter.reduced.flat, kinematics)
@@ -212,7 +212,7 @@ def _virtual_power(kinematics: Kinematics, laws: PartLaws, ports: list, trial: T
             yield residual
 
 
-def _ports(flat) -> list[tuple[int, int]]:
+def ports_of_elements(flat) -> list[tuple[int, int]]:
     """(potential, flow) variables of all elements."""
     pairs = []
     for part in flat.parts:

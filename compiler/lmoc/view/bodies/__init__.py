@@ -1,0 +1,1 @@
+"""Free-body diagrams: each body cut out, the forces on it as arrows, and their balance."""

@@ -1,0 +1,142 @@
+"""From a scene to its free-body diagrams, with the forces of a run at some instant where one is given."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from lmoc.ir.prepared import Prepared
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.view.bodies.balance import Balance, Force, FreeBodies, free_bodies
+from lmoc.view.bodies.diagram import Numbers, draw_bodies
+from lmoc.view.scene.abbreviate import shown
+from lmoc.view.scene.arrange import strips_of
+from lmoc.view.scene.compose import finished
+from lmoc.view.scene.elements import Graph
+from lmoc.view.scene.names import Names
+from lmoc.view.scene.picture import Picture
+from lmoc.view.scene.planar import is_planar
+from lmoc.view.scene.schematic import gravity_of, style_of
+from lmoc.view.scene.strips import BODIES, DOWN, RIGHT, UP, Direction
+
+if TYPE_CHECKING:
+    import sympy
+
+
+class Trajectory(Protocol):
+    """What is needed of a run."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """(times,) the output times, s."""
+        ...
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The values of a variable at the output times."""
+        ...
+
+
+def free_body_picture(prepared: Prepared, run: Trajectory | None = None, time: float | None = None) -> Picture:
+    """Return the free-body diagrams of a scene.
+
+    Parameters
+    ----------
+    run : for arrows to scale
+    time : s, taken at the nearest output time of the run; by default its last
+
+    Raises
+    ------
+    ModelError
+        E0660 where the scene is too large for symbols, or no body of it moves along a line or turns on a shaft.
+    """
+    flat, values = prepared.flat, prepared.values
+    graph = shown(flat, values).graph
+    bodies = graph is not None and [e for e in graph.elements if e.symbol in BODIES and not is_planar(e)]
+    if not bodies:
+        why = "too many parts" if graph is None else "no body that moves along a line or turns on a shaft"
+        raise ModelError([Diagnostic("E0660", f"{flat.name} has {why} for free-body diagrams")])
+    found = free_bodies(prepared.reduced, values, graph)
+    title = flat.description or flat.name
+    numbers = None
+    if run is not None:
+        at = len(run.time) - 1 if time is None else int(np.argmin(np.abs(run.time - time)))
+        numbers = _numbers(found, prepared, graph, run, at)
+        title = f"{title}: forces at t = {run.time[at]:g} s"
+    style = style_of(graph, Names(graph))
+    return finished(draw_bodies(found, style, _directions(graph), numbers), title)
+
+
+def _directions(graph: Graph) -> dict[int, Direction]:
+    """The direction of each node's coordinate, as in the picture of the scene."""
+    found: dict[int, Direction] = {}
+    for strip in strips_of(graph, graph.elements, "line"):
+        gravity = gravity_of(strip, graph)
+        found |= dict.fromkeys(strip.nodes, RIGHT if not gravity else DOWN if gravity > 0 else UP)
+    return found
+
+
+def _numbers(bodies: FreeBodies, prepared: Prepared, graph: Graph, run: Trajectory, at: int) -> Numbers:
+    """All forces at one output time."""
+    value = _Values(prepared, graph, run, at)
+    table: dict[int, float] = {}  # by identity of the force
+    for balance in bodies.balances:
+        for part in dict.fromkeys(f.part for f in balance.forces):
+            own = [f for f in balance.forces if f.part == part]
+            table |= {id(f): v for f, v in zip(own, value.forces(balance, own))}
+
+    def of(_: Balance, force: Force) -> float:
+        return table[id(force)]
+
+    def largest(turns: bool) -> float:
+        sizes = [abs(of(b, f)) for b in bodies.balances if b.turns == turns for f in b.forces]
+        return max((s for s in sizes if np.isfinite(s)), default=0.0)
+
+    return Numbers(of, largest(False), largest(True))
+
+
+class _Values:
+    """Values of expressions at one output time of a run."""
+
+    def __init__(self, prepared: Prepared, graph: Graph, run: Trajectory, at: int) -> None:
+        self.prepared, self.graph, self.run, self.at = prepared, graph, run, at
+
+    def forces(self, balance: Balance, forces: list[Force]) -> list[float]:
+        """The forces of one part; where one is not known by itself, it is what the others leave of the whole."""
+        known = [self._of(f.label) for f in forces]
+        missing = [k for k, v in enumerate(known) if v is None]
+        total = self._total(balance, forces[0].part) if len(missing) == 1 else None
+        if total is not None:
+            rest = sum(f.sense * v for f, v in zip(forces, known) if v is not None)
+            known[missing[0]] = (total - rest) * forces[missing[0]].sense
+        return [float("nan") if v is None else v for v in known]
+
+    def _total(self, balance: Balance, part: str) -> float | None:
+        """The force of a part on a body as the run has it."""
+        flat = self.prepared.flat
+        for element in self.graph.elements:
+            for port in element.ports:
+                if element.name == part and port.node == balance.port.node and part != balance.body.name:
+                    return -float(self.run[flat.variable_name(port.flows[0])][self.at])
+        return None
+
+    def _of(self, expression: sympy.Expr) -> float | None:
+        numbers = {}
+        for symbol in expression.free_symbols:
+            value = self._symbol(symbol.name)
+            if value is None:
+                return None
+            numbers[symbol] = value
+        return float(expression.evalf(subs=numbers))
+
+    def _symbol(self, name: str) -> float | None:
+        if name == "time":
+            return float(self.run.time[self.at])
+        variables = self.prepared.flat.find(name)
+        if variables is not None and self.prepared.flat.kind[variables[0]] <= 1:
+            return float(self.prepared.values[variables[0]])
+        try:
+            return float(self.run[name][self.at])
+        except KeyError:  # the derivative of an input
+            return None
+
