@@ -87,13 +87,14 @@ end Equal;
 
 
 @pytest.mark.parametrize("options", [{}, {"points": 2}, {"solver": "cvode", "rtol": 1e-8}, {"solver": "radau"}])
-def test_a_bifurcation_ends_a_run_with_both_branches_named(options):
-    with pytest.raises(lmoc.SimulationError, match="singular position follows.*branches") as caught:
-        lmoc.compile_text(EQUAL_CRANK).simulate(stop=5, **options)
-    partial = caught.value.partial
-    last = partial["t"][-1]
-    assert 0.9 * np.pi / 2 < last < np.pi / 2
-    assert partial["p"] == pytest.approx(-partial["t"], abs=1e-9)
+def test_a_bifurcation_is_passed_on_the_branch_with_continuous_velocities(options):
+    run = lmoc.compile_text(EQUAL_CRANK).simulate(stop=2, **options)
+    t, w = run["t"], run["w"]
+    assert t[-1] > 1.2 * np.pi / 2
+    assert run["p"] == pytest.approx(-t, abs=1e-9)
+    energy = (1 + 0.1 + 4 * np.sin(t) ** 2) * w**2
+    assert energy == pytest.approx(energy[0], rel=1e-4)
+    assert sum(n.code == "N0633" for n in run.notes) == 1
 
 
 @pytest.fixture(scope="module")

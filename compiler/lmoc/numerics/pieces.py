@@ -17,7 +17,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
 from lmoc.numerics.coordinates.change import continued
-from lmoc.numerics.coordinates.changes import Changes, singular_start
+from lmoc.numerics.coordinates.changes import Changes, Way, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
@@ -87,7 +87,7 @@ class _Run:
         self.ended: Status | None = None  # an event has ended the run
         self.cost = Cost()
         self.changes = Changes(task, self.variables)
-        self.longest = self.changes.longest
+        self.longest = np.inf if options.max_step is None else options.max_step
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
         self.tolerances: tuple[Plan, np.ndarray] | None = None
@@ -231,8 +231,13 @@ class _Run:
 
     # ------------------------------------------------------------------ the way
 
-    def _integrate(self, x: np.ndarray, begin: float) -> Outcome:
-        """Integrate the piece under way, from a state to its end."""
+    def _integrate(self, x: np.ndarray, begin: float, way: Way | None = None) -> Outcome:
+        """Integrate the piece under way, from a state to its end.
+
+        Parameters
+        ----------
+        way : bounds the steps, where the run has been told how to go on
+        """
         stretch, span = self.stretch, self.task.span
         recorder, options = stretch.recorder, self.task.options
         now = self.happenings
@@ -258,8 +263,6 @@ class _Run:
         breaks = distinct(np.concatenate([breaks, more]))
         whole = span.start, span.end
         self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
-        if self.tolerances is None or self.tolerances[0] is not stretch.plan:
-            self.tolerances = stretch.plan, self._absolute_tolerances(x)
         # what follows from the states is known less well than they are, where one choice after the other divides by it
         finer = _FINER if stretch.watch is not None and self.pieces else 1.0
         problem = Problem(
@@ -269,13 +272,13 @@ class _Run:
             end,
             times,
             max(self.rtol * finer, _FINEST),
-            self.tolerances[1] * finer,
+            self._atol(x) * finer,
             lambda first, states: recorder(first + done, states),
             max_step=self.longest if now is None else min(self.longest, now.longest_step),
             max_steps=options.max_steps,
             deadline=self.deadline,
             progress=self.progress,
-            lookout=self.lookout,
+            lookout=self.lookout if way is None else way.bounded(self.lookout),
             breaks=breaks,
             guard=stretch.watch,
             roots=roots,
@@ -308,15 +311,23 @@ class _Run:
                 "choose some that serve all the way, by states=[…] (--states) or stateSelect"
             )
             return replace(outcome, status=Status.SINGULAR)
-        way = self.changes.onward(self.stretch, outcome)
+        rtol, atol = self.rtol * _FINER, self._atol(outcome.x) * _FINER
+        way = self.changes.onward(self.stretch, outcome, rtol * np.abs(outcome.x) + atol)
         if way is None:
             self.lost = self.changes.reason
             return replace(outcome, status=Status.SINGULAR)
         if way.stretch is not self.stretch:
             self._finish(outcome)
+            self.pieces += way.between
             self.stretch = way.stretch
-        self.longest = way.longest
-        return self._integrate(way.x, outcome.time)
+            way.stretch.system.prepare(way.stretch.base, way.stretch.observer.signals)
+        return self._integrate(way.x, max(outcome.time, self.stretch.begin), way)
+
+    def _atol(self, x: np.ndarray) -> np.ndarray:
+        """(n,) the absolute tolerances of the coordinates in use, from where these came into use."""
+        if self.tolerances is None or self.tolerances[0] is not self.stretch.plan:
+            self.tolerances = self.stretch.plan, self._absolute_tolerances(x)
+        return self.tolerances[1]
 
     def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:
         """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
@@ -386,6 +397,11 @@ class _Run:
             often = "once" if changes == 1 else f"{changes} times"
             self.report.note("N0632", f"coordinates changed {often}, between {sets}")
             self.cost.stats["coordinate_changes"] = changes
+        passed = self.changes.passed
+        if passed:
+            often = "a singular position was" if len(passed) == 1 else f"{len(passed)} singular positions were"
+            first = f"at t = {passed[0]:.6g} s" if len(passed) == 1 else f"the first at t = {passed[0]:.6g} s"
+            self.report.note("N0633", f"{often} passed, {first}: the motion goes on with continuous velocities")
 
     def _explain(self, outcome: Outcome) -> str:
         stretch, end = self.stretch, self.task.span.end

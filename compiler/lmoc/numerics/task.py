@@ -93,8 +93,7 @@ class Stretch:
             times = np.append(times, outcome.time)
             table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
         if self.watch is not None:
-            times_, states = self.watch.path
-            self.observer.path = np.array(times_), np.array(states)
+            self.observer.path = self.watch.path
         return Piece(self.observer, self.begin, times, table, self.recorder.sampled(), self.mode, self.largest)
 
 

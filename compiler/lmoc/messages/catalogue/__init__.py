@@ -124,4 +124,11 @@ CATALOGUE: dict[str, Entry] = {
         "and kept. With `stateSelect` or `states=[…]` an angle that is valid in all positions can be preferred, where\n"
         "there is one.",
     ),
+    "N0633": Entry(
+        "singular position passed",
+        "The constraints of a mechanism depend on each other in some positions: the bars of a parallelogram in line.\n"
+        "Several branches of the motion meet there. The run goes on along the one on which the velocities are\n"
+        "continuous, which is where momentum leads. Reactions may become infinite at that instant. Where no branch\n"
+        "continues the motion smoothly, the run ends with a reason.",
+    ),
 }

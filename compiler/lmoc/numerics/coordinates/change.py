@@ -78,6 +78,19 @@ def _values(observer: Observer, w: np.ndarray, variables: np.ndarray, orders: np
     return result
 
 
+def block_unknowns(plan: Plan) -> np.ndarray:
+    """Return the registers of the unknowns of the nonlinear blocks that the motion depends on."""
+    own = [s.unknowns.ravel() for s in walk(plan.program) if isinstance(s, Solve) and not s.linear]
+    return np.concatenate([np.zeros(0, int), *own])
+
+
+def with_solutions(base: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return registers that do not change during a run, with places at which the nonlinear blocks begin."""
+    base = base.copy()
+    base[unknowns] = values
+    return base
+
+
 def _interpreter(plan: Plan) -> Interpreter:
     return Interpreter(plan.full_program, plan.count)
 

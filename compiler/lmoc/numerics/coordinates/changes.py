@@ -4,20 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from heapq import merge
 
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.coordinates.change import carried_over, registers_at
+from lmoc.numerics.coordinates.change import carried_over, registers_at, with_solutions
+from lmoc.numerics.coordinates.passage import passage
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome
-from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.observer import Observer, Path
+from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.activity import Lookout
 from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.task import Stretch, Task
 
 _STALLED = 40  # attempts to come on from one place
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
+
+
+class ShortSteps(Lookout):
+    """Bounds the steps on the way to a place, and beyond it as another lookout does."""
+
+    def __init__(self, beyond: Lookout, until: float, longest: float) -> None:
+        super().__init__()
+        self._beyond, self._until, self._longest = beyond, until, longest
+
+    def edges(self, begin: float, end: float) -> Iterator[float]:
+        """Yield the times between two where other bounds begin."""
+        own = [self._until] if begin < self._until < end else []
+        yield from merge(own, self._beyond.edges(begin, end))
+
+    def longest(self, begin: float, end: float) -> float:
+        """Return the longest step between two edges."""
+        bound = self._longest if (begin + end) / 2 < self._until else np.inf
+        return min(bound, self._beyond.longest(begin, end))
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +50,19 @@ class Way:
     ----------
     stretch : the piece under way, or a new one
     x : (n,) its state
-    longest : s, the longest step
+    until, longest : s, up to when the steps are no longer than that
+    between : what lies between the piece that has been under way and a new one
     """
 
     stretch: Stretch
     x: np.ndarray
-    longest: float
+    until: float = -np.inf
+    longest: float = np.inf
+    between: tuple[Piece, ...] = ()
+
+    def bounded(self, lookout: Lookout) -> Lookout:
+        """Return what bounds the steps."""
+        return lookout if self.until == -np.inf else ShortSteps(lookout, self.until, self.longest)
 
 
 class Changes:
@@ -42,11 +71,12 @@ class Changes:
     Attributes
     ----------
     reason : why it cannot go on
+    passed : s, the times at which it has passed a place where the constraints depend on each other
     """
 
     def __init__(self, task: Task, variables: np.ndarray | None) -> None:
         self.task, self.variables, self.reason = task, variables, ""
-        self.longest = np.inf if task.options.max_step is None else task.options.max_step
+        self.passed: list[float] = []
         self._tried: set[tuple[float, tuple[str, ...]]] = set()  # coordinates, and since when
         self._refused: set[int] = set()  # flat variables that cannot be states
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
@@ -55,28 +85,65 @@ class Changes:
         """Tell a piece which variables cannot be states."""
         stretch.watch.bar(self._refused)
 
-    def onward(self, stretch: Stretch, outcome: Outcome) -> Way | None:
-        """Return how to go on from where an integration has ended; None where no coordinates serve."""
+    def onward(self, stretch: Stretch, outcome: Outcome, tolerance: np.ndarray) -> Way | None:
+        """Return how to go on from where an integration has ended; None where no coordinates serve.
+
+        Parameters
+        ----------
+        tolerance : (n,) of the state
+        """
         watch, t = stretch.watch, outcome.time
         self._stalled = self._stalled + 1 if t == self._stalled_at else 0
         self._stalled_at = t
-        if self._stalled > _STALLED:
-            self._nowhere(stretch)
-            return None
-        changed = self._changed(stretch, outcome)
-        if changed is not None:
-            return changed
-        if not watch.passed_a_singular_place:
+        watch.go_back()
+        way = self._beyond(stretch, tolerance) if watch.lost_rank else self._changed(stretch, outcome)
+        if way is not None:
+            return way
+        if not (watch.lost_rank or watch.passed_a_singular_place):
             watch.tolerate()
-            return Way(stretch, outcome.x, self.longest)
-        if watch.bifurcation:
-            self._nowhere(stretch)
-            return None
-        distance = (watch.at - t) / 4  # the way up to it is gone in shorter steps
-        if distance > _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start):
-            return Way(stretch, outcome.x, min(distance, self.longest))
+            return Way(stretch, outcome.x)
+        until = max(watch.last.t, watch.singular)
+        distance = (until - t) / 4  # the way up to it is gone in shorter steps
+        shortest = _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start)
+        if self._stalled < _STALLED and distance > shortest and not watch.cornered:
+            return Way(stretch, outcome.x, until, distance)
         self._nowhere(stretch)
         return None
+
+    def _beyond(self, stretch: Stretch, tolerance: np.ndarray) -> Way | None:
+        """A new piece behind a place where the constraints depend on each other; None where none is found.
+
+        Output times in between become pieces of their own, each with the solutions of its blocks.
+        """
+        watch, end = stretch.watch, self.task.span.end
+        place, width = watch.accepted, 2 * (watch.singular - watch.accepted.t)
+        found = None
+        if 0 < width < end - self.task.span.start:
+            found = passage(stretch.system, (place.t, place.x, place.solutions), width, tolerance)
+        if found is None:
+            watch.go_back()
+            watch.relent()
+            return None
+        self.passed.append(watch.singular)
+        begin = min(float(found.times[-1]), end)
+        between = self._standing(stretch, place.t, found.solutions[0], stretch.reached)
+        times = between.recorder.times[between.recorder.times < begin]
+        states, solutions = found.at(times)
+        between.observer.path = Path(times, states, watch.unknowns, solutions)
+        if len(times):
+            between.recorder(0, states)
+        states, solutions = found.at(np.array([begin]))
+        piece = self._standing(stretch, begin, solutions[0], between.reached)
+        return Way(piece, states[0], between=(between.piece(),) if len(times) else ())
+
+    def _standing(self, stretch: Stretch, time: float, solutions: np.ndarray, first: int) -> Stretch:
+        """A piece that begins with these solutions of the blocks."""
+        old, task = stretch.observer, self.task
+        base = with_solutions(stretch.base, stretch.watch.unknowns, solutions)
+        observer = Observer(old.plan, old.values, base, old.signals)
+        piece = Stretch(observer, stretch.system, time, task.span.times, first, self.variables)
+        piece.mode = stretch.mode
+        return piece
 
     def _changed(self, stretch: Stretch, outcome: Outcome) -> Way | None:
         """A new piece with better coordinates; None where there are no better ones."""
@@ -110,18 +177,17 @@ class Changes:
         if not np.isfinite(x).all():
             return None
         observer = Observer(plan, task.values, base, old.signals)
-        system.prepare(base, old.signals)
         piece = Stretch(observer, system, outcome.time, task.span.times, stretch.reached, self.variables)
-        return Way(piece, x, self.longest)
+        return Way(piece, x)
 
     def _nowhere(self, stretch: Stretch) -> None:
-        """Keep the reason why no coordinates serve from here on."""
+        """Say why the run cannot go on."""
         reduced, watch = stretch.plan.reduced, stretch.watch
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
-        if watch.bifurcation:
+        if watch.lost_rank:
             self.reason = (
                 "a singular position follows, in which the constraints depend on each other: several branches of the "
-                f"motion meet there, and no coordinates determine {lost}"
+                f"motion may meet there, none of which continues it smoothly, and no coordinates determine {lost}"
             )
         else:
             self.reason = (

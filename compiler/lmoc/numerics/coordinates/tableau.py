@@ -14,6 +14,9 @@ import numpy as np
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
+_NORMALIZATIONS = 30
+_ROUNDING = 1e-12  # entries below this share of their row have never been there
+_SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +86,42 @@ def vanishes(matrix: np.ndarray) -> bool:
     return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < _VANISHING)
 
 
-def rank_margin(matrix: np.ndarray, size: np.ndarray) -> float:
-    """Return the smallest singular value of all constraints: zero where they depend on each other, whatever the choice.
+def equilibrated(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return factors of the rows and columns with which a matrix of these sizes has rows and columns of one length.
+
+    They make what is measured in the scaled matrix independent of the units of equations and coordinates. By
+    alternating normalization (Sinkhorn & Knopp, Pacific J. Math. 21, 1967), a fixed number of times.
+    """
+    largest = size.max(axis=1, keepdims=True, initial=0.0)
+    squares = np.where(np.isfinite(size) & (size > _ROUNDING * largest), size, 0.0) ** 2
+    row, column = np.ones(len(squares)), np.ones(squares.shape[1])
+    for _ in range(_NORMALIZATIONS):
+        row = _reciprocal(squares @ column)
+        column = _reciprocal(row @ squares)
+    return np.sqrt(_reciprocal(squares @ column)), np.sqrt(column)
+
+
+def _reciprocal(values: np.ndarray) -> np.ndarray:
+    return 1.0 / np.where(values > 0, values, 1.0)
+
+
+def rank_margin(matrix: np.ndarray) -> float:
+    """Return the smallest singular value: zero where the rows depend on each other, whatever the choice of columns."""
+    if not np.isfinite(matrix).all():
+        return 0.0
+    return float(np.linalg.svd(matrix, compute_uv=False)[-1])
+
+
+def stays_regular(change: np.ndarray, margins: float) -> bool:
+    """Whether a matrix keeps its full rank on the way from one place to another nearby.
+
+    Singular values change by no more than the matrix does (Weyl; Golub & Van Loan, Matrix Computations, 8.6), so that
+    none vanishes on a straight way shorter than their sum at its ends.
 
     Parameters
     ----------
-    size : (rows, 1) of the rows
+    change : of the matrix
+    margins : the smallest singular values at both places, added
     """
-    if not np.isfinite(matrix).all():
-        return 0.0
-    return float(np.linalg.svd(matrix / np.where(size > 0, size, 1.0), compute_uv=False)[-1])
+    allowed = _SHARE * margins
+    return float(np.linalg.norm(change)) <= allowed or float(np.linalg.norm(change, 2)) <= allowed

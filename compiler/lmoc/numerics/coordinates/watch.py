@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.program import Program, needed_steps, read, written
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.tableau import Tableau, exchanged, rank_margin, tableau, vanishes
+from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
+from lmoc.numerics.coordinates.tableau import (
+    Tableau,
+    equilibrated,
+    exchanged,
+    rank_margin,
+    stays_regular,
+    tableau,
+    vanishes,
+)
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.observe.observer import Path
 from lmoc.numerics.plan import Plan
 
 if TYPE_CHECKING:
@@ -22,9 +33,34 @@ if TYPE_CHECKING:
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good
 _MARGIN, _TOLERATED = 2.0, 25.0
-# by which the tableau jumps from one branch to another, how near to dependent the constraints are then at the ends of a
-# step however long, and as near as they are at a bifurcation
-_JUMP, _NEAR, _DEPENDENT = 1.0, 0.5, 1e-2
+_HALVINGS = 4  # of a step, for a look at what happens within
+_FAR = 1.0  # way of a dependent coordinate between two looks, in equilibrated form: about a radian
+# smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
+# is looked for, below the second they do where no step is short enough
+_ALERT, _DEPENDENT = 0.1, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What has been seen at the end of a step.
+
+    Attributes
+    ----------
+    t, x : s, (n,)
+    matrix : of the constraints
+    found : Tableau
+    margin : smallest singular value of the constraints, in rows and columns of one length
+    solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
+    dependent : values of the dependent coordinates
+    """
+
+    t: float
+    x: np.ndarray
+    matrix: np.ndarray
+    found: Tableau
+    margin: float
+    solutions: np.ndarray
+    dependent: np.ndarray
 
 
 class CoordinateWatch:
@@ -34,47 +70,63 @@ class CoordinateWatch:
     ----------
     constraints : those of the reduction
     barred : (watched,) mask of dependent coordinates that cannot be states
-    at : s, the time of the last step judged
-    path : (times, states) of all steps judged well
+    unknowns : registers of the unknowns of the system's nonlinear blocks
+    accepted : Place
+        The last one judged well; the next step begins there.
+    last : Place
+        The last one judged.
+    lost_rank : whether the last step judged has come near to a place where the constraints depend on each other, or may
+        have led over it
+    singular : s, where that is
     """
 
     def __init__(self, system: System, base: np.ndarray) -> None:
         self.system = system
         self.constraints: Constraints = system.plan.reduced.constraints
         self.barred = np.zeros(len(self.constraints.watched), bool)
+        self.unknowns = system.plan.once(block_unknowns) if system.registers is not None else np.zeros(0, int)
+        self._dependent = np.zeros(0, int)
+        if len(self.unknowns):
+            own = system.plan.reduced.register_of[self.constraints.variable[: self.constraints.rows]]
+            self._dependent = own if (own >= 0).all() else self._dependent
         self._entries = _entries(system, base, self.constraints)
         self._size = np.zeros(0)
-        self._scale: np.ndarray | None = None
-        self.at = np.nan
-        self._last: tuple[np.ndarray, Tableau] | None = None
-        self._before: tuple[np.ndarray, Tableau] | None = None
-        self.path: tuple[list[float], list[np.ndarray]] = ([], [])
+        self._scales: tuple[np.ndarray, np.ndarray] | None = None
+        self.accepted: Place
+        self.last: Place
+        self.lost_rank, self.singular = False, np.inf
+        self._alert, self._looked_inside = _ALERT, False
+        self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
 
     def begin(self, t: float, x: np.ndarray) -> Status:
         """Judge the place where the piece begins; its coordinates are compared with what they are there."""
-        matrix = self._matrix(t, x)
-        self._size, self._scale = np.zeros(matrix.shape), None
-        found = self._look(matrix)
-        worst = found.worst(~self.barred)
+        self._size, self._scales = np.zeros((self.constraints.rows, len(self.constraints.variable))), None
+        self.last = place = self._look(t, x)
+        worst = place.found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
-        self._last, self.at = (matrix, found), t
-        self._note(t, x)
-        return Status.COORDINATES if worst > self.limit or vanishes(matrix) else Status.OK
+        self._accept(place)
+        return Status.COORDINATES if worst > self.limit or vanishes(place.matrix) else Status.OK
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
-        """Judge an accepted step: COORDINATES where others have become better by a margin."""
-        matrix = self._matrix(t, x)
-        found = self._look(matrix)
-        self.at = t
-        self._before, self._last = self._last, (matrix, found)
-        if found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
+        """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
+        self.last = place = self._look(t, x)
+        self.lost_rank = False
+        if place.found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
             return Status.COORDINATES
-        self._note(t, x)
+        self._looked_inside = False
+        self.lost_rank = not self._stays_regular(self.accepted, place, _HALVINGS) or self._comes_near(place)
+        if self.lost_rank:
+            return Status.COORDINATES
+        if self._looked_inside:  # the system's blocks go on from the end of the step
+            self._matrix(t, x)
+        self._accept(place)
         return Status.OK
 
     def stuck(self, status: Status) -> Status:
-        """Return COORDINATES where no step was short enough and others would be better here."""
-        return Status.COORDINATES if self.better() else status
+        """Return COORDINATES where no step was short enough and others would be better here, or none would serve."""
+        self.lost_rank = self.accepted.margin < _DEPENDENT
+        self.last, self.singular = self.accepted, self.accepted.t
+        return Status.COORDINATES if self.lost_rank or self.better() else status
 
     def better(self) -> list[list[int]]:
         """Return choices of coordinates (columns to be the states) that are better than the present one, best first.
@@ -82,12 +134,11 @@ class CoordinateWatch:
         Those that are good where the step rejected has led to, as long as it has passed no singular place; otherwise
         those that are best where it began.
         """
-        passed = self._before is not None and self.passed_a_singular_place
-        matrix, found = self._before if passed else self._last
-        if found.sign == 0.0:
-            held = self._by_pivots(matrix)
+        place = self.accepted if self.passed_a_singular_place or self.lost_rank else self.last
+        if place.found.sign == 0.0:
+            held = self._by_pivots(place.matrix)
             return [held] if held else []
-        exchanges = exchanged(found, self.barred)
+        exchanges = exchanged(place.found, self.barred)
         some = [exchanges, exchanges[:1]] if len(exchanges) > 1 else [exchanges] if exchanges else []
         return [self._states(e) for e in some]
 
@@ -97,74 +148,108 @@ class CoordinateWatch:
 
     @property
     def passed_a_singular_place(self) -> bool:
-        """Whether the last step judged has led over a place where the coordinates do not determine the rest.
-
-        The determinant has changed its sign; or else the constraints have come near to depend on each other, and the
-        tableau, which gives the velocities, has jumped: the solution is on another branch.
-        """
-        before, last = self._before, self._last
-        if before is None or last[1].sign == 0.0:
-            return last[1].sign == 0.0
-        if before[1].sign != last[1].sign:
-            return True
-        jump = float(np.abs(last[1].table - before[1].table).max(initial=0.0))
-        return jump > _JUMP and self._margin() < _NEAR
+        """Whether the last step judged has led over a place where the coordinates do not determine the rest."""
+        sign = self.last.found.sign
+        return sign == 0.0 or sign != self.accepted.found.sign
 
     def tolerate(self) -> None:
         """Take the last step's coordinates for as good as they can be."""
-        self.limit = _MARGIN * max(self.limit, self._last[1].worst(~self.barred))
+        self.limit = _MARGIN * max(self.limit, self.last.found.worst(~self.barred))
 
     @property
-    def bifurcation(self) -> bool:
-        """Whether no choice of coordinates serves about here, neither where the last step begins nor where it ends."""
-        place = self._before or self._last
-        size = self._size.max(axis=1, keepdims=True)
-        return self._margin() < _DEPENDENT and rank_margin(place[0], size) < 5 * _DEPENDENT
+    def path(self) -> Path:
+        """Return the places judged well."""
+        times, states, solutions = (np.array(column) for column in zip(*self._places, strict=True))
+        return Path(times, states, self.unknowns, solutions)
+
+    @property
+    def cornered(self) -> bool:
+        """Whether the constraints almost depend on each other where the next step would begin."""
+        return self.lost_rank and self.accepted.margin < _DEPENDENT
+
+    def relent(self) -> None:
+        """Go on towards a place where constraints depend on each other, until it is twice as near."""
+        self._alert = min(self._alert, self.accepted.margin) / 2
+
+    def go_back(self) -> None:
+        """Have the nonlinear blocks go on from their solutions at the last place accepted."""
+        if len(self.unknowns):
+            base, signals = self.system.given
+            self.system.prepare(with_solutions(base, self.unknowns, self.accepted.solutions), signals)
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""
-        table = self._last[1].table
+        table = self.last.found.table
         worst = np.where(np.isfinite(table), np.abs(table), np.inf)
         row = int(np.argmax(worst.max(axis=1, initial=0.0)))
         return int(self.constraints.variable[self.constraints.watched[row]])
 
     # ------------------------------------------------------------------ behind it
 
-    def _margin(self) -> float:
-        """The smallest singular value of the constraints at the ends of the last step, in rows of the sizes so far."""
-        places = [p[0] for p in (self._before, self._last) if p is not None]
-        size = self._size.max(axis=1, keepdims=True)
-        return min(rank_margin(matrix, size) for matrix in places)
-
-    def _note(self, t: float, x: np.ndarray) -> None:
+    def _accept(self, place: Place) -> None:
+        self.accepted = place
         self.system.mark()
-        self.path[0].append(t)
-        self.path[1].append(x.copy())
+        self._places.append((place.t, place.x, place.solutions))
 
-    def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
-        own = self.constraints
-        count = int(own.row.max()) + 1
-        matrix = np.zeros((count, len(own.variable)))
-        np.add.at(matrix, (own.row, own.column), self._entries(t, x))
-        return matrix
-
-    def _look(self, matrix: np.ndarray) -> Tableau:
+    def _look(self, t: float, x: np.ndarray) -> Place:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
+        matrix = self._matrix(t, x)
+        solutions = self.system.registers[self.unknowns] if len(self.unknowns) else np.zeros(0)
         size = np.abs(matrix)
         if not (size <= self._size).all():
             with np.errstate(invalid="ignore"):
                 self._size = np.fmax(self._size, size)
-            self._scale = None
-        if self._scale is None:
-            row = self._size.max(axis=1, keepdims=True)
-            scale = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
-            self._scale = np.where(scale > 0, scale, 1.0)
-        return tableau(matrix, self.constraints.watched, self._scale)
+            self._scales = None
+        found = tableau(matrix, self.constraints.watched, 1.0 / self._factors()[1])
+        margin = rank_margin(self._scaled(matrix))
+        dependent = self.system.registers[self._dependent] if len(self._dependent) else np.zeros(0)
+        return Place(t, x.copy(), matrix, found, margin, solutions, dependent)
+
+    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._scales is None:
+            self._scales = equilibrated(self._size)
+        return self._scales
+
+    def _scaled(self, matrix: np.ndarray) -> np.ndarray:
+        row, column = self._factors()
+        return matrix * row[:, None] * column
+
+    def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
+        """Whether the constraints keep their rank between two places, by looks at what lies between if necessary."""
+        regular = stays_regular(self._scaled(second.matrix - first.matrix), first.margin + second.margin)
+        if regular and not self._way(first, second) > _FAR:
+            return True
+        if not halvings:
+            both = first.margin + second.margin
+            self.singular = first.t + (second.t - first.t) * (first.margin / both if both else 0.5)
+            return False
+        self._looked_inside = True
+        middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
+        return self._stays_regular(first, middle, halvings - 1) and self._stays_regular(middle, second, halvings - 1)
+
+    def _way(self, first: Place, second: Place) -> float:
+        """The longest way of a coordinate between two places, in equilibrated form: angles in about 1 rad."""
+        way = np.abs(second.dependent - first.dependent) / self._factors()[1][: len(second.dependent)]
+        return float(way.max(initial=0.0))
+
+    def _comes_near(self, place: Place) -> bool:
+        """Whether the constraints are about to depend on each other, and when."""
+        before, now, length = self.accepted.margin, place.margin, place.t - self.accepted.t
+        if not now < min(self._alert, before):
+            return False
+        self.singular = place.t + now / (before - now) * length
+        return True
+
+    def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
+        own = self.constraints
+        matrix = np.zeros((own.rows, len(own.variable)))
+        np.add.at(matrix, (own.row, own.column), self._entries(t, x))
+        return matrix
 
     def _states(self, exchanges: list[tuple[int, int]]) -> list[int]:
         """The columns that are states after some exchanges."""
         own = self.constraints
-        rows = int(own.row.max()) + 1
+        rows = own.rows
         held, dependent = list(range(rows, len(own.variable))), own.watched.tolist()
         for i, j in exchanges:
             dependent[i], held[j] = held[j], dependent[i]
@@ -173,7 +258,7 @@ class CoordinateWatch:
     def _by_pivots(self, matrix: np.ndarray) -> list[int]:
         """The states left where the dependent coordinates are chosen anew, by elimination with full pivoting."""
         rows = len(matrix)
-        a = matrix / np.where((size := np.abs(self._size).max(axis=1, keepdims=True)) > 0, size, 1.0)
+        a = self._scaled(matrix)
         chosen: list[int] = []
         left = list(range(rows))
         for _ in range(rows):

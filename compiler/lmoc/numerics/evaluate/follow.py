@@ -24,11 +24,17 @@ class Follower:
     ----------
     run : ``(w, time)`` fills the registers (count,) from those given
     newtons : the solvers of all nonlinear blocks in it
+    unknowns : the registers of each of these, in the shape of its solutions
     """
 
-    def __init__(self, run: Callable[[np.ndarray, float], None], newtons: Sequence[Newton]) -> None:
+    def __init__(
+        self,
+        run: Callable[[np.ndarray, float], None],
+        newtons: Sequence[Newton],
+        unknowns: Sequence[np.ndarray] = (),
+    ) -> None:
         self.run = run
-        self.newtons = newtons
+        self.newtons, self.unknowns = newtons, unknowns
         self.before: tuple[np.ndarray, float] | None = None  # where all blocks have been solved last
         self._lost = 0  # times in a row without a solution
 
@@ -48,6 +54,12 @@ class Follower:
             column = np.ascontiguousarray(w[:, k])
             self.go(column, t)
             w[:, k] = column
+
+    def begin_at(self, w: np.ndarray) -> None:
+        """Go on from solutions that stand in the registers (registers,)."""
+        self.forget()
+        for newton, unknowns in zip(self.newtons, self.unknowns, strict=True):
+            newton.last = w[unknowns]
 
     def go(self, w: np.ndarray, time: float) -> None:
         """Fill w (registers,) at a time that may lie ahead of the last one or behind it."""

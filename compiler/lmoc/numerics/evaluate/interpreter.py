@@ -28,8 +28,10 @@ class Interpreter:
         self.count = count
         self._blocks: dict[int, _Block] = {}
         self._prepare(program)
-        self.newtons = [b.newton for b in self._blocks.values() if b.newton is not None]
-        self._follower = Follower(lambda w, t: self.steps(program, w, t), self.newtons)
+        blocks = [b for b in self._blocks.values() if b.newton is not None]
+        self.newtons = [b.newton for b in blocks]
+        unknowns = [b.step.unknowns for b in blocks]
+        self.follower = Follower(lambda w, t: self.steps(program, w, t), self.newtons, unknowns)
 
     def _prepare(self, program: Program) -> None:
         for step in program:
@@ -53,7 +55,7 @@ class Interpreter:
         """Fill the registers that the program writes; what cannot be computed becomes NaN."""
         with np.errstate(all="ignore"):
             if w.ndim == 2 and self.newtons:
-                self._follower(w, np.broadcast_to(time, w.shape[1:]))
+                self.follower(w, np.broadcast_to(time, w.shape[1:]))
             else:
                 self.steps(self.program, w, time)
 

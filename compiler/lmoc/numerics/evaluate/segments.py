@@ -51,6 +51,11 @@ class SegmentedProgram:
             piece.reset()
 
     @property
+    def blocks(self) -> list[np.ndarray]:
+        """The registers of the unknowns of nonlinear blocks, (instances, size) each."""
+        return [block.step.unknowns for block in self._nonlinear]
+
+    @property
     def newtons(self) -> list[Newton]:
         """The solvers of nonlinear blocks."""
         return [block.newton for block in self._nonlinear]

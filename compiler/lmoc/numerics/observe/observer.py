@@ -12,6 +12,23 @@ from lmoc.messages.diagnostics import nearest
 from lmoc.numerics.observe.slices import Slice, signal_values, slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.support.distinct import distinct
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Places of a motion.
+
+    Attributes
+    ----------
+    times, states : s, (times, n)
+    unknowns, solutions : registers of unknowns of nonlinear blocks, and their values (times, unknowns)
+    """
+
+    times: np.ndarray
+    states: np.ndarray
+    unknowns: np.ndarray
+    solutions: np.ndarray
 
 _KEPT = 100  # variables whose sources are kept with their plan, at most
 
@@ -22,15 +39,15 @@ class Observer:
 
     Attributes
     ----------
-    path : times (s,) and states (s, n) of the integrator's steps, along which nonlinear equations are followed: their
-        solutions at the output times are then those of the motion, however far apart these are
+    path : of the integrator's steps, along which nonlinear equations are followed: their solutions at the output times
+        are then those of the motion, however far apart these are
     """
 
     plan: Plan
     values: np.ndarray
     base: np.ndarray
     signals: Mapping[int, Signal]
-    path: tuple[np.ndarray, np.ndarray] | None = None
+    path: Path | None = None
 
     @property
     def flat(self) -> FlatDAE:
@@ -64,16 +81,28 @@ class Observer:
         if not part.implicit:
             return evaluate
 
+        own = part.registers[part.unknowns]
+
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
-            if self.path is None or not len(times):
+            path = self.path
+            if path is None or not len(times):
                 return evaluate(times, states)
-            own = self.path[0] <= times[-1]
-            every = np.concatenate([self.path[0][own], times])
+            known = np.full((len(path.times), len(own)), np.nan)
+            column = {int(r): k for k, r in enumerate(path.unknowns.tolist())}
+            for k, register in enumerate(own.tolist()):
+                if register in column:
+                    known[:, k] = path.solutions[:, column[register]]
+            before = np.flatnonzero(path.times <= times[-1])
+            if np.isfinite(known).all():  # those just before an output time are enough
+                before = distinct(np.maximum(np.searchsorted(path.times, times, "right") - 1, 0))
+            every = np.concatenate([path.times[before], times])
             order = np.argsort(every, kind="stable")
-            found = evaluate(every[order], np.concatenate([self.path[1][own], states])[order])
+            both = np.concatenate([path.states[before], states])[order]
+            seeds = np.concatenate([known[before], np.full((len(times), len(own)), np.nan)])[order]
+            found = evaluate(every[order], both, seeds)
             back = np.empty(len(order), int)
             back[order] = np.arange(len(order))
-            return found[back[len(every) - len(times) :]]
+            return found[back[len(before) :]]
 
         return values
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +18,12 @@ from lmoc.numerics.signals.signals import Formula, Signal, sample
 
 _CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
 _KEPT = 100  # registers of the largest slice that is kept with its plan
+
+
+class Evaluate(Protocol):
+    """Values of registers at some times, as `Slice.bind` returns it."""
+
+    def __call__(self, times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None, /) -> np.ndarray: ...
 
 
 class Slice:
@@ -48,13 +56,23 @@ class Slice:
         used = np.flatnonzero(touched[plan.sampled])
         self.sampled = new[plan.sampled[used]]
         self.samplers = [plan.samplers[k] for k in used]
-        self.implicit = any(isinstance(s, Solve) and not s.linear for s in walk(self._program))
+        blocks = [s.unknowns.ravel() for s in walk(self._program) if isinstance(s, Solve) and not s.linear]
+        self.unknowns = np.concatenate([np.zeros(0, int), *blocks])
 
-    def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """``(times, states (times, n)) -> (times, registers)`` for the parameter values and signals of a run."""
+    @property
+    def implicit(self) -> bool:
+        """Whether it has nonlinear blocks."""
+        return len(self.unknowns) > 0
+
+    def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
+        """``(times, states (times, n)) -> (times, registers)`` for the parameter values and signals of a run.
+
+        A third argument (times, unknowns) has the solutions of the nonlinear blocks where they are known, NaN
+        elsewhere: there they are followed from one time to the next.
+        """
         own, run = base[self.registers], _runner(self._program, len(self.registers))
 
-        def evaluate(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        def evaluate(times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
             result = np.empty((len(times), len(self.out)))
             chunk = max(1, _CHUNK // max(1, len(own)))
             for a in range(0, len(times), chunk):
@@ -63,11 +81,27 @@ class Slice:
                 w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
                 for register, (variable, order) in zip(self.sampled, self.samplers, strict=True):
                     w[register] = sample(signals[variable], order, t)
-                run(w, t)
+                if known is None:
+                    run(w, t)
+                else:
+                    w[self.unknowns] = known[a : a + chunk].T
+                    _run_from(run, w, t, np.isfinite(known[a : a + chunk]).all(axis=1))
                 result[a : a + chunk] = w[self.out].T
             return result
 
         return evaluate
+
+
+def _run_from(run: Follower, w: np.ndarray, times: np.ndarray, known: np.ndarray) -> None:
+    """Fill w (registers, times), beginning anew at each time whose solutions are known."""
+    edges = [0, *np.flatnonzero(known).tolist(), len(times)]
+    for a, b in pairwise(edges):
+        if a < b:
+            if known[a]:
+                run.begin_at(w[:, a])
+            part = np.ascontiguousarray(w[:, a:b])
+            run(part, times[a:b])
+            w[:, a:b] = part
 
 
 def slice_of(plan: Plan, registers: np.ndarray) -> Slice:
@@ -89,14 +123,16 @@ def _kept(_: Plan) -> dict[bytes, Slice]:
 def _runner(program: Program, count: int):
     """``(w, times)`` fills w (registers, times). Nonlinear blocks are followed from one time to the next."""
     implicit = any(isinstance(s, Solve) and not s.linear for s in walk(program))
-    if not implicit or program_rows(program) > CASADI_ROWS:
+    if not implicit:
         return Interpreter(program, count).run
+    if program_rows(program) > CASADI_ROWS:
+        return Interpreter(program, count).follower
     from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
 
     if not can_segment(program):
-        return Interpreter(program, count).run
+        return Interpreter(program, count).follower
     steps = SegmentedProgram(program, count)
-    return Follower(steps.run, steps.newtons)
+    return Follower(steps.run, steps.newtons, steps.blocks)
 
 
 def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.ndarray:
