@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.system import SymbolicSystem
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
     from lmoc.view.drawing import Drawing
+    from lmoc.view.page.page import Page
 
 
 def compile(
@@ -492,6 +493,21 @@ class DAE:
         if path is not None:
             drawing.save(path)
         return drawing
+
+    def view(self, path: str | Path | None = None, run: Run | None = None) -> Page:
+        """Return a page in which the scene moves and can be simulated again; with `path` also write it.
+
+        Parameters
+        ----------
+        path : where to write it (.html), if anywhere
+        run : what it shows; by default a simulation with the model's own values
+
+        Raises
+        ------
+        ModelError, SimulationError
+            As those of `simulate`; E0623, E0624: the page cannot be written.
+        """
+        return (self.simulate() if run is None else run).view(path)
 
     def at_start(self, parameters: Mapping[str, Value] | None = None) -> Callable[[str], float]:
         """Return what gives the value of a variable, by its name, where a run starts."""

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lmoc.report.result import Result
+
+if TYPE_CHECKING:
+    from lmoc.view.page.page import Page
 
 
 class Run(Result):
@@ -39,6 +43,22 @@ class Run(Result):
         from lmoc.report.plots import plot
 
         return plot(self, names, path, units)
+
+    def view(self, path: str | Path | None = None) -> Page:
+        """Return a page in which the run moves and can be simulated again; with `path` also write it.
+
+        Raises
+        ------
+        ModelError
+            E0623 the file cannot be written, E0624 it is none for a page (.html).
+        """
+        from lmoc import __version__
+        from lmoc.view.page.page import Page
+
+        page = Page(self, __version__)
+        if path is not None:
+            page.save(path)
+        return page
 
     def _repr_html_(self) -> str:
         """Return the HTML representation for notebooks: the summary that `lmoc run` prints."""

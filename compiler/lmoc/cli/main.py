@@ -29,6 +29,7 @@ VERBS = {
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
     "chart": "speed against accuracy of methods and tolerances",
     "draw": "draw a scene",
+    "view": "write a page in which the scene moves and can be played with",
     "fmt": "put a file into the standard layout",
     "explain": "what a diagnostic code means",
 }

@@ -9,16 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lmoc.cli import process, terminal
-from lmoc.cli.arguments import (
-    Parser,
-    add_model_arguments,
-    add_run_arguments,
-    add_states_argument,
-    choice,
-    initial,
-    positive,
-)
-from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
+from lmoc.cli.arguments import Parser
+from lmoc.cli.simulation import add_simulation_arguments, check_formulation, simulate
+from lmoc.messages.diagnostics import RunInterrupted, SimulationError
 
 if TYPE_CHECKING:
     from lmoc.run import Run
@@ -27,21 +20,8 @@ FAILED_RUN = 3
 
 
 def configure(parser: Parser) -> None:
-    from lmoc.numerics.options import FIXED_STEP, SOLVERS, solver_hint
-
-    add_model_arguments(parser)
-    add_states_argument(parser)
-    add_run_arguments(parser)
+    add_simulation_arguments(parser)
     add = parser.add_argument
-    add("--rtol", type=positive, metavar="TOL", help="relative tolerance (experiment, else 1e-6)")
-    add("--atol", type=positive, metavar="TOL", help="absolute tolerance (rtol/1000 of each variable's nominal value)")
-    add("--max-step", type=positive, metavar="S", help="longest step of the integrator (no limit)")
-    add("--step", type=positive, metavar="S",
-        help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}; gauss")  # fmt: skip
-    add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
-    add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
-    add("--keep", metavar="NAME", action="append",
-        help="retain only this variable or array (large models); may be repeated")  # fmt: skip
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
     add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
@@ -52,7 +32,7 @@ def configure(parser: Parser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     _check_choices(arguments)
     try:
-        run = _simulate(arguments)
+        run = simulate(arguments)
     except (SimulationError, RunInterrupted) as failure:
         return _failed(failure, arguments)
     _tell(run, arguments)
@@ -61,37 +41,16 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _check_choices(arguments: argparse.Namespace) -> None:
     """Refuse what cannot work before time is spent."""
-    from lmoc.numerics.options import FORMULATIONS
     from lmoc.report.display import display
     from lmoc.report.files import FORMATS, PICTURES, check_target
 
     display(arguments.units)
 
-    if arguments.formulation not in FORMULATIONS:
-        known = ", ".join(FORMULATIONS)
-        message = f"the formulation '{arguments.formulation}' is not available; this version has: {known}"
-        raise ModelError([Diagnostic("E0626", message)])
+    check_formulation(arguments)
     if arguments.output is not None:
         check_target(arguments.output, tuple(FORMATS))
     if arguments.plot is not None:
         check_target(arguments.plot, PICTURES)
-
-
-def _simulate(arguments: argparse.Namespace) -> Run:
-    from lmoc.cli.progress import Progress
-    from lmoc.dae import compile_or_recall
-
-    with Progress(not arguments.quiet) as progress:
-        dae = compile_or_recall(
-            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
-            listener=progress.stage,
-        )  # fmt: skip
-        return dae.simulate(
-            arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
-            arguments.solver, arguments.formulation, None, initial(arguments.init), dict(arguments.input),
-            keep=arguments.keep, max_step=arguments.max_step, step=arguments.step, listener=progress.stage,
-            progress=progress.reached,
-        )  # fmt: skip
 
 
 def _tell(run: Run, arguments: argparse.Namespace) -> None:

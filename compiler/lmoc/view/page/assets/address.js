@@ -1,0 +1,47 @@
+// The state of the page as the fragment of its address, to be shared: #t=1.5&set=spring.k:60&show=mass.q
+
+/** The fragment of {t, speed, set, against, show, forces}; what is as at the beginning is left out. */
+export function write(state) {
+  const parts = [];
+  const add = (key, value) => parts.push(`${key}=${value}`);
+  const values = (set) => Object.entries(set).map(([name, value]) => `${encodeURIComponent(name)}:${value}`).join(",");
+  if (state.t) add("t", Number(state.t.toPrecision(6)));
+  if (state.speed !== 1) add("speed", state.speed);
+  if (Object.keys(state.set).length) add("set", values(state.set));
+  if (state.against !== null) add("against", values(state.against));
+  if (state.show !== null) add("show", state.show.map(encodeURIComponent).join(","));
+  if (state.forces) add("forces", 1);
+  return parts.join("&");
+}
+
+/** The state of a fragment; whatever is not understood is left as at the beginning. */
+export function read(fragment) {
+  const state = { t: 0, speed: 1, set: {}, against: null, show: null, forces: false };
+  for (const part of fragment.replace(/^#/, "").split("&")) {
+    const [key, value = ""] = part.split("=", 2);
+    if (key === "t" && Number.isFinite(Number(value))) state.t = Number(value);
+    if (key === "speed" && Number(value) > 0) state.speed = Number(value);
+    if (key === "set") state.set = values(value);
+    if (key === "against") state.against = values(value);
+    if (key === "show") state.show = value.split(",").map(decoded).filter(Boolean);
+    if (key === "forces") state.forces = value === "1";
+  }
+  return state;
+}
+
+function values(text) {
+  const found = {};
+  for (const pair of text.split(",")) {
+    const [name, value] = pair.split(":", 2);
+    if (decoded(name) && value && Number.isFinite(Number(value))) found[decoded(name)] = Number(value);
+  }
+  return found;
+}
+
+function decoded(text) {
+  try {
+    return decodeURIComponent(text ?? "");
+  } catch {
+    return "";
+  }
+}

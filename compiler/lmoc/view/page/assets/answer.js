@@ -1,0 +1,89 @@
+// The result of a run: values of variables over time, from the compiler or from the page's own simulation.
+
+/** Numbers from the base64 text of 32-bit or 64-bit floats (little-endian, as every browser has them). */
+export function decode(text, bits) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return bits === 64 ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
+}
+
+/** The place of a time among increasing ones: [index of the last one not later, share of the way to the next one]. */
+export function placeOf(time, t) {
+  let low = 0;
+  let high = time.length - 1;
+  if (high < 0 || t <= time[0]) return [0, 0];
+  if (t >= time[high]) return [high, 0];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (time[middle] <= t) low = middle;
+    else high = middle;
+  }
+  return [low, (t - time[low]) / (time[high] - time[low])];
+}
+
+export class Answer {
+  /** `columns` maps names to arrays over time, or to numbers that do not change. */
+  constructor(time, columns, { complete = true, reason = "" } = {}) {
+    Object.assign(this, { time, columns, complete, reason });
+  }
+
+  has(name) {
+    return this.columns.has(name);
+  }
+
+  /** Values over time. */
+  of(name) {
+    const found = this.columns.get(name);
+    return typeof found === "number" ? new Float64Array(this.time.length).fill(found) : (found ?? []);
+  }
+
+  /** A function of time for many names: `values(t)` fills and returns one array, linear between output times. */
+  reader(names) {
+    const columns = names.map((name) => this.columns.get(name) ?? NaN);
+    const values = new Float64Array(names.length);
+    return (t) => {
+      const [k, share] = placeOf(this.time, t);
+      for (let i = 0; i < columns.length; i++) {
+        const c = columns[i];
+        if (typeof c === "number") values[i] = c;
+        else values[i] = share === 0 ? c[k] : c[k] + share * (c[k + 1] - c[k]);
+      }
+      return values;
+    };
+  }
+
+  at(name, t) {
+    return this.reader([name])(t)[0];
+  }
+}
+
+/** The answer of the compiler, out of the data of a page. */
+export function givenAnswer(data) {
+  const time = Float64Array.from(decode(data.time, 64));
+  const values = decode(data.values, 32);
+  const columns = new Map();
+  for (const { name, column, value } of data.variables) {
+    const own = column === undefined ? (value ?? NaN) : values.subarray(column * time.length, (column + 1) * time.length);
+    columns.set(name, own);
+  }
+  return new Answer(time, columns, { complete: data.complete, reason: data.reason });
+}
+
+/** The largest difference between an answer and exact columns [[name, base64], …], by the largest value of each unit. */
+export function difference(answer, exact, unitOf) {
+  const largest = new Map();
+  const missed = new Map();
+  for (const [name, text] of exact) {
+    const truth = decode(text, 64);
+    const own = answer.of(name);
+    const unit = unitOf(name);
+    for (let k = 0; k < truth.length; k++) {
+      if (Number.isNaN(truth[k])) continue;
+      largest.set(unit, Math.max(largest.get(unit) ?? 0, Math.abs(truth[k])));
+      const miss = k < own.length ? Math.abs(own[k] - truth[k]) : NaN;
+      missed.set(unit, Number.isNaN(miss) ? Infinity : Math.max(missed.get(unit) ?? 0, miss));
+    }
+  }
+  let most = 0;
+  for (const [unit, miss] of missed) most = Math.max(most, miss / (largest.get(unit) || 1));
+  return most;
+}

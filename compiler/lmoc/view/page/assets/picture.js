@@ -1,0 +1,200 @@
+// The moving picture: SVG made from the description of the compiler, its items placed for the values of variables.
+//
+// The description and what moves it are explained in `view/scene/picture.py`.
+
+const SVG = "http://www.w3.org/2000/svg";
+const ARROW = 56; // px, the longest arrow of a force
+
+export function svgElement(name, attributes = {}) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
+  return element;
+}
+
+/** Names of the variables that move a picture. */
+export function movers(picture) {
+  const names = new Set();
+  for (const item of picture.items) {
+    for (const end of item.ends) for (const move of end.moves) names.add(move.variable);
+    if (item.turn.variable) names.add(item.turn.variable);
+  }
+  return [...names];
+}
+
+/** Where a vertex (f, x, y) of an item's frame is. */
+export function place(frame, [f, x, y]) {
+  const along = f * frame.length + x;
+  return [frame.x + along * frame.cos - y * frame.sin, frame.y + along * frame.sin + y * frame.cos];
+}
+
+/**
+ * The moves of a picture: `frames(values)` gives the frame of each item for values in the order of `names`.
+ *
+ * Moves of one group have one scale, such that none goes further than the room that the picture leaves.
+ */
+export class Motion {
+  constructor(picture, names, references, extremes) {
+    this.picture = picture;
+    this.index = new Map(names.map((name, k) => [name, k]));
+    this.references = references;
+    this.scales = groupScales(picture, this.index, references, extremes);
+  }
+
+  change(move, values) {
+    const k = this.index.get(move.variable);
+    const away = values[k] - (move.reference ?? this.references[k]);
+    const scale = move.group === "" ? 1 : (this.scales.get(move.group) ?? 0);
+    return Number.isFinite(away) ? scale * away : 0;
+  }
+
+  end(end, values) {
+    let { x, y } = end;
+    for (const move of end.moves) {
+      const shift = this.change(move, values);
+      x += move.dx * shift;
+      y += move.dy * shift;
+    }
+    return [x, y];
+  }
+
+  frame(item, values) {
+    const [x, y] = this.end(item.ends[0], values);
+    if (item.ends.length === 1) {
+      const { angle, variable, factor, reference } = item.turn;
+      const k = this.index.get(variable);
+      const turned = variable ? values[k] - (reference ?? this.references[k]) : 0;
+      const now = angle + factor * (Number.isFinite(turned) ? turned : 0);
+      return { x, y, length: 0, cos: Math.cos(now), sin: -Math.sin(now) };
+    }
+    const [x2, y2] = this.end(item.ends[1], values);
+    const now = Math.atan2(y2 - y, x2 - x);
+    return { x, y, length: Math.hypot(x2 - x, y2 - y), cos: Math.cos(now), sin: Math.sin(now) };
+  }
+}
+
+function groupScales(picture, index, references, extremes) {
+  const most = new Map();
+  for (const item of picture.items) {
+    for (const end of item.ends) {
+      for (const move of end.moves) {
+        if (move.group === "") continue;
+        const k = index.get(move.variable);
+        const zero = move.reference ?? references[k];
+        const [low, high] = extremes[k];
+        const way = Math.max(Math.abs(high - zero), Math.abs(low - zero)) * Math.hypot(move.dx, move.dy);
+        if (Number.isFinite(way)) most.set(move.group, Math.max(most.get(move.group) ?? 0, way));
+      }
+    }
+  }
+  return new Map([...most].map(([group, way]) => [group, way > 0 ? (picture.room[group] ?? 40) / way : 0]));
+}
+
+/** Pieces of a text with their level: "q_{1}" is q on the line and 1 below it. */
+export function runsOf(text) {
+  const runs = [];
+  let at = 0;
+  for (const found of text.matchAll(/([_^])\{([^{}]*)\}/g)) {
+    if (found.index > at) runs.push([text.slice(at, found.index), 0]);
+    if (found[2]) runs.push([found[2], found[1] === "_" ? -1 : 1]);
+    at = found.index + found[0].length;
+  }
+  if (at < text.length) runs.push([text.slice(at), 0]);
+  return runs;
+}
+
+/** A picture in the page. */
+export class Stage {
+  constructor(picture, host, label) {
+    this.picture = picture;
+    const { width, height } = picture;
+    this.svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
+    this.svg.style.maxWidth = `${Math.round(1.6 * width)}px`;
+    this.parts = [];
+    for (const item of picture.items) {
+      const group = svgElement("g", { class: `item ${/^[\w-]+$/.test(item.symbol) ? item.symbol : ""}` });
+      if (item.part) group.append(Object.assign(svgElement("title"), { textContent: item.part }));
+      const shapes = item.shapes.map((shape) => shapeElement(shape));
+      group.append(...shapes);
+      this.svg.append(group);
+      this.parts.push({ item, shapes });
+    }
+    this.arrows = svgElement("g", { class: "arrows", "aria-hidden": "true" });
+    this.svg.append(this.arrows);
+    host.append(this.svg);
+  }
+
+  /** Place everything for the values of the variables of a motion. */
+  show(motion, values) {
+    for (const { item, shapes } of this.parts) {
+      const frame = motion.frame(item, values);
+      for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
+    }
+  }
+
+  /** Draw the forces in parts with two ends: `force(item)` is a tension, `largest` the one of the longest arrow. */
+  showForces(motion, values, force, largest) {
+    this.arrows.replaceChildren();
+    if (force === null) return;
+    for (const { item } of this.parts) {
+      const tension = force(item);
+      if (item.ends.length !== 2 || !(Math.abs(tension) > 0.01 * largest)) continue;
+      const frame = motion.frame(item, values);
+      const length = (ARROW * tension) / largest;
+      this.arrows.append(arrow(place(frame, [0, 0, 0]), frame, length), arrow(place(frame, [1, 0, 0]), frame, -length));
+    }
+  }
+}
+
+function shapeElement(shape) {
+  const style = { class: `line ${shape.colour}${shape.fill ? ` fill-${shape.fill}` : ""}` };
+  if (shape.kind === "label") {
+    const text = svgElement("text", { class: `label ${shape.colour}`, "font-size": shape.size });
+    text.setAttribute("text-anchor", shape.anchor);
+    for (const [piece, level] of runsOf(shape.text)) {
+      const span = svgElement("tspan", level ? { "font-size": 0.72 * shape.size } : {});
+      span.textContent = piece;
+      span.dataset.level = String(level);
+      text.append(span);
+    }
+    shiftLevels(text, shape.size);
+    return text;
+  }
+  style["stroke-width"] = shape.width;
+  if (shape.dash.length) style["stroke-dasharray"] = shape.dash.join(" ");
+  return svgElement(shape.kind === "circle" ? "circle" : "path", { ...style, ...(shape.radius ? { r: shape.radius } : {}) });
+}
+
+/** Lower and raise the pieces of a text: `dy` counts from the piece before. */
+function shiftLevels(text, size) {
+  const height = { "-1": 0.28, 0: 0, 1: -0.38 };
+  let before = 0;
+  for (const span of text.children) {
+    const own = height[span.dataset.level] * size;
+    if (own !== before) span.setAttribute("dy", String(own - before));
+    before = own;
+  }
+}
+
+function placeShape(element, shape, frame) {
+  if (shape.kind === "path") {
+    let d = "";
+    for (const vertex of shape.vertices) {
+      const [x, y] = place(frame, vertex);
+      d += `${d === "" ? "M" : "L"}${x.toFixed(2)} ${y.toFixed(2)}`;
+    }
+    element.setAttribute("d", shape.closed ? `${d}Z` : d);
+    return;
+  }
+  const [x, y] = place(frame, shape.kind === "circle" ? shape.centre : shape.at);
+  const [across, down] = shape.kind === "circle" ? ["cx", "cy"] : ["x", "y"];
+  element.setAttribute(across, x.toFixed(2));
+  element.setAttribute(down, (shape.kind === "circle" ? y : y + 0.35 * shape.size).toFixed(2));
+}
+
+function arrow([x, y], { cos, sin }, length) {
+  const tip = [x + length * cos, y + length * sin];
+  const back = Math.sign(length) * Math.min(8, Math.abs(length));
+  const side = (s) => [tip[0] - back * cos - s * 3.5 * sin, tip[1] - back * sin + s * 3.5 * cos];
+  const points = [[x, y], tip, side(1), tip, side(-1)].map((p) => p.map((v) => v.toFixed(2)).join(" "));
+  return svgElement("path", { class: "line force", "stroke-width": 2, d: `M${points.join("L")}` });
+}

@@ -1,0 +1,337 @@
+"""The data of a page: a run and its picture as plain lists, numbers and texts, small whatever the scene is.
+
+A page holds a limited number of values. Of a longer run fewer output times are shown, of a larger scene fewer
+variables; `missing` says so.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lmoc.ir.flat import Kind
+from lmoc.messages.diagnostics import ModelError
+from lmoc.report.events import events_data
+from lmoc.report.plots import choose
+from lmoc.report.result import Result
+from lmoc.report.summary import energy_text
+from lmoc.support.distinct import distinct
+from lmoc.symbolic.styles import unit_text
+from lmoc.view.javascript.script import NotWritten, Script, write_script
+from lmoc.view.javascript.sliders import sliders
+from lmoc.view.scene.compose import picture_of
+from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
+
+MOST_VALUES = 140_000  # numbers of 32 bits: 0.75 MB of text
+LEAST_TIMES = 201  # output times that are left in any case
+MOST_VARIABLES = 4000
+MOST_SHOWN = 6  # variables that are plotted at first
+MOST_SLIDERS = 60
+MOST_EVENTS = 500
+MOST_PARTS = 500  # of a scene whose picture moves
+CHECKED, CHECK_TIMES = 40, 101  # variables and times at which the page compares its own run
+
+
+@dataclass
+class Contents:
+    """What a page shows.
+
+    Attributes
+    ----------
+    data : for JSON; None stands for NaN
+    make : the functions of the page's own simulation as JavaScript, "null" without
+    missing : what is not shown, and why, in sentences
+    """
+
+    data: dict[str, Any]
+    make: str = "null"
+    missing: list[str] = field(default_factory=list)
+
+
+def contents(run: Result, title: str) -> Contents:
+    """Return the data of a page.
+
+    Parameters
+    ----------
+    run : complete or not
+    title : of the page
+    """
+    missing = []
+    if not run.complete:
+        missing.append(f"The run broke off at t = {run.broke_off:.6g} s: this is what there is until then.")
+    shown = [name for name in _plain_names(run, choose(run))][:MOST_SHOWN]
+    picture = _picture(run, missing)
+    moving = _movers(picture)
+    script, reason = _script(run)
+    table = _Table.of(run, [*shown, *moving], script, missing)
+    energy = _energy(run, table)
+    if not np.isfinite(table.values).all():
+        missing.append("Some variables have no value at some times: their curves have gaps there.")
+    data = {
+        "title": title,
+        "complete": run.complete,
+        "reason": "" if run.complete else f"broke off at {run.broke_off:.6g} s",
+        "time": _packed(table.time, "<f8"),
+        "values": _packed(table.columns, "<f4"),
+        "variables": table.variables,
+        "shown": shown,
+        "energy": energy,
+        "events": _events(run, missing),
+        "modes": _modes(run),
+        "picture": None if picture is None else picture_data(picture),
+        "check": table.check(script),
+        "checkTimes": table.check_times.tolist(),
+        "script": _script_data(run, script, reason),
+    }
+    return Contents(data, "null" if script is None else _function(script), missing)
+
+
+def _plain_names(run: Result, names: Sequence[str]) -> list[str]:
+    """Names of single variables: arrays by their members, derivatives of states left out."""
+    found = [run.flat.find(name) for name in names]
+    return [run.flat.variable_name(int(v)) for own in found if own is not None for v in own[:MOST_SHOWN]]
+
+
+# ---------------------------------------------------------------------- variables
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The values that a page holds."""
+
+    run: Result
+    rows: np.ndarray  # of the output times
+    numbers: np.ndarray  # variables of the flat model
+    values: np.ndarray  # (times, variables)
+    columns: np.ndarray  # (columns, times) those that change, each once
+    variables: list[dict]
+
+    @classmethod
+    def of(cls, run: Result, first: Sequence[str], script: Script | None, missing: list[str]) -> _Table:
+        """Choose variables, `first` before all others, and output times."""
+        numbers = _chosen(run, first, missing)
+        most = max(LEAST_TIMES, MOST_VALUES // max(1, len(numbers)))
+        rows = _spread(len(run.time), most, run)
+        values = run.values(numbers)[rows]
+        columns, place = _distinct_columns(values)
+        if columns.size > MOST_VALUES:  # a large scene: what has been asked for, and what comes first
+            kept = max(len(first), MOST_VALUES // len(rows))
+            missing.append(f"{len(numbers) - kept} of {len(numbers)} variables are left out.")
+            numbers, values = numbers[:kept], values[:, :kept]
+            columns, place = _distinct_columns(values)
+        if len(rows) < len(run.time):
+            missing.append(f"{len(rows)} of {len(run.time)} output times are shown.")
+        variables = [_variable(run, script, int(v), values[0, k], place[k]) for k, v in enumerate(numbers.tolist())]
+        return cls(run, rows, numbers, values, columns, variables)
+
+    @property
+    def time(self) -> np.ndarray:
+        return self.run.time[self.rows]
+
+    @property
+    def check_times(self) -> np.ndarray:
+        return self.time[_even(len(self.rows), CHECK_TIMES)]
+
+    def check(self, script: Script | None) -> list[list[str]]:
+        """Return [name, values at `check_times` to the last digit] of what the page computes as well."""
+        if script is None:
+            return []
+        moving = (self.values != self.values[0]).any(axis=0)
+        own = np.flatnonzero((script.registers[self.numbers] >= 0) & moving)[:CHECKED]
+        exact = self.values[_even(len(self.rows), CHECK_TIMES)]
+        names = (self.run.flat.variable_name(int(v)) for v in self.numbers[own])
+        return [[name, _packed(exact[:, k], "<f8")] for name, k in zip(names, own.tolist(), strict=True)]
+
+
+def _chosen(run: Result, first: Sequence[str], missing: list[str]) -> np.ndarray:
+    wanted = [run.flat.find(name) for name in [*first, "ledger.stored", "ledger.work", "ledger.heat"]]
+    leading = np.concatenate([np.zeros(0, int), *(w for w in wanted if w is not None)])
+    every = np.concatenate([leading, run.table_variables()]).astype(int)
+    if run.trajectory.kept is not None:
+        every = every[np.isin(every, run.trajectory.kept) | (run.flat.kind[every] < Kind.INPUT)]
+    every = every[np.sort(np.unique(every, return_index=True)[1])]
+    if len(every) > MOST_VARIABLES:
+        missing.append(f"{len(every) - MOST_VARIABLES} of {len(every)} variables are left out.")
+    return every[:MOST_VARIABLES]
+
+
+def _spread(count: int, most: int, run: Result) -> np.ndarray:
+    """Rows of the output times to show: all, or evenly some and those beside events."""
+    if count <= most:
+        return np.arange(count)
+    beside = np.searchsorted(run.time, [e.time for e in run.events[:MOST_EVENTS]])
+    return distinct(np.concatenate([_even(count, most), np.clip(np.concatenate([beside, beside - 1]), 0, count - 1)]))
+
+
+def _even(count: int, most: int) -> np.ndarray:
+    return distinct(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+def _distinct_columns(values: np.ndarray) -> tuple[np.ndarray, list[int]]:
+    """Return columns that change as rows, each once, and which of them each variable is; -1 for what is constant."""
+    found: dict[bytes, int] = {}
+    columns, place = [], []
+    for column in np.ascontiguousarray(values.T):
+        if (column == column[0]).all() or np.isnan(column).all():
+            place.append(-1)
+            continue
+        key = column.tobytes()
+        if key not in found:
+            found[key] = len(columns)
+            columns.append(column)
+        place.append(found[key])
+    return np.array(columns).reshape(len(columns), len(values)), place
+
+
+def _variable(run: Result, script: Script | None, number: int, value: float, column: int) -> dict[str, Any]:
+    flat = run.flat
+    name = flat.variable_name(number)
+    unit = run.unit(name)
+    entry: dict[str, Any] = {"name": name, "unit": unit_text(unit) if unit else ""}
+    if column >= 0:
+        entry["column"] = column
+    else:
+        entry["value"] = _number(value)
+    if script is not None and script.registers[number] >= 0:
+        entry["register"] = int(script.registers[number])
+    return entry
+
+
+def _energy(run: Result, table: _Table) -> dict[str, str] | None:
+    """Return the names of the ledger's variables and the error of its balance; None where there is none."""
+    names = {"stored": "ledger.stored", "supplied": "ledger.work", "lost": "ledger.heat"}
+    numbers = [run.flat.find(name) for name in names.values()]
+    if run.energy is None or any(n is None or not np.isin(n, table.numbers).all() for n in numbers):
+        return None
+    if not (run.energy.stored.any() or run.energy.supplied.any() or run.energy.lost.any()):
+        return None
+    return names | {"text": energy_text(run)}
+
+
+# ---------------------------------------------------------------------- events and modes
+
+
+def _events(run: Result, missing: list[str]) -> list[dict[str, Any]]:
+    if len(run.events) > MOST_EVENTS:
+        missing.append(f"{MOST_EVENTS} of {len(run.events)} events are shown.")
+    events = events_data(run.events[:MOST_EVENTS])
+    return [{k: _number(v) if isinstance(v, float) else v for k, v in e.items()} for e in events]
+
+
+def _modes(run: Result) -> list[dict[str, Any]]:
+    """Return for each law from when on it has been in which mode."""
+    spans: dict[str, list[list]] = {}
+    for event in run.events[:MOST_EVENTS]:
+        if event.before and event.after:
+            own = spans.setdefault(event.name, [[float(run.time[0]), event.before]])
+            own.append([float(event.time), event.after])
+    return [{"name": name, "spans": own} for name, own in spans.items()]
+
+
+# ---------------------------------------------------------------------- the picture
+
+
+def _picture(run: Result, missing: list[str]) -> Picture | None:
+    def at_start():
+        return lambda name: float(run[name][0])
+
+    parts = run.reduced.counts["parts"]
+    if parts > MOST_PARTS:
+        missing.append(f"The picture is left out: the scene has {parts} parts.")
+        return None
+    try:
+        picture = picture_of(run.flat, run.trajectory.observer.values, at_start)
+    except ModelError as error:
+        missing.append(f"The scene cannot be drawn: {error.diagnostics[0].message}.")
+        return None
+    missing += picture.notes
+    return picture
+
+
+def _movers(picture: Picture | None) -> list[str]:
+    """Names of the variables that a picture asks for."""
+    if picture is None:
+        return []
+    names = [m.variable for item in picture.items for end in item.ends for m in end.moves]
+    names += [item.turn.variable for item in picture.items if item.turn.variable]
+    names += [name for item in picture.items for name in item.variables.values()]
+    return list(dict.fromkeys(names))
+
+
+def picture_data(picture: Picture) -> dict[str, Any]:
+    """Return a picture as `picture.js` reads it."""
+    return {
+        "width": _short(picture.width),
+        "height": _short(picture.height),
+        "room": dict(picture.room),
+        "items": [_item(item) for item in picture.items],
+    }
+
+
+def _item(item: Item) -> dict[str, Any]:
+    return {
+        "symbol": item.symbol,
+        "part": item.part,
+        "ends": [{"x": _short(e.x), "y": _short(e.y), "moves": [asdict(m) for m in e.moves]} for e in item.ends],
+        "turn": asdict(item.turn),
+        "shapes": [_shape(shape) for shape in item.shapes],
+        "variables": dict(item.variables),
+    }
+
+
+def _shape(shape: Path | Circle | Label) -> dict[str, Any]:
+    entry = {"kind": type(shape).__name__.lower()} | asdict(shape)
+    for key in ("vertices", "centre", "at"):
+        if key in entry:
+            value = entry[key]
+            entry[key] = [_vertex(v) for v in value] if key == "vertices" else _vertex(value)
+    return entry
+
+
+def _vertex(vertex: Sequence[float]) -> list[float]:
+    return [round(vertex[0], 5), _short(vertex[1]), _short(vertex[2])]
+
+
+def _short(value: float) -> float:
+    return round(float(value), 2)
+
+
+# ---------------------------------------------------------------------- the page's own simulation
+
+
+def _script(run: Result) -> tuple[Script | None, str]:
+    """Return the run as JavaScript, or why there is none."""
+    if len(run.time) < 2 or not len(run.trajectory.pieces[0].time):
+        return None, "the run has no two output times"
+    stop = run.time[-1] if run.complete else max(run.time[-1], run.broke_off)
+    try:
+        return write_script(run.trajectory, float(stop)), ""
+    except NotWritten as error:
+        return None, str(error)
+
+
+def _script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:
+    if script is None:
+        return {"reason": reason, "parameters": [], "held": []}
+    found = sliders(run.trajectory.observer, script.slots)
+    order = sorted(found, key=lambda s: (bool(s.fixed), s.value == 0))  # stable: the model's order otherwise
+    parameters = [asdict(s) | {"unit": unit_text(s.unit) if s.unit else ""} for s in order[:MOST_SLIDERS]]
+    return script.data | {"reason": "", "parameters": parameters}
+
+
+def _function(script: Script) -> str:
+    return f"(tab, blocks) => ({script.text})"
+
+
+def _packed(values: np.ndarray, kind: str) -> str:
+    """Numbers as base64 of their bytes."""
+    with np.errstate(over="ignore"):
+        return b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

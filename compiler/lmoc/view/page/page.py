@@ -1,0 +1,139 @@
+"""One self-contained page: no network, no server."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.report.files import check_target
+from lmoc.report.result import Result
+from lmoc.report.summary import counted, energy_text, stages, times_text
+from lmoc.support.replacing import replace_file
+from lmoc.view.page.contents import Contents, contents
+from lmoc.view.page.join import asset, joined
+
+UPLOT = "1.6.32"
+MOST_DERIVED = 24  # states of a scene whose equations are derived for the page
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page in which a run moves; shown in notebooks, written by `save`.
+
+    Attributes
+    ----------
+    run : what it shows
+    version : of the program, for the page's head
+    """
+
+    run: Result
+    version: str
+
+    @cached_property
+    def html(self) -> str:
+        """The text of the page."""
+        run = self.run
+        title = run.flat.name
+        found = contents(run.fine if run.trajectory.kept is None else run, title)
+        missing = (f'<p class="warning">{escape(sentence)}</p>' for sentence in dict.fromkeys(found.missing))
+        return _filled(asset("page.html"), {
+            "version": self.version,
+            "title": escape(title),
+            "subtitle": escape(run.flat.description),
+            "missing": "".join(missing),
+            "equations": equations_html(run),
+            "system": system_html(run),
+            "events": events_html(found),
+            "style": asset(f"uplot-{UPLOT}.min.css") + asset("page.css"),
+            "uplot": asset(f"uplot-{UPLOT}.min.js"),
+            "uplot-version": UPLOT,
+            "licence": escape(asset("uplot-LICENSE.txt")),
+            "data": json_text(found),
+            "script": joined("main.js") + joined("elementary.js"),
+            "make": found.make,
+        })  # fmt: skip
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page.
+
+        Raises
+        ------
+        ModelError
+            E0623, E0624: it cannot be written.
+        """
+        path = Path(path)
+        check_target(path, (".html", ".htm"))
+        try:
+            replace_file(path, lambda target: target.write_text(self.html, encoding="utf-8"))
+        except OSError as error:
+            reason = error.strerror or error
+            raise ModelError([Diagnostic("E0623", f"'{path}' cannot be written: {reason}")]) from None
+        return path
+
+    def _repr_html_(self) -> str:
+        """Return a frame with the page in it, for notebooks."""
+        style = "width:100%;height:760px;border:1px solid #ddd"
+        return f'<iframe srcdoc="{escape(self.html)}" style="{style}" title="{escape(self.run.flat.name)}"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"<Page of {self.run!r}>"
+
+
+def _filled(template: str, values: dict[str, str]) -> str:
+    """Put values into a template at once: what looks like a place within a value stays as it is."""
+    return re.sub(r"\{\{([\w-]+)\}\}", lambda found: values[found[1]], template)
+
+
+def json_text(found: Contents) -> str:
+    """Return JSON that may stand inside of a script element."""
+    text = json.dumps(found.data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def equations_html(run: Result) -> str:
+    """Return the equations of motion in MathML, or why they are not shown."""
+    from lmoc.symbolic.equations import equations_of_motion
+
+    if run.reduced.switched is not None:
+        return "<p>Those of a scene with laws change with its modes, and are not shown here.</p>"
+    count = len(run.reduced.states)
+    if count > MOST_DERIVED:
+        return f"<p>Not derived for the page: the scene has {count} states.</p>"
+    try:
+        return equations_of_motion(run.reduced, run.trajectory.observer.values).html()
+    except ModelError as error:
+        return f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>"
+
+
+def system_html(run: Result) -> str:
+    """Return what was solved and what it cost, as a table."""
+    stats, states = run.stats, run.states
+    named = ", ".join(f"<code>{escape(name)}</code>" for name in states[:12]) + (" …" if len(states) > 12 else "")
+    counts = [f"{stats[key]} {key}" for key in ("steps", "evaluations") if key in stats]
+    rows = {
+        "states": named or "none",
+        "reduction": escape(" → ".join(counted(n, stage) for stage, n in stages(run.reduced.counts))),
+        "solver": escape(f"{stats.get('solver', '')} ({stats.get('reason', '')}), rtol {stats.get('rtol', 0):g}"),
+        "cost": escape("; ".join(filter(None, [", ".join(counts), times_text(run.timings)]))),
+        "energy": escape(energy_text(run)),
+    }
+    warnings = [d.message for d in run.notes if d.severity == "warning"]
+    body = "".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in rows.items())
+    return f"<table>{body}</table>" + "".join(f'<p class="warning">{escape(text)}.</p>' for text in warnings)
+
+
+def events_html(found: Contents) -> str:
+    """Return the events as a table; nothing without events."""
+    events = found.data["events"]
+    if not events:
+        return ""
+    rows = ""
+    for e in events:
+        cells = f"{e['time']:.6g} s", e["name"], e["kind"], " → ".join(filter(None, (e["before"], e["after"])))
+        rows += "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+    return f"<details><summary>Events ({len(events)})</summary><table>{rows}</table></details>"

@@ -1,0 +1,187 @@
+"""Pages as text: what they hold, what they leave out, and that nothing in a model gets out of its place."""
+
+import json
+import re
+from base64 import b64decode
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.browser import needs_browser, open_page
+
+import lmoc
+from lmoc.view.page.contents import contents
+from lmoc.view.page.page import Page
+
+MODELS = Path(__file__).parents[2] / "models"
+LIMIT = 1_500_000  # bytes
+
+EVIL = "<img src=x onerror=alert(1)></script><script>alert(2)</script><!--{{script}}"
+HOSTILE = f"""
+model Hostile "{EVIL}"
+  parameter Real k(unit = "N/m") = 8 "{EVIL}";
+  output Real x = body.q "{EVIL}";
+  output Real '<b onmouseover=alert(3)>&amp;' = 2*body.q;
+  Mass body(m = 2, q(start = 0.5, fixed = true)) "{EVIL}";
+  Spring '</title><script>alert(4)</script>'(k = k);
+  Fixed wall;
+equation
+  connect(wall.flange, '</title><script>alert(4)</script>'.a);
+  connect('</title><script>alert(4)</script>'.b, body.flange);
+end Hostile;
+"""
+
+
+class Elements(HTMLParser):
+    """Names of the elements of a page, and the attributes that could act."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.names: list[str] = []
+        self.acting: list[tuple] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.names.append(tag)
+        self.acting += [a for a in attrs if a[0].startswith("on") or a[0] in ("src", "href", "srcset", "action")]
+
+
+def data_of(html: str) -> dict:
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
+
+
+def view_of(text: str, **options) -> Page:
+    return lmoc.compile_text(text).simulate(**{"stop": 2, "points": 51} | options).view()
+
+
+def test_it_is_one_file_that_loads_nothing():
+    html = view_of(HOSTILE.replace(EVIL, "harmless")).html
+    found = Elements(html)
+    assert found.acting == [] and "link" not in found.names and "iframe" not in found.names
+    assert re.findall(r"@import|url\((?!#)", html) == []
+    assert "default-src 'none'" in html
+    assert "Copyright (c) 2022 Leon Sorokin" in html
+
+
+def test_hostile_names_and_texts_stay_texts():
+    harmless, hostile = view_of(HOSTILE.replace(EVIL, "harmless")).html, view_of(HOSTILE).html
+    assert Elements(hostile).names == Elements(harmless).names and Elements(hostile).acting == []
+    assert data_of(hostile)["variables"][0]["name"] == "x"
+    assert "<img" not in hostile.split('<script type="module">')[0].split("<script>")[0]
+
+
+@needs_browser
+def test_hostile_names_and_texts_do_nothing_in_a_browser():
+    page = view_of(HOSTILE)
+    seen = open_page(page.html, """
+      globalThis.alert = (n) => { globalThis.hit = n; };
+      const entry = document.querySelector("#chooser input");
+      entry.value = "<b onmouseover=alert(3)>&amp;"; entry.dispatchEvent(new Event("change"));
+      location.hash = "#show=" + encodeURIComponent("<img src=x onerror=alert(5)>") + "&set=%3Cb%3E:1";
+      await frames(5);
+      const bold = document.querySelectorAll("main b").length;
+      return { hit: globalThis.hit ?? null, images: document.images.length, bold };
+    """)  # fmt: skip
+    assert seen.console == [] and seen.answer["hit"] is None
+    assert seen.answer["images"] == seen.answer["bold"] == 0
+
+
+def test_values_that_are_none_leave_gaps_and_are_told():
+    text = "model M Real x(start=-1, fixed=true); Real y; equation der(x) = 1; y = sqrt(x); end M;"
+    page = view_of(text)
+    found = contents(page.run, "M")
+    assert any("no value" in sentence for sentence in found.missing)
+    json.dumps(found.data, allow_nan=False)
+
+
+def test_a_run_that_broke_off_shows_what_there_is():
+    dae = lmoc.compile_text("model M Real x(start=1, fixed=true); equation der(x) = x^2; end M;")
+    with pytest.raises(lmoc.SimulationError) as failure:
+        dae.simulate(stop=3)
+    html = failure.value.partial.view().html
+    assert "The run broke off at t = " in html
+    data = data_of(html)
+    assert not data["complete"] and data["script"]["end"] < 1.01
+
+
+def test_large_scenes_make_small_pages_that_say_what_is_left_out():
+    text = """
+    model Chain
+      parameter Integer n = 10000;
+      Mass m[n](each m = 1); Spring s[n](each k = 100); Fixed wall;
+      output Real x = m[n].q;
+    initial equation
+      m[1].v = 1;
+    equation
+      connect(wall.flange, s[1].a);
+      for i in 1:n loop connect(s[i].b, m[i].flange); end for;
+      for i in 2:n loop connect(m[i-1].flange, s[i].a); end for;
+    end Chain;
+    """
+    run = lmoc.compile_text(text).simulate(stop=0.5, points=21, rtol=1e-4)
+    html = run.view().html
+    assert len(html.encode()) < LIMIT
+    assert "too large to be simulated in a page" in html and "left out" in html
+
+
+def test_many_output_times_are_thinned_but_events_keep_theirs():
+    dae = lmoc.compile(MODELS / "laws" / "h19_bouncing_ball.lmo")
+    run = dae.simulate(points=200_001)
+    page = run.view()
+    assert len(page.html.encode()) < LIMIT and "output times are shown" in page.html
+    data = contents(run, "ball").data
+    time = np.frombuffer(b64decode(data["time"]))
+    first = data["events"][0]["time"]
+    assert np.abs(time - first).min() <= 2 * (run.time[1] - run.time[0])
+
+
+def test_every_scene_of_the_notes_has_a_page_below_the_limit():
+    for file in (MODELS / "notes" / "ex05_suspension.lmo", MODELS / "notes" / "s9_lever_large_angles.lmo"):
+        html = lmoc.compile(file).view().html
+        assert len(html.encode()) < LIMIT / 3 and "<math" in html
+
+
+def test_laws_events_and_modes():
+    run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate()
+    data = contents(run, "bungee").data
+    assert data["script"]["reason"].startswith("the scene has laws")
+    assert data["modes"] == [{"name": "string", "spans": [[0.0, "slack"], *([e.time, e.after] for e in run.events)]}]
+
+
+def test_columns_are_held_once_and_constants_as_numbers():
+    run = lmoc.compile(MODELS / "notes" / "ex02_spring_mass_damper.lmo").simulate(points=11)
+    data = contents(run, "one").data
+    changing = [v for v in data["variables"] if "column" in v]
+    assert len({v["column"] for v in changing}) < len(changing)
+    packed = np.frombuffer(b64decode(data["values"]), "<f4").reshape(-1, len(run.time))
+    for v in changing:
+        assert np.allclose(packed[v["column"]], run[v["name"]], rtol=1e-6, equal_nan=True)
+
+
+def test_kept_variables_alone_make_a_page():
+    run = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo").simulate(points=21, keep=["q2"])
+    names = {v["name"] for v in data_of(run.view().html)["variables"]}
+    assert "q2" in names and "wheel.a" not in names
+
+
+def test_the_command(tmp_path, capsys):
+    from lmoc.cli.main import main
+
+    scene = str(MODELS / "notes" / "ex02_spring_mass_damper.lmo")
+    page, failed, blow = tmp_path / "page.html", tmp_path / "failed.html", tmp_path / "blow.lmo"
+    assert main(["view", scene, "-o", str(page), "--stop", "1", "--points", "11"]) == 0
+    assert f"page written to {page}" in capsys.readouterr().out
+    assert data_of(page.read_text())["complete"]
+    assert main(["view", scene, "-o", str(tmp_path / "page.png")]) == 2
+    assert "E0624" in capsys.readouterr().err
+    blow.write_text("model M Real x(start=1, fixed=true); equation der(x) = x^2; end M;")
+    assert main(["view", str(blow), "-o", str(failed), "--stop", "3"]) == 3
+    assert "shows the run until then" in capsys.readouterr().err
+    assert not data_of(failed.read_text())["complete"]
+
+
+def test_a_notebook_gets_a_frame():
+    page = view_of(HOSTILE)
+    assert page._repr_html_().startswith("<iframe srcdoc=") and Elements(page._repr_html_()).names == ["iframe"]
+    assert "Page of" in repr(page)

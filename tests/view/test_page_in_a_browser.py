@@ -1,0 +1,126 @@
+"""Pages in a real browser: they load alone, move, and simulate again when a slider is moved."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.browser import needs_browser, open_page
+
+import lmoc
+
+MODELS = Path(__file__).parents[2] / "models"
+
+pytestmark = needs_browser
+
+FACTS = """
+  const $ = (id) => document.getElementById(id);
+  const row = (name) => [...$("values").rows].find((r) => r.cells[0].textContent === name);
+  const value = (name) => Number(row(name).cells[1].textContent);
+  const difference = Number($("repeat").dataset.difference);
+  const requests = performance.getEntriesByType("resource").map((e) => e.name);
+  const paths = () => [...document.querySelectorAll("#stage path")].map((p) => p.getAttribute("d")).join();
+"""
+
+
+@pytest.fixture(scope="module")
+def suspension():
+    dae = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo")
+    return dae, dae.simulate().view().html
+
+
+def test_it_loads_alone_plays_and_scrubs(suspension):
+    _, html = suspension
+    seen = open_page(html, FACTS + """
+      const still = paths();
+      $("play").click();
+      await frames(30);
+      const playing = $("play").getAttribute("aria-pressed"), moved = paths() !== still;
+      $("play").click();
+      const time = $("time");
+      time.value = "1.5";
+      time.dispatchEvent(new Event("input"));
+      const scrubbed = [$("now").textContent, value("q1"), value("q2")];
+      document.dispatchEvent(new KeyboardEvent("keydown", { key: "Home", bubbles: true }));
+      const home = $("now").textContent;
+      document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+      const canvases = document.querySelectorAll("canvas").length;
+      return { difference, requests, playing, moved, scrubbed, home, next: $("now").textContent, canvases,
+               wide: document.documentElement.scrollWidth <= innerWidth, hash: location.hash };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == []
+    assert found["requests"] == []
+    assert found["difference"] < 1e-6
+    assert found["playing"] == "true" and found["moved"]
+    run = suspension[0].simulate(times=[0, 1.5])
+    assert found["scrubbed"][0] == "t = 1.500 s"
+    assert np.allclose(found["scrubbed"][1:], [run["q1"][-1], run["q2"][-1]], rtol=1e-3)
+    assert found["home"] == "t = 0.000 s" and found["next"] == "t = 0.010 s"
+    assert found["canvases"] == 3 and found["wide"] and found["hash"]
+
+
+def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
+    dae, html = suspension
+    seen = open_page(html, FACTS + """
+      const slider = [...document.querySelectorAll(".slider")].find((r) => r.textContent.startsWith("k2"));
+      $("time").value = "2"; $("time").dispatchEvent(new Event("input"));
+      const before = value("q2");
+      $("keep").click();
+      const entry = slider.querySelector("input[type=number]");
+      entry.value = "40000"; entry.dispatchEvent(new Event("change"));
+      const after = value("q2"), hash = location.hash;
+      const range = slider.querySelector("input[type=range]");
+      range.value = "-1"; range.dispatchEvent(new Event("input")); range.dispatchEvent(new Event("change"));
+      const soft = [entry.value, value("q2")];
+      const kept = [...document.querySelectorAll(".legend")].some((l) => l.textContent.includes("kept"));
+      $("reset").click();
+      return { before, after, hash, soft, kept, again: value("q2"), trouble: $("trouble").textContent };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == []
+
+    def truth(**given):
+        return dae.simulate(parameters=given)["q2"][-1]
+
+    assert found["before"] == pytest.approx(truth(), rel=1e-4) == pytest.approx(found["again"], rel=1e-4)
+    assert found["after"] == pytest.approx(truth(k2=40000), rel=1e-4)
+    assert found["soft"] == ["3200", pytest.approx(truth(k2=3200), rel=1e-4)]
+    assert "set=k2:40000" in found["hash"] and found["kept"] and found["trouble"] == ""
+
+
+def test_an_address_holds_the_state(suspension):
+    _, html = suspension
+    seen = open_page(html, FACTS + """
+      location.hash = "#t=0.5&set=k2:40000,nonsense:1&against=&show=body.v,nothing&forces=1&speed=2";
+      await frames(3);
+      const arrows = document.querySelectorAll("#stage .arrows path").length;
+      return { chips: [...document.querySelectorAll(".chips code")].map((c) => c.textContent), arrows,
+               moved: [...document.querySelectorAll(".slider.moved code")].map((c) => c.textContent),
+               forces: $("forces").checked, speed: $("speed").value, hash: location.hash };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == []
+    assert found["chips"] == ["body.v"] and found["moved"] == ["k2"] and found["forces"] and found["arrows"] >= 2
+
+
+def test_on_a_phone_nothing_is_wider_than_the_screen(suspension):
+    _, html = suspension
+    script = FACTS + "return [document.documentElement.scrollWidth, innerWidth, difference];"
+    found = open_page(html, script, size=(500, 900)).answer  # chromium has no narrower window
+    assert found[0] <= found[1]
+
+
+@pytest.mark.parametrize("file", ["planar/slider_crank", "laws/h06_bungee", "notes/s3_1_cubic_spring"])
+def test_other_scenes_move_without_a_complaint(file):
+    html = lmoc.compile(MODELS / f"{file}.lmo").simulate().view().html
+    seen = open_page(html, FACTS + """
+      const still = paths();
+      $("time").value = String(0.37 * Number($("time").max)); $("time").dispatchEvent(new Event("input"));
+      return { moved: paths() !== still, repeat: $("repeat").textContent, difference, modes: $("modes").textContent };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["moved"]
+    if file.startswith("laws"):
+        assert "sliders are missing" in found["repeat"] and "string" in found["modes"]
+    else:
+        assert found["difference"] < 1e-6
