@@ -104,7 +104,11 @@ class _Run:
                 continue
             if self.happenings is None or outcome.status.failed:
                 break
-            x = self._behind(outcome)
+            try:
+                x = self._behind(outcome)
+            except KeyboardInterrupt:
+                self.ended = Status.INTERRUPTED
+                break
             if x is None:
                 break
             outcome = self._integrate(x, self.stretch.begin)
@@ -183,7 +187,7 @@ class _Run:
         old, now = self.stretch, self.happenings
         observer = Observer(old.plan, self.task.values, now.base(), now.signals)
         self.stretch = Stretch(observer, old.system, time, self.task.span.times, old.reached, self.variables)
-        self.stretch.mode = now.mode
+        self.stretch.mode, self.stretch.rounding = now.mode, now.rounding
         old.system.prepare(observer.base, now.signals)
 
     def _behind(self, outcome: Outcome) -> np.ndarray | None:

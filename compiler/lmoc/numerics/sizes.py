@@ -42,7 +42,8 @@ def assumed_sizes(plan: Plan, values: np.ndarray, x: np.ndarray, known: Sizes) -
 def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None:
     """Return the sizes of a motion that was much smaller than what its tolerances had been chosen for, else None.
 
-    Rounding in what should be at rest has no size: components are compared with the others of their unit.
+    Rounding in what should be at rest has no size: components are compared with the others of their unit, and with
+    what the forces of laws that hold them miss each other by.
     """
     if not any(_is_small(piece, values, known) for piece in run.pieces):
         return None
@@ -56,11 +57,26 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
     for array, top in largest.items():
         group = _group(run.flat, array)
         groups[group] = max(top, groups.get(group, 0.0))
-    found = {}
+    found, drift = {}, _drift(run)
     for array, top in largest.items():
         size = max(top, _NOISE * groups[_group(run.flat, array)])
-        found[array] = size if size > _REST else assumed[array]
+        found[array] = size if size > max(_REST, drift.get(array, 0.0)) else assumed[array]
     return found if any(found[array] < _LOOSE * assumed[array] for array in found) else None
+
+
+def _drift(run: Trajectory) -> dict[Array, float]:
+    """Return how far rounding in the forces of closed laws may have moved each array, and the one it is the rate of."""
+    length, drift = run.last[0] - run.pieces[0].begin, {}
+    for piece in run.pieces:
+        if piece.rounding is None:
+            continue
+        arrays, number = piece.observer.plan.once(_arrays)
+        for k, rounding in zip(number.tolist(), piece.rounding.tolist(), strict=True):
+            block, order = arrays[k]
+            for lower in range(order + 1):
+                way = rounding * length ** (order - lower + 1)
+                drift[block, lower] = max(way, drift.get((block, lower), 0.0))
+    return drift
 
 
 def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:

@@ -65,7 +65,7 @@ class Stretch:
     ----------
     begin : s
     first : number of output times that lie before it
-    mode : of the laws; None without laws
+    mode, rounding : of the laws, as in `Piece`
     largest : (n,) the magnitude of each state at the steps; None where they were not looked at
     watch : judges its coordinates; None where their choice never divides by anything that changes
     """
@@ -79,6 +79,7 @@ class Stretch:
         self.watch: CoordinateWatch | None = None
         self.mode: Mode | None = None
         self.largest: np.ndarray | None = None
+        self.rounding: np.ndarray | None = None
 
     @property
     def reached(self) -> int:
@@ -94,7 +95,8 @@ class Stretch:
             table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
         if self.watch is not None:
             self.observer.path = self.watch.path
-        return Piece(self.observer, self.begin, times, table, self.recorder.sampled(), self.mode, self.largest)
+        sampled = self.recorder.sampled()
+        return Piece(self.observer, self.begin, times, table, sampled, self.mode, self.largest, self.rounding)
 
 
 class Cost:

@@ -93,6 +93,11 @@ class Happenings:
         return base
 
     @property
+    def rounding(self) -> np.ndarray | None:
+        """(n,) what of the states' rates the forces of closed laws leave by rounding; None without laws."""
+        return None if self.laws is None else self.laws.rounding
+
+    @property
     def until(self) -> float:
         """s, where the present piece ends at the latest."""
         return self.span[1] if self.hybrid is None else self.hybrid.until

@@ -15,6 +15,8 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Roots
 
 _INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a step, where the functions are looked at
+_COARSE = 0.02  # of a function's change in a step: what samples may be off by that follow it
+_MOST_SAMPLES = 500  # in a step
 _TIGHT = 4e-16  # of the time: two places that close are one
 _NEAR = np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # shares of a bracket
 _MOST_CALLS = 60
@@ -63,14 +65,7 @@ class RootFinder:
         def curve(times: np.ndarray) -> np.ndarray:
             return self.roots.values(times, run.interpolate(times))
 
-        times = begin + _INSIDE * (end - begin)
-        times[-1] = end
-        states = run.interpolate(times)
-        states[-1] = run.x
-        if times[0] == self._place[0]:
-            states[0] = self._place[1]
-        np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
-        values = self.roots.values(times, states)
+        times, values = self._samples(run, begin)
         best, rest = self._together(times, values, curve)
         for k in rest.tolist():
             t = self._first_of(k, times, values[:, k], lambda at, k=k: curve(at)[:, k])
@@ -88,6 +83,26 @@ class RootFinder:
         unknown = self.signs == 0
         self.signs[unknown] = np.sign(at)[unknown]
         return t, (run.x.copy() if t == end else run.interpolate(np.array([t]))[0])
+
+    def _samples(self, run: Integration, begin: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return times from `begin` to the end of the last step, and the functions there, close enough to follow them.
+
+        A step is as long as the states allow. Of a body that is held fast they tell nothing, while the force that holds
+        it follows the load.
+        """
+        inside = _INSIDE
+        while True:
+            times = begin + inside * (run.t - begin)
+            times[-1] = run.t
+            states = run.interpolate(times)
+            states[-1] = run.x
+            if times[0] == self._place[0]:
+                states[0] = self._place[1]
+            np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
+            values = self.roots.values(times, states)
+            if len(inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
+                return times, values
+            inside = np.linspace(0.0, 1.0, 2 * len(inside) - 1)
 
     def _together(
         self, times: np.ndarray, values: np.ndarray, curve: Callable[[np.ndarray], np.ndarray]
@@ -137,6 +152,16 @@ class RootFinder:
                 if low[1] < 0:
                     return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
         return None
+
+
+def _unresolved(values: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """Return which functions, (times, m), may be below zero somewhere between equidistant samples, for all these tell.
+
+    Where the cubic through four neighbours misses the one in their middle by a part of what the function changes.
+    """
+    middle = (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
+    missed = np.abs(values[2:-2] - middle).max(axis=0)
+    return (missed > _COARSE * np.ptp(values, axis=0)) & ((values * signs).min(axis=0) < 10 * missed)
 
 
 def _worth_a_look(values: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -32,7 +32,8 @@ PROXIMAL = 1e-6  # ε, as a share of the diagonal
 MOST_PROXIMAL = 8  # steps; the error falls by ε in each, so that a solvable problem takes two or three
 PATIENCE = 8  # block exchanges without fewer violations before components are exchanged one at a time
 DEPENDENT = 1e-11  # singular values below this share of the largest one are those of dependent constraints
-NEGLIGIBLE = 1e-11  # violations below this share of the terms they are the sum of count as none
+NEGLIGIBLE = 1e-11  # violations below this share of the terms they are the sum of count as none …
+ROUNDING = 1e-14  # … and below this one of the largest terms of all
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +89,9 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
         x, side = _pivot(regular, q - shift * before, lower, upper, side)
         x = _polished(matrix, q, x, side)
         w = matrix @ x + q
-        terms = np.abs(matrix) @ np.abs(x) + np.abs(q)
-        solved = np.abs(w[side == FREE]) <= NEGLIGIBLE * terms[side == FREE]
-        if solved.all() and not len(_violated(x, w, side, lower, upper, NEGLIGIBLE * terms, diagonal)):
+        slack = _slack(matrix, q, x)
+        solved = np.abs(w[side == FREE]) <= slack[side == FREE]
+        if solved.all() and not len(_violated(x, w, side, lower, upper, slack, diagonal)):
             w[side == FREE] = 0.0
             x = np.clip(x, lower, upper)
             return Solution(x, w, side, _determined(matrix, side))
@@ -105,8 +106,7 @@ def _pivot(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides) -> 
     for _ in range(100 + 2000 * n):
         x = _point(matrix, q, lower, upper, side)
         w = matrix @ x + q
-        terms = np.abs(matrix) @ np.abs(x) + np.abs(q)
-        violated = _violated(x, w, side, lower, upper, NEGLIGIBLE * terms, np.diag(matrix))
+        violated = _violated(x, w, side, lower, upper, _slack(matrix, q, x), np.diag(matrix))
         if not len(violated):
             return x, side
         if len(violated) < fewest:
@@ -118,6 +118,12 @@ def _pivot(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides) -> 
         side = side.copy()
         side[violated] = _other_side(x, side, lower, violated)
     raise NoSolution(x)
+
+
+def _slack(matrix: Array, q: Array, x: Array) -> Array:
+    """Return by how much each component of w may be wrong: a share of its terms, and rounding of the others'."""
+    terms = np.abs(matrix) @ np.abs(x) + np.abs(q)
+    return NEGLIGIBLE * terms + ROUNDING * terms.max()
 
 
 def _at_finite_bounds(side: Sides, lower: Array, upper: Array) -> Sides:

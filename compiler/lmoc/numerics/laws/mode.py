@@ -1,8 +1,9 @@
 """The next mode: which laws hold once everything at an instant is taken together.
 
 Laws that could be closed without a jump, a gap and its rate at zero, a sliding velocity at zero, are candidates.
-Their forces solve one complementarity problem on the level at which each is felt; friction that reaches its sticking
-limit slips, with its slipping limit, and the problem is solved again.
+Their forces solve one complementarity problem on the level at which each is felt, dry friction between its limits.
+What reaches a sticking limit has its slipping limit from there on, and the problem is solved again; friction that ends
+at a limit slides. Several frictions on one motion share the load up to the sum of their limits.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
-from lmoc.numerics.laws.contradiction import Contradiction, solving
+from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.instant import Instant, Mask, Table
+from lmoc.structure.laws.switched import POSITION
 
 IMPLIED = 1e-9  # what elimination leaves of the diagonal of a law that depends on others
 STILL = 1e-11  # rates below this share of the velocities that make them are zero
-ROUNDING = 1e-10  # by which a friction force may pass its limit and still stick
+ROUNDING = 1e-10  # by which a contact friction may pass its limit and still stick
+RESTING = 1e-9  # share of its terms below which an acceleration is zero
+AT_LIMIT = 1e-9  # share of the limits within which frictions give way together
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +33,8 @@ class Mode:
     ----------
     closed : (n,)
     direction : (n,) sign of the sliding velocity of open friction, 0 elsewhere
-    implied : (n,) closed laws whose motion the other closed ones hold already; and friction at its limit that does not
-        move, because they hold it
+    implied : (n,) laws whose motion the other closed ones hold already: closed ones, friction at its limit, and open
+        ones without a force
     push : (n,) constant forces of implied closed laws, 0 elsewhere
     """
 
@@ -61,7 +65,9 @@ class Settled:
     unique: Mask
 
 
-def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64]) -> Settled:
+def settle(
+    table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64], released: Mask | None = None
+) -> Settled:
     """Return the mode that holds from an instant on.
 
     Parameters
@@ -69,38 +75,46 @@ def settle(table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDA
     mode : the one before; where both sides of a law would do, it stays where it was
     candidate : (n,) laws that could be closed from here on
     sliding : (n,) direction of friction that is no candidate
+    released : (n,) dry friction that has just reached its sticking limit
 
     Raises
     ------
     Contradiction
-        No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox; or no consistent
-        set of sticking and slipping laws was found.
+        No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox.
     """
-    direction, stuck = sliding.copy(), candidate.copy()
-    frictions = ~table.complementary
-    direction[stuck | ~frictions] = 0
-    side = np.where(mode.closed | (candidate & ~frictions), FREE, LOWER)
-    force = np.zeros(len(candidate))
-    for _ in range(3 * len(candidate) + 10):
-        force, side, unique = _forces(table, now, stuck, direction, side)
-        slips = stuck & _beyond_limits(table, now, force, side)
-        if not slips.any():
-            level = now.bias + now.delassus @ force
-            closed = stuck & (side == FREE)
-            resting = (direction != 0) & (np.abs(now.rate) <= STILL * now.rate_scale)
-            implied = np.zeros_like(closed)
-            if resting.any() or not unique[closed].all():
-                implied = _implied(table, now, direction, closed, resting)
-            push = np.where(closed & implied, force, 0.0)
-            return Settled(Mode(closed, direction, implied, push), force, level, unique)
+    stuck = candidate.copy()
+    released = np.zeros_like(candidate) if released is None else released & candidate & table.dry
+    direction = np.where(stuck | table.complementary, 0, sliding)
+    side = np.where(mode.closed | candidate, FREE, LOWER)
+    share = 1.0 - AT_LIMIT if released.any() else 1.0
+    while True:
+        limit = share * np.where(released, np.minimum(now.slip, now.stick), now.stick)
+        force, side, unique = _forces(table, now, stuck, direction, side, limit)
+        level = now.bias + now.delassus @ force
+        passes = stuck & table.dry & (side != FREE) & ~released
+        weaker = passes & (now.slip < now.stick)
+        slips = stuck & table.contact & _beyond_cone(table, now, force)
+        if not weaker.any() and not slips.any():
+            break
+        released |= passes
         direction[slips] = -np.sign(force[slips]).astype(int)
         stuck &= ~slips
-    reason = "sticking and slipping answer each other again and again"
-    raise Contradiction(np.flatnonzero(frictions & candidate), reason)
+    slides = stuck & table.dry & (side != FREE)
+    onwards = np.where(level < 0.0, -1, 1)  # without a force, friction slides as it is moved
+    direction[slides] = np.where(force == 0.0, onwards, -np.sign(force))[slides].astype(int)
+    closed = stuck & (side == FREE)
+    terms = np.abs(now.bias) + np.abs(now.delassus) @ np.abs(force)
+    resting = candidate & ~closed & (np.abs(level) <= RESTING * terms) & (table.degree == POSITION)
+    resting |= (direction != 0) & candidate
+    implied = np.zeros_like(closed)
+    if resting.any() or not unique[closed].all():
+        implied = _implied(table, now, direction, closed, resting)
+    push = np.where(closed & implied, force, 0.0)
+    return Settled(Mode(closed, direction, implied, push), force, level, unique)
 
 
 def _forces(
-    table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides
+    table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides, limit: Array
 ) -> tuple[Array, Sides, Mask]:
     """Solve for the forces of the laws in `stuck`; those of sliding friction follow from them."""
     n = len(stuck)
@@ -109,7 +123,8 @@ def _forces(
     spread = np.eye(n)[:, active] + share[:, active]  # all forces from those that are sought
     matrix = now.delassus[active] @ spread
     q = now.bias[active] + now.delassus[active] @ constant
-    lower, upper = _bounds(table, now)
+    upper = np.where(table.dry, limit, np.inf)  # limits of contact friction follow from other forces: looked at later
+    lower = np.where(table.complementary, 0.0, -upper)
     with solving(active, "no forces keep them"):
         found = solve(matrix, q, lower[active], upper[active], side[active])
     sides, unique = np.full(n, LOWER), np.ones(n, bool)
@@ -154,19 +169,10 @@ def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) ->
     return constant, share
 
 
-def _bounds(table: Table, now: Instant) -> tuple[Array, Array]:
-    """Return bounds of the forces; those of contact friction follow from other forces and are looked at afterwards."""
-    upper = np.full(len(table.kind), np.inf)
-    dry = table.dry
-    upper[dry] = now.stick[dry]
-    return np.where(table.complementary, 0.0, -upper), upper
-
-
-def _beyond_limits(table: Table, now: Instant, force: Array, side: Sides) -> Mask:
-    """Return which friction forces have reached or passed their sticking limits."""
-    contact = table.contact
+def _beyond_cone(table: Table, now: Instant, force: Array) -> Mask:
+    """Return which contact friction pulls with more than its share of the normal force."""
+    contact, beyond = table.contact, np.zeros(len(force), bool)
     limit = now.stick[contact] * np.maximum(force[table.normal[contact]], 0.0)
-    beyond = table.dry & (side != FREE)
     beyond[contact] = np.abs(force[contact]) > limit * (1 + ROUNDING)
     return beyond
 

@@ -21,8 +21,10 @@ from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
-NEAR = 1e-12  # values below this share of their terms are zero up to rounding at the beginning of a piece …
-APART = 1e-13  # … and have come back to zero only when they are below zero by this share
+NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a piece …
+APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
+LEAVING = 1e-16  # … or by this one where they grow from zero at once
+ROUNDING = 1e-13  # share of the forces that hold a body by which they may miss each other
 OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
 OVERLAP_ROUNDING = 1e-12  # … and by more than what start values may be wrong by that are differences
 
@@ -44,6 +46,8 @@ class LawSwitching:
         self.gauge = Gauge(plan, values, base, signals)
         self.now: Instant | None = None  # where the present piece begins
         self.mode = free_mode(self.gauge.table)
+        self.touched = np.zeros(self.gauge.form.count, bool)  # laws whose motion was zero there
+        self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.slice = slice_of(plan, _registers(self.gauge))
         self.limits = self.gauge.known[4]
@@ -90,18 +94,21 @@ class LawSwitching:
         return Roots(lambda times, states: values(times, states) + apart, np.ones(len(apart)))
 
     def _apart(self, value: Array) -> Array:
-        """Return what keeps functions that begin at zero from being noticed at once.
+        """Return what keeps functions that begin at zero, up to rounding, from being noticed at once.
 
-        A gap that opens with a velocity needs nothing: it begins at zero and grows.
+        A gap that opens with a velocity begins at zero and grows. What has not been touched counts to the last digit:
+        near the end of its bounces a body rises by less than any share of the lengths around.
         """
         now, table = self.now, self.gauge.table
         with np.errstate(invalid="ignore", divide="ignore"):
             held = np.abs(now.bias / np.diag(now.delassus)) + np.nan_to_num(now.stick)
-            gaps = np.where(now.rate > STILL * now.rate_scale, 0.0, now.gap_scale)
-            motion = np.where(table.unilateral, gaps, now.rate_scale)
+            leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
+            motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
         scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
-        scale = np.concatenate([scale, scale[self.second]])
-        return np.where(np.abs(value) <= NEAR * scale, APART * scale, 0.0)
+        concerned = self.mode.closed | self.touched
+        scale, leaves, concerned = (np.concatenate([v, v[self.second]]) for v in (scale, leaves, concerned))
+        least = np.maximum(-value, 0.0) + np.where(leaves, LEAVING, APART) * scale
+        return np.where(concerned & (np.abs(value) <= NEAR * scale), least, 0.0)
 
     # ------------------------------------------------------------------ what happens
 
@@ -122,7 +129,9 @@ class LawSwitching:
         ----------
         base, signals : with the mode
         """
-        self.now = self.gauge.at(t, x)
+        self.now = now = self.gauge.at(t, x)
+        still = np.abs(now.rate) <= STILL * now.rate_scale
+        self.touched = np.where(self.gauge.table.unilateral, now.gap <= STILL * now.gap_scale, still)
         values = self.roots(t, x, base, signals).values(np.array([t]), x[None])[0]
         if (values >= -NEAR).all():
             return x, []
@@ -151,7 +160,8 @@ class LawSwitching:
             names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
             raise Stopped(Status.CONTRADICTION, reason) from None
-        self.mode, self.now = found.mode, found.now
+        self.mode, self.now, self.touched = found.mode, found.now, found.touched
+        self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(found.settled.force)
         x = found.x.copy()
         if self.ledger is not None and found.impulse.any():
             work, heat = self.ledger

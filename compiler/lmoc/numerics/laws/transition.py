@@ -20,7 +20,9 @@ from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
 TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero
-BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over
+TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
+BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
+LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,7 @@ class Transition:
     settled : the new mode with its forces
     impulse, lost : (n,) along the laws, and the energy that each takes out
     impact_law : name of the law of impact, empty without one
+    touched : (n,) laws whose motion, the gap or the velocity that closes it, is zero
     accumulated : (n,) laws whose bounces are over
     until : s, when those bounces would have ended
     """
@@ -59,6 +62,7 @@ class Transition:
     impulse: Array
     lost: Array
     impact_law: str
+    touched: Mask
     accumulated: Mask
     until: float
 
@@ -83,26 +87,35 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     now = gauge.at(t, x)
     held = mode.closed | trigger.closing
     touching = table.unilateral & (table.degree >= 1) & (held | _about_to_close(now))
-    before = now = project(gauge, now, touching, held & ~table.unilateral & (table.degree == 2))
-    striking = table.impulsive & (touching | (held & ~table.unilateral))
+    at_rest = mode.closed | (trigger.closing & _turning(now))
+    before = now = project(gauge, now, touching, at_rest & ~table.unilateral & (table.degree == 2))
+    striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
     impact, over, until = None, np.zeros(len(held), bool), -np.inf
     scale = now.rate_scale
     if (now.rate[striking] < -STILL * scale[striking]).any():
         impact = _impact(before, striking, table.restitution)
         now = _behind(gauge, before, striking, impact)
-        over, until = _last_bounces(table, now, mode, striking, trigger)
+        scale = np.maximum(scale, now.rate_scale)
+        over, until = _last_bounces(table, now, mode, striking & (now.rate > STILL * scale), trigger)
         if over.any():
             impact = _impact(before, striking, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, striking, impact)
         scale = np.maximum(scale, now.rate_scale)
-    candidate = _candidates(table, now, touching, scale) & ~trigger.opening
-    settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger))
+    candidate = _candidates(table, now, touching, scale) & ~(trigger.opening & ~table.dry)
+    settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), trigger.opening)
     closed = settled.mode.closed
     now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
     if impact is not None:
         impulse[striking], lost[striking] = impact.impulse, impact.lost
-    return Transition(before, now, settled, impulse, lost, impact.law if impact else "", over, until)
+    touched = touching | (candidate & ~table.unilateral)
+    return Transition(before, now, settled, impulse, lost, impact.law if impact else "", touched, over, until)
+
+
+def _turning(now: Instant) -> Mask:
+    """Return whose rates are what the location of a root leaves of zero."""
+    acceleration = np.abs(now.bias) + np.nan_to_num(np.diag(now.delassus) * now.stick)
+    return np.abs(now.rate) <= STILL * now.rate_scale + TURNING * acceleration
 
 
 # ---------------------------------------------------------------------- impulses
@@ -120,21 +133,22 @@ def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Insta
     return gauge.at(now.t, now.x + change)
 
 
-def _last_bounces(table: Table, now: Instant, mode: Mode, striking: Mask, trigger: Trigger) -> tuple[Mask, float]:
+def _last_bounces(table: Table, now: Instant, mode: Mode, leaving: Mask, trigger: Trigger) -> tuple[Mask, float]:
     """Return which laws have bounced for the last time, and when all their further bounces would be over.
 
     A law that leaves with rate r under an acceleration −a comes back after 2·r/a; all further bounces together take
     2·r/(a·(1 − e)).
     """
     e = table.restitution
-    leaving = striking & trigger.closing & (now.rate > 0.0) & (e > 0.0) & (e < 1.0)
+    leaving = leaving & trigger.closing & (e > 0.0) & (e < 1.0)
     if not leaving.any():
         return leaving, -np.inf
-    resting = _candidates(table, now, striking & ~leaving, np.zeros(len(e)))
+    resting = _candidates(table, now, table.impulsive & ~leaving, np.zeros(len(e)))
     level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger)).level
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(leaving & (level < 0.0), 2 * now.rate / (-level * (1.0 - e)), np.inf)
-    over = left < BOUNCES_LEFT
+        low = now.rate**2 <= -2 * level * LEAST_HEIGHT * now.gap_scale
+    over = (left < BOUNCES_LEFT) | (leaving & (level < 0.0) & low)
     return over, now.t + float(left[over].max(initial=-np.inf))
 
 

@@ -36,6 +36,7 @@ class Piece:
     samples : some of the times (s,) and the states there (s, n), whatever is kept
     mode : of the laws; None without laws
     largest : (n,) the magnitude of each state at the steps; None where they were not looked at
+    rounding : (n,) what of the states' rates the forces of closed laws leave by rounding; None without laws
     """
 
     observer: Observer
@@ -45,6 +46,7 @@ class Piece:
     samples: tuple[np.ndarray, np.ndarray]
     mode: Mode | None = None
     largest: np.ndarray | None = None
+    rounding: np.ndarray | None = None
 
     @property
     def reduced(self) -> Reduced:

@@ -22,7 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot
+from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot, slots
 from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, StateSelect
 from lmoc.ir.law import NONE, LawKind, Laws, Switched, law_count
 
@@ -79,8 +79,8 @@ class _Added:
     def __init__(self, flat: FlatDAE) -> None:
         directions = [laws.direction for laws in flat.laws if laws.direction is not None]
         held = set(np.concatenate(directions).tolist()) if directions else set()
-        gaps = {int(v) for laws in flat.laws if laws.kind is LawKind.UNILATERAL for v in laws.motion}
-        self.blocks = [_held(b) if b.offset in held else _avoided(b) if b.offset in gaps else b for b in flat.blocks]
+        motions = {int(v) for laws in flat.laws for v in laws.motion} - _differentiated(flat)
+        self.blocks = [_held(b) if b.offset in held else _avoided(b) if b.offset in motions else b for b in flat.blocks]
         self.groups: list[Group] = []
         self.count = flat.count
 
@@ -105,8 +105,18 @@ def _held(block: Block) -> Block:
     return replace(block, kind=Kind.INPUT)
 
 
+def _differentiated(flat: FlatDAE) -> set[int]:
+    """Return the variables whose derivatives appear in the equations: coordinates of parts."""
+    found: set[int] = set()
+    for group in flat.groups:
+        leaves = (leaf.value for side in (group.left, group.right) for leaf in slots(side))
+        for column in {column for column, order in leaves if order}:
+            found.update(group.slots[:, column].tolist())
+    return found
+
+
 def _avoided(block: Block) -> Block:
-    """Return a gap that is a state only where no coordinate of a part can be one."""
+    """Return a motion of a law that is a state only where no coordinate of a part can be one."""
     plain = block.state_select == StateSelect.default
     return replace(block, state_select=StateSelect.avoid) if plain else block
 

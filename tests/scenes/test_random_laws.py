@@ -1,0 +1,31 @@
+"""Random one-dimensional scenes of masses, gears, strings, stops, backlash, ratchets and friction.
+
+Each run is judged by matrices that are assembled by hand: laws and balances at every output, momentum, energy and
+restitution at every impact; and it is compared with a time-stepping scheme as the steps of that become smaller.
+"""
+
+import numpy as np
+import pytest
+from oracles.law_judge import judge, judge_impacts
+from oracles.moreau import march
+from oracles.random_laws import STOP, draw
+
+import lmoc
+
+
+@pytest.mark.parametrize("seed", [2, 8, 13, 14, 52, 76])
+def test_laws_impacts_and_balances_hold(seed):
+    drawn = draw(seed)
+    dae = lmoc.compile_text(drawn.text)
+    run = dae.simulate(stop=STOP, points=101, rtol=1e-10)
+    assert judge(drawn, run) == []
+    assert judge_impacts(drawn, run, lambda times: dae.simulate(times=times, rtol=1e-10)) == []
+
+
+@pytest.mark.parametrize("seed", [0, 2, 8, 12])
+def test_time_stepping_converges_to_the_run(seed):
+    drawn = draw(seed, plastic=True)
+    run = lmoc.compile_text(drawn.text).simulate(stop=STOP, points=21, rtol=1e-9)
+    found = np.array([run[coordinate] for coordinate, *_ in drawn.bodies]).T
+    coarse, fine = (np.abs(march(drawn.scene, STOP, n)[0][:: n // 20] - found).max() for n in (500, 8000))
+    assert fine < 0.25 * coarse and fine < 0.01 * np.ptp(found)
