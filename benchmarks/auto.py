@@ -72,12 +72,15 @@ def judge(path, tolerances) -> list[dict[str, object]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folders", nargs="*", default=["notes", "hard", "classic", "planar", "laws"])
+    parser.add_argument("--models", nargs="*", help="only these")
     parser.add_argument("--rtol", nargs="*", type=float, default=list(TOLERANCES))
     parser.add_argument("--save", default="auto")
     arguments = parser.parse_args()
     rows = []
     for folder in arguments.folders:
         for path in sorted((ROOT / "models" / folder).glob("*.lmo")):
+            if arguments.models and path.stem not in arguments.models:
+                continue
             try:
                 rows += judge(path, arguments.rtol)
             except Exception as error:  # a scene without states, or one that is meant to fail, has no chart
