@@ -18,7 +18,7 @@ class CasadiSystem(System):
     """All derivatives are one casadi function."""
 
     description = "casadi"
-    most_steps = 100_000
+    most_steps = 5_000
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)

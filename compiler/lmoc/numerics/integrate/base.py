@@ -40,6 +40,8 @@ class Problem:
     breaks : times within at which the right-hand side jumps or has a kink
     guard : Guard, or None where nobody looks at the steps
     roots : Roots, or None where nothing switches
+    first_step : s, which a method of one step may begin with; infinity where it is to find one
+    shortest : s, mean length of its steps below which a Taylor series is STIFF
     step : s, the length of all steps of a method with fixed steps; None where it chooses them
     """
 
@@ -60,6 +62,8 @@ class Problem:
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
     guard: Guard | None = None
     roots: Roots | None = None
+    first_step: float = np.inf
+    shortest: float = 0.0
     step: float | None = None
 
     @property

@@ -44,7 +44,7 @@ class Dop853(Integration):
         self.stiff_count = self.calm_count = 0
         self.careful = 0
         self.t = self.before = problem.t
-        self._start(problem.x)
+        self._start(problem.x, None if math.isinf(problem.first_step) else problem.first_step)
 
     def _start(self, x: np.ndarray, step_size: float | None = None) -> None:
         """Stand at a state without a step behind."""

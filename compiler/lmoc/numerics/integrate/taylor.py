@@ -23,6 +23,7 @@ PROPERTIES = Properties(
 
 _LEAST, _MOST = 8, 26  # orders
 _SAFETY = 0.9
+_LOOK = 50  # steps between two looks at their mean length
 _GROWTH = 1.0  # of the order with the logarithm of the tolerance: 1/2 has the least work, more has fewer steps
 
 
@@ -86,6 +87,8 @@ class Taylor(Integration):
         system.mark()
         self.steps += 1
         self.before, self.t, self.x, self.step_size = self.t, reached, x, h
+        if self.steps % _LOOK == 0 and self.t - problem.t < self.steps * problem.shortest:
+            return Status.STIFF
         return Status.OK
 
     def interpolate(self, times: np.ndarray) -> np.ndarray:

@@ -1,0 +1,218 @@
+"""The choice of the integrator while a run goes on, with the reason.
+
+After reduction most mechanisms are not stiff, and DOP853 is the fastest and the most accurate (BDF loses energy of
+undamped motion). So it begins. Three things are looked at on the way:
+
+* After some steps it is known how many lie ahead. The errors of steps add up as long as the motion remembers them:
+  what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
+  of the steps is made finer by as much.
+* Where many steps at a fine tolerance lie ahead, a Taylor series does with fewer and cheaper ones.
+* DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
+
+The bounds come from charts of speed against accuracy over the models (`benchmarks/auto.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate.base import Outcome, Problem
+from lmoc.numerics.integrate.status import Status
+
+_TRIAL = 60  # steps after which the rest of a run is judged
+_ADDED = 100  # steps whose errors add up to what a tolerance promises
+_LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
+_LEAST_UNKNOWN = 0.1  # … this
+_FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
+_FINEST = 1e-13  # relative tolerance
+_SERIES = 3e-8  # tolerance of the steps from which a Taylor series is better …
+_MANY = 200  # … over so many steps at least
+_SHORT = (
+    0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff
+)
+_LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
+_WORK = 4e7  # rows evaluated in that time
+_EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
+_FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
+_TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
+_GIVEN_UP = (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
+
+Integrate = Callable[[Problem, str], Outcome]
+
+
+@dataclass(frozen=True)
+class Used:
+    """The methods used in sequence, the reasons, and the stiff method that goes on behind the next break, if any."""
+
+    solvers: tuple[str, ...]
+    reason: str
+    onward: str = ""
+
+
+def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used]:
+    """Integrate where nothing jumps.
+
+    Parameters
+    ----------
+    integrate : by the name of a method
+    """
+    way = _Way(replace(problem, patience=patience(problem.system)), integrate)
+    outcome = way.go("dop853", most=_TRIAL)
+    reason, factor = "not stiff", 1.0
+    if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > _TRIAL:
+        mean = (outcome.time - problem.t) / max(1, outcome.counts["steps"])
+        factor = _refinement(problem, outcome, mean)
+        outcome, reason = _long_way(way, factor, mean)
+    if outcome.status not in _GIVEN_UP:
+        return outcome, Used(tuple(way.solvers), reason)
+    name, why = stiff_method(problem, outcome)
+    met = "stiffness" if outcome.status is Status.STIFF else outcome.status.value
+    reason = f"{met} at t = {outcome.time:.4g} s, then {why}"
+    outcome = way.go(name, min(factor, _TIGHTER) if name == "cvode" else factor)
+    return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
+
+
+def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
+    """Go on where many steps lie ahead, `mean` s long on average so far."""
+    problem = way.problem
+    ahead = (problem.end - way.outcome.time) / mean
+    reason = "not stiff"
+    if factor < 1:
+        reason += f"; {ahead:.2g} steps, each at {max(problem.rtol * factor, _FINEST):.1g}, since their errors add up"
+    if problem.rtol * factor <= _SERIES and ahead >= _MANY:
+        outcome = way.go("taylor", factor, shortest=_SHORT * mean)
+        if outcome.status not in _GIVEN_UP:
+            return outcome, reason
+    return way.go("dop853", factor), reason
+
+
+class _Way:
+    """A run on its way through several methods.
+
+    Attributes
+    ----------
+    outcome : where it stands
+    solvers : used so far
+    """
+
+    def __init__(self, problem: Problem, integrate: Integrate) -> None:
+        self.problem, self.integrate = problem, integrate
+        self.outcome = Outcome(problem.t, problem.x, 0)
+        self.solvers: list[str] = []
+
+    def go(self, name: str, factor: float = 1.0, most: int | None = None, shortest: float = 0.0) -> Outcome:
+        """Go on with a method from where the last one has stopped.
+
+        Parameters
+        ----------
+        factor : on the tolerances
+        most : steps
+        shortest : s, mean length of steps below which a Taylor series gives up
+        """
+        problem, before = self.problem, self.outcome
+        done, spent = before.reached, problem.system.evaluations
+        left = problem.max_steps - before.counts.get("steps", 0) - before.counts.get("rejected", 0)
+        rtol = max(problem.rtol * factor, min(problem.rtol, _FINEST))
+        later = self.integrate(
+            replace(
+                problem,
+                t=before.time,
+                x=before.x,
+                times=problem.times[done:],
+                rtol=rtol,
+                atol=problem.atol * (rtol / problem.rtol),
+                max_steps=left if most is None else min(most, left),
+                first_step=before.step if self.solvers[-1:] == [name] else np.inf,
+                shortest=shortest,
+                sink=lambda first, states: problem.sink(first + done, states),
+            ),
+            name,
+        )
+        name = later.solver or name
+        later.reached += done
+        if "evaluations" in later.counts and before.counts:  # SUNDIALS counts its own, and the system those of Python
+            later.counts["evaluations"] += spent
+        if before.counts and later.evaluation and later.evaluation != problem.system.description:
+            later.evaluation = f"{problem.system.description}, then {later.evaluation}"
+        later.counts = {k: before.counts.get(k, 0) + later.counts.get(k, 0) for k in before.counts | later.counts}
+        if self.solvers[-1:] != [name]:
+            self.solvers.append(name)
+        self.outcome = later
+        return later
+
+
+# ---------------------------------------------------------------------- how errors add up
+
+
+def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
+    """Return the factor on the tolerance of steps, `mean` s long, with which the run as a whole keeps the tolerance."""
+    length, jacobian = problem.end - problem.t, _jacobian(problem, outcome)
+    if jacobian is None:
+        return max(_LEAST_UNKNOWN, min(1.0, _ADDED * mean / length))
+    n = problem.system.plan.state_count
+    slowest = -float(np.linalg.eigvals(jacobian[:n, :n]).real.max(initial=-np.inf))
+    if slowest > 0:
+        length = max(mean, min(length, _FORGOTTEN / slowest))
+    return max(_LEAST_FACTOR, min(1.0, _ADDED * mean / length))
+
+
+def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
+    """Return the Jacobian at a place, None where it is too large for its eigenvalues or not finite."""
+    if problem.system.n > _EIGENVALUES:
+        return None
+    with np.errstate(all="ignore"):
+        jacobian = problem.system.jacobian(outcome.time, outcome.x)
+    return jacobian if np.isfinite(jacobian).all() else None
+
+
+# ---------------------------------------------------------------------- stiffness
+
+
+def patience(system: System) -> float:
+    """Steps that are still cheaper for DOP853 than another method is."""
+    return min(max(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE), system.most_steps)
+
+
+def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
+    """Return the method that takes over where DOP853 has given up, and why.
+
+    BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
+    below the tolerance; if not it must be followed, which DOP853 does best.
+    """
+    from lmoc.numerics.integrate.sundials import sundials
+
+    system = problem.system
+    jacobian = _jacobian(problem, outcome)
+    if jacobian is None:
+        if not sundials.available():
+            return "radau", "Radau, because SUNDIALS is not at hand"
+        if system.plan.has_large_blocks:
+            return "ida", "BDF on the index-1 form, whose matrix is sparse"
+        return "cvode", "BDF"
+    values, vectors = np.linalg.eig(jacobian)
+    k = int(np.argmax(np.abs(values)))
+    fastest = values[k]
+    if abs(fastest.imag) <= 3 * abs(fastest.real):
+        why = f"because the fastest mode decays (time constant {1 / max(abs(fastest), 1e-300):.3g} s)"
+        return ("cvode", f"BDF, {why}") if sundials.available() else ("radau", f"Radau, {why}")
+    most = _FOLLOWED * patience(system)
+    followed = outcome.status is Status.STIFF and problem.end - outcome.time < most * outcome.step
+    if followed and _at_work(problem, outcome, values, vectors, k):
+        return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
+    return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
+
+
+def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np.ndarray, k: int) -> bool:
+    """Return whether the amplitude of mode k is above the tolerances."""
+    rate = np.empty(problem.system.n)
+    problem.system.rhs(outcome.time, outcome.x, rate)
+    try:
+        amplitude = vectors[:, k] * np.linalg.solve(vectors, rate.astype(complex))[k] / values[k]
+    except np.linalg.LinAlgError:
+        return True
+    allowed = problem.atol + problem.rtol * np.abs(outcome.x)
+    return bool((np.abs(amplitude) > allowed).any())

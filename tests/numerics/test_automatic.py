@@ -1,0 +1,79 @@
+"""What `auto` does on the way: refined tolerances over long runs, Taylor series, stiff methods."""
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.numerics.evaluate.native.compiler import find_compiler
+
+OSCILLATOR = """model O
+  parameter Real c = 0;
+  Real x(start = 1, fixed = true), v(start = 0, fixed = true);
+  output Real H = x^2/2 + v^2/2;
+equation
+  der(x) = v; der(v) = -x - c*v;
+end O;"""
+
+
+@pytest.fixture(scope="module")
+def dae():
+    return lmoc.compile_text(OSCILLATOR)
+
+
+def test_ten_thousand_periods_keep_the_energy(dae):
+    run = dae.simulate(stop=2e4 * np.pi, points=201)
+    assert np.abs(run["H"] - 0.5).max() / 0.5 < 1e-4
+    assert np.abs(run["x"] - np.cos(run.time)).max() < 30e-6
+    assert "since their errors add up" in run.stats["reason"]
+
+
+@pytest.mark.parametrize("periods", [100, 1000])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7])
+def test_the_error_of_an_undamped_run_is_near_the_tolerance_however_long(dae, periods, rtol):
+    run = dae.simulate(stop=2 * np.pi * periods, points=201, rtol=rtol)
+    assert 0.01 * rtol < np.abs(run["x"] - np.cos(run.time)).max() < 30 * rtol
+
+
+def test_a_motion_that_forgets_its_errors_is_not_refined(dae):
+    run = dae.simulate(stop=600, parameters={"c": 1.0})
+    assert run.stats["solver"] == "dop853" and run.stats["reason"] == "not stiff"
+
+
+def test_a_short_run_is_not_looked_at(dae):
+    assert dae.simulate(stop=10).stats["reason"] == "not stiff"
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_a_taylor_series_takes_over_where_many_fine_steps_lie_ahead(dae):
+    run = dae.simulate(stop=2000, points=101, rtol=1e-9)
+    assert run.stats["solver"] == "dop853, taylor"
+    assert np.abs(run["x"] - np.cos(run.time)).max() < 3e-8
+
+
+def test_without_a_compiler_dop853_goes_on(dae, monkeypatch):
+    monkeypatch.setenv("LMOC_CC", "")
+    find_compiler.cache_clear()
+    try:
+        run = lmoc.compile_text(OSCILLATOR.replace("-x", "-1.0*x")).simulate(stop=2000, points=101, rtol=1e-9)
+    finally:
+        monkeypatch.undo()
+        find_compiler.cache_clear()
+    assert run.stats["solver"] == "dop853"
+    assert np.abs(run["x"] - np.cos(run.time)).max() < 3e-8
+
+
+def test_a_scene_that_becomes_stiff_on_the_series_way():
+    """The relaxation rate grows from 1 to 1e5 where the series is already at work."""
+    text = """model M Real x(start = 1, fixed = true), v(start = 0, fixed = true), y(start = 1, fixed = true);
+      equation der(x) = v; der(v) = -x; der(y) = -exp(time/100)*(y - x); end M;"""
+    run = lmoc.compile_text(text).simulate(stop=1200, points=101, rtol=1e-9)
+    assert np.abs(run["x"] - np.cos(run.time)).max() < 1e-6
+    late = run.time > 1000
+    assert run["y"][late] == pytest.approx(run["x"][late], abs=1e-3)
+
+
+def test_fine_steps_without_work():
+    run = lmoc.compile_text(OSCILLATOR).simulate(stop=1000, energy=False, rtol=1e-8)
+    with_ledger = lmoc.compile_text(OSCILLATOR).simulate(stop=1000, rtol=1e-8)
+    exact = np.cos(run.time)
+    assert np.abs(run["x"] - exact).max() < 3 * np.abs(with_ledger["x"] - exact).max() + 1e-10
