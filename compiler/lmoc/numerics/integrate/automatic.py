@@ -39,6 +39,7 @@ _WORK = 4e7  # rows evaluated in that time
 _EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
+_PERIODS = 5.0  # of an undamped motion over which BDF then keeps the tolerance
 _GIVEN_UP = (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
 
 Integrate = Callable[[Problem, str], Outcome]
@@ -72,7 +73,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     name, why = stiff_method(problem, outcome)
     met = "stiffness" if outcome.status is Status.STIFF else outcome.status.value
     reason = f"{met} at t = {outcome.time:.4g} s, then {why}"
-    outcome = way.go(name, min(factor, _TIGHTER) if name == "cvode" else factor)
+    outcome = way.go(name, _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor)
     return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
 
 
@@ -158,6 +159,19 @@ def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
     if slowest > 0:
         length = max(mean, min(length, _FORGOTTEN / slowest))
     return max(_LEAST_FACTOR, min(1.0, _ADDED * mean / length))
+
+
+def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
+    """Return the factor on the tolerance of BDF, which loses more in each period that the motion remembers."""
+    jacobian = _jacobian(problem, outcome)
+    if jacobian is None:
+        return _TIGHTER
+    n, length = problem.system.plan.state_count, problem.end - outcome.time
+    values = np.linalg.eigvals(jacobian[:n, :n])
+    with np.errstate(divide="ignore"):
+        memory = np.minimum(length, np.where(values.real < 0, -_FORGOTTEN / values.real, np.inf))
+    periods = float((memory * np.abs(values.imag)).max(initial=0.0)) / (2 * np.pi)
+    return _TIGHTER * min(1.0, _PERIODS / max(periods, 1.0))
 
 
 def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
