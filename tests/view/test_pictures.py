@@ -8,10 +8,17 @@ from pathlib import Path
 
 import pytest
 
-import lmoc
+from lmoc.dae import DAE
+from lmoc.ir.flat import FlatDAE
+from lmoc.pipeline import Clock, Scene, flatten, open_scene
 from lmoc.view.scene.abbreviate import shown
+from lmoc.view.scene.arrange import strips_of
 from lmoc.view.scene.block import shape_corners
+from lmoc.view.scene.compose import picture_of
+from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import Label, Picture
+from lmoc.view.scene.schematic import style_of
+from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.text import plain
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -21,13 +28,16 @@ SCENES = sorted(p for folder in FOLDERS for p in (MODELS / folder).glob("*.lmo")
 
 
 @cache
-def compiled(path: Path) -> lmoc.DAE:
-    return lmoc.compile(path)
+def flattened(path: Path) -> tuple[Scene, FlatDAE]:
+    """A scene that is not reduced: only mechanisms of the plane need to be."""
+    scene = open_scene(path, Scene(), Clock())
+    return scene, flatten(scene, Clock())
 
 
 @cache
 def picture(path: Path) -> Picture:
-    return compiled(path).draw().picture
+    scene, flat = flattened(path)
+    return picture_of(flat, flat.parameter_values(), lambda: DAE(scene, flat).at_start())
 
 
 def labels(p: Picture) -> list[tuple[str, tuple[float, float, float, float]]]:
@@ -46,6 +56,18 @@ def test_no_label_overlaps_another(path):
     assert found == []
 
 
+@pytest.mark.parametrize("path", [p for p in SCENES if p.parent.name == "notes"], ids=lambda p: p.stem)
+def test_nothing_crosses_in_the_scenes_of_the_notes(path):
+    """Elements keep to rows of their own, and no bar or body stands in the way of one."""
+    _, flat = flattened(path)
+    graph = shown(flat, flat.parameter_values()).graph
+    style = style_of(graph, Names(graph))
+    for domain in ("line", "shaft"):
+        for strip in strips_of(graph, graph.elements, domain):
+            strip.shaft = domain == "shaft"
+            assert draw_strip(strip, style).conflicts == 0
+
+
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 def test_everything_is_within_the_picture(path):
     p = picture(path)
@@ -58,8 +80,8 @@ def test_everything_is_within_the_picture(path):
 def test_every_part_is_shown(path):
     if path.stem in LONG:
         return  # a summary
-    p, dae = picture(path), compiled(path)
-    elements = shown(dae.flat, dae.values).graph.elements
+    p, flat = picture(path), flattened(path)[1]
+    elements = shown(flat, flat.parameter_values()).graph.elements
     drawn = {item.part for item in p.items}
     silent = {e.name for e in elements if e.symbol in ("wall", "fixed-shaft")}  # told by the hatching
     assert {e.name for e in elements} - silent - drawn == set()

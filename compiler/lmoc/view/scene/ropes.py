@@ -29,6 +29,7 @@ class Joint:
     axle : node of a pulley's axle; None for a wheel
     shaft : of a wheel
     below : a lower pulley, whose axle moves; its ropes go upwards
+    hung : its axle hangs from the rope of another one
     """
 
     elements: tuple[Element, ...]
@@ -36,6 +37,7 @@ class Joint:
     axle: int | None = None
     shaft: Turning | None = None
     below: bool = False
+    hung: bool = False
 
 
 @dataclass
@@ -152,7 +154,8 @@ def draw_rope(rope: Rope, hanging: Hanging) -> Block:
     if len(rope.joints) == 1 and len(rope.joints[0].ends) == 2 and rope.joints[0].axle is not None:
         joint = rope.joints[0]
         for first, second in ((0, 1), (1, 0)):
-            left = hanging.beside(joint.ends[first], LEAST_RADIUS + 40) if not joint.below else None
+            free = not joint.below and not joint.hung
+            left = hanging.beside(joint.ends[first], LEAST_RADIUS + 40) if free else None
             if left is not None:
                 return _around_a_corner(joint, joint.ends[first], joint.ends[second], left, hanging)
     return _side_by_side(rope, hanging)
@@ -283,5 +286,7 @@ def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging) -> Blo
         made = symbols.pulley(part, End(0, 0, moves), radius)
         return Block((made, Item("string", part, (End(0, 0, moves),), string.shapes)))
     stem = Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (0, ceiling), width=2.0),))
+    if joint.hung:
+        return Block((symbols.pulley(part, End(0, 0), radius), stem, string), {joint.axle: (0.0, ceiling)})
     hatch = symbols.wall("", End(0, ceiling), (0, -1), -16, 16, "bearing")
     return Block((hatch, symbols.pulley(part, End(0, 0), radius), stem, string))

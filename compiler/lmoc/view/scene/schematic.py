@@ -14,7 +14,7 @@ from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import End
 from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
 from lmoc.view.scene.strips import BODIES, DOWN, RIGHT, UP, Strip, Style, draw_strip
-from lmoc.view.scene.wheels import Turning, decorated, gear_row, gears_of, turning, wheel
+from lmoc.view.scene.wheels import Drum, Turning, decorated, gear_row, gears_of, turning, wheel
 
 WIDTH = 640.0  # px that a picture may take before its pieces go below each other
 GAP = 34.0
@@ -33,6 +33,8 @@ def style_of(graph: Graph, names: Names) -> Style:
                 own = [graph.variable(element, n) for n in names_of_places]
                 at[:0] = [v for v in own if v is not None][:1]
                 at.append(port.potentials[0])
+                if element.symbol in BODIES:
+                    variables[port.node] = graph.name(port)
                 variables.setdefault(port.node, graph.name(port))
     bodies = {e.ports[0].node for e in graph.elements if e.symbol in BODIES}
     driven = {e.ports[0].node: e for e in graph.elements if e.symbol in ("motion", "rotation")}
@@ -71,6 +73,7 @@ class Schematic:
         walls = {e.ports[0].node: e for e in elements if e.symbol == "wall"}
         self.hanging = Hanging(by_node, walls, style, lambda strip: gravity_of(strip, graph))
         self.wheel_shafts: set[int] = set()  # identities of shaft strips drawn along their axis
+        self.drums: dict[int, list[Drum]] = {}  # {shaft among gears: ropes on it}
 
     def block(self) -> Block:
         """Return everything, joints first, then what no joint has taken along."""
@@ -94,7 +97,7 @@ class Schematic:
             return None
         gears = gears_of(strip)
         if gears:
-            return gear_row(strip, gears, self.style)
+            return gear_row(strip, gears, self.style, self.drums)
         if gears is not None and not strip.links:
             shaft = turning(strip, strip.nodes[0])
             if any(e.symbol in BODIES for e in shaft.on):
@@ -127,11 +130,23 @@ class Schematic:
 
     def _ropes(self) -> list[Block]:
         joints = self._rope_joints()
+        ends = {n for j in joints for n in j.ends}
         blocks = []
-        for group in _connected(joints):
+        groups = _connected(joints)
+        for joint in joints:
+            joint.hung = joint.axle in ends and joint.axle not in self.hanging.walls
+            joint.below = joint.below and not joint.hung
+        groups.sort(key=lambda group: not any(j.hung for j in group))  # what hangs from another rope comes first
+        for group in groups:
             rope = rope_of(group)
             ropes = [rope] if rope is not None else [_alone(j) for j in group]
-            blocks += [draw_rope(r, self.hanging) for r in ropes]
+            for block in (draw_rope(r, self.hanging) for r in ropes):
+                hung = next((j.axle for j in group if j.hung), None)
+                if hung is None:
+                    blocks.append(block)
+                else:
+                    x, y = block.anchors[hung]
+                    self.hanging.hung[hung] = block.at(-x, -y)
         return blocks
 
     def _rope_joints(self) -> list[Joint]:
@@ -146,7 +161,12 @@ class Schematic:
                 fixed = strip is None or axle in self.hanging.walls
                 ends = element.port("a").node, element.port("b").node
                 found.append(Joint((element,), ends, axle, None, not fixed))
-        for drums in wheels.values():
+        for node, drums in wheels.items():
+            strip = next((s for s in self.shafts if node in s.nodes), None)
+            if strip is not None and gears_of(strip) and len(drums) <= 2:
+                hung = [Drum(d.name, self.hanging.hang(d.port("flange").node)) for d in drums]
+                self.drums[node] = hung
+                continue
             shaft = self._turning(drums[0].port("shaft"))
             for k in range(0, len(drums), 2):
                 pair = drums[k : k + 2]

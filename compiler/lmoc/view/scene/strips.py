@@ -104,11 +104,13 @@ class DrawnStrip:
     block : its anchors are the nodes' middles
     reach : {node: half of its body along the line}
     along : {node: place along the line}
+    conflicts : crossings that are left
     """
 
     block: Block
     reach: Mapping[int, float]
     along: Mapping[int, float]
+    conflicts: int
 
     def is_last(self, node: int) -> bool:
         """Return whether nothing lies beyond a node along +q."""
@@ -200,6 +202,8 @@ class _Drawing:
             return ""
         if element.hidden:
             return escaped(element.name)
+        if any(d.text for d in element.look.drawing):
+            return ""
         wanted = {
             "spring": ("k",), "damper": ("c", "d"), "torsion-spring": ("k", "c"), "torsion-damper": ("c", "d"),
             "gear": ("N", "ratio"), "friction": ("F", "mu"), "gear-pair": ("r1", "r2"),
@@ -252,7 +256,7 @@ class _Drawing:
             end = self.end(node)
             anchors[node] = (end.x, end.y)
         reach = {n: self._edge(n) for n in self.strip.nodes}
-        return DrawnStrip(Block((*self.items, *self.labels), anchors), reach, self.rows.along)
+        return DrawnStrip(Block((*self.items, *self.labels), anchors), reach, self.rows.along, self.rows.conflicts)
 
     # ------------------------------------------------------------------ elements between nodes
 
@@ -269,7 +273,8 @@ class _Drawing:
         self.items.append(Item(made.symbol, made.part, made.ends, made.shapes, made.turn, variables))
         text = self._text(element, kind)
         if text and made.symbol != "box":
-            self.labels.append(self._beside(element, first, second, text, self._room(kind)))
+            room = 28.0 if element.look.drawing else self._room(kind)
+            self.labels.append(self._beside(element, first, second, text, room))
 
     def _room(self, kind: str) -> float:
         """How far a symbol reaches across."""
@@ -316,7 +321,7 @@ class _Drawing:
         if node in self.style.coordinates and not self.strip.shaft:
             moving = held is None or held.symbol == "motion"
             if moving:
-                self._coordinate(node, low)
+                self._coordinate(node, low, high)
 
     def _body(self, node: int, low: float, high: float) -> None:
         half = self.half[node]
@@ -380,8 +385,17 @@ class _Drawing:
             self.labels.append(symbols.label(text, at, ARROW + 2, 0, "start", element.name, colour="force"))
         self.items.append(symbols.arrow("force", element.name, at, tail, tip, "force", 2.0, (), variables))
 
-    def _coordinate(self, node: int, low: float) -> None:
-        """A reference line and an arrow along +q, above the body or to its left."""
+    def _crowded(self, node: int, row: float) -> bool:
+        """Return whether an element passes where a coordinate's arrow beside a row would be."""
+        x = self.rows.along[node]
+        for k, (_, a, b, _) in enumerate(self.parts):
+            start, stop = sorted((self.rows.along[a], self.rows.along[b]))
+            if abs(self.rows.row[k] - row) < 0.8 and start < x + ARROW + 20 and stop > x:
+                return True
+        return False
+
+    def _coordinate(self, node: int, low: float, high: float) -> None:
+        """A reference line and an arrow along +q, above the body or to its left; below it where there is more room."""
         text = self.style.coordinates[node]
         dx, dy = self.direction
         thick = THICK if self.strip.bodies(node) else 18.0
@@ -389,6 +403,12 @@ class _Drawing:
             thick = max(thick, width(self._title(node), 13) / 2 + 9)
         at = self.place(self.rows.along[node], low)
         end = End(*at)
+        if not self.upright and self._crowded(node, low / self.pitch - 1):
+            pushed = any(e.symbol == "force" for e in self.strip.on[node])
+            if not pushed and not self._crowded(node, high / self.pitch + 1):
+                end = End(at[0], self.place(0.0, high)[1])
+                self._coordinate_below(node, end, thick)
+                return
         if self.upright:
             side = 1.0 if self.mirrored else -1.0
             ref = _reference((side * (thick + 3), 0), (side * (thick + 28), 0))
@@ -400,6 +420,14 @@ class _Drawing:
             shapes = (ref, Label(text, (0, ARROW + 5, -thick - 19), "start"))
             tail, tip = (0, -thick - 19), (ARROW, -thick - 19)
         variables = {"coordinate": self.style.variables[node]}
+        self.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, shapes, variables))
+
+    def _coordinate_below(self, node: int, end: End, thick: float) -> None:
+        """A reference line and an arrow below a body."""
+        ref = _reference((0, thick + 3), (0, thick + 26))
+        shapes = (ref, Label(self.style.coordinates[node], (0, ARROW + 5, thick + 19), "start"))
+        variables = {"coordinate": self.style.variables[node]}
+        tail, tip = (0.0, thick + 19), (ARROW, thick + 19)
         self.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, shapes, variables))
 
     def _frame(self, element: Element, base: int, flange: int) -> None:

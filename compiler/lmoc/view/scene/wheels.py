@@ -11,9 +11,9 @@ from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import Circle, End, Item, Turn
 from lmoc.view.scene.strips import BODIES, Strip, Style, between
-from lmoc.view.scene.text import width
+from lmoc.view.scene.text import plain, width
 
-LARGEST, SMALLEST = 64.0, 15.0  # px, radii of gears
+LARGEST, SMALLEST = 64.0, 10.0  # px, radii of gears
 GEARS = ("gear", "gear-pair")
 LEG = 62.0  # length of what holds a wheel
 APART = 46.0  # between two legs
@@ -147,6 +147,14 @@ def wheel(shaft: Turning, style: Style, radii: Sequence[float], gear: bool) -> l
 # ------------------------------------------------------------------------------ gears in mesh
 
 
+@dataclass(frozen=True)
+class Drum:
+    """A rope on a shaft, and what hangs on it: a block with its top in the middle at (0, 0)."""
+
+    part: str
+    content: Block
+
+
 def gears_of(strip: Strip) -> list[tuple[Element, int, int]] | None:
     """Return the gears of a strip that can be drawn as wheels in mesh, None where it cannot.
 
@@ -180,8 +188,15 @@ def ratio(element: Element, style: Style) -> float:
     return value if value == value and value else 1.0
 
 
-def gear_row(strip: Strip, gears: Sequence[tuple[Element, int, int]], style: Style) -> Block:
-    """Return gears side by side, their radii in the ratio of the gears."""
+def gear_row(
+    strip: Strip, gears: Sequence[tuple[Element, int, int]], style: Style, drums: Mapping[int, Sequence[Drum]]
+) -> Block:
+    """Return gears side by side, their radii in the ratio of the gears.
+
+    Parameters
+    ----------
+    drums : {shaft: what hangs on ropes there}
+    """
     order, meshes = _order(strip, gears)
     size: list[tuple[float, float]] = []  # of the two wheels of each mesh
     sense = {order[0]: 1}
@@ -205,15 +220,20 @@ def gear_row(strip: Strip, gears: Sequence[tuple[Element, int, int]], style: Sty
         largest = max(radii[node])
         window = FIRST if k == 0 else LAST if k == len(order) - 1 else BETWEEN
         items, legs = decorated(shaft, style, largest, True, window=window)
-        own = Block((*legs, *wheel(shaft, style, radii[node], True), *items), {node: (0.0, 0.0)})
+        winding = [0.55 * largest] if drums.get(node) else []
+        own = Block((*legs, *wheel(shaft, style, radii[node] + winding, True), *items), {node: (0.0, 0.0)})
+        for drum, side in zip(drums.get(node, ()), (1.0, -1.0)):
+            x, y = side * winding[0], largest + 30.0
+            rope = symbols.line("string", drum.part, End(x, 0.0), End(x, y), 1.4, "string")
+            own = own.beside(Block((rope,)), drum.content.at(x, y))
         block = block.beside(own.at(placed[node], 0.0))
     named = []
     for (element, a, _), (ra, rb) in zip(meshes, size):
         contact = Circle((0.0, 0.0, 0.0), 2.0, "ink")
         named.append(Item("mesh", element.name, (End(placed[a] + ra, 0.0),), (contact,)))
         text = style.names.part(element, "N", "ratio") if element.symbol == "gear" else ""
-        if text:  # in the wedge below the point of contact
-            low = min(ra, rb) + 14
+        if text:  # in the wedge below the point of contact, below the name of a small wheel
+            low = min(ra, rb) + (14 if len(plain(text)) == 1 else 31)
             named.append(symbols.label(text, End(placed[a] + ra, 0), -5, low, "end", element.name))
     return Block((*block.items, *named), block.anchors)
 

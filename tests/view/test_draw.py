@@ -1,0 +1,234 @@
+"""What `lmoc draw` makes of scenes of a user's own: looks, large scenes, hostile names, files."""
+
+from __future__ import annotations
+
+from math import hypot
+from pathlib import Path
+from xml.dom import minidom
+
+import pytest
+
+import lmoc
+from lmoc.cli.main import main
+from lmoc.messages.diagnostics import ModelError
+from lmoc.view.scene.picture import Circle, Item, Label, Move, Picture
+from lmoc.view.scene.text import plain, runs, width
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+def drawn(text: str, **options) -> Picture:
+    return lmoc.compile_text(text, **options).draw().picture
+
+
+def of(picture: Picture, part: str) -> Item:
+    """The item that shows a part, its labels aside."""
+    return next(i for i in picture.items if i.part == part and i.symbol != "label")
+
+
+def texts(picture: Picture) -> list[str]:
+    return [plain(s.text) for _, s, _ in picture.placed() if isinstance(s, Label)]
+
+
+# ----------------------------------------------------------------------------- looks
+
+CHAIN = """
+model Scene
+  Fixed wall;
+  Own own;
+  Mass mass(m = 1);
+equation
+  connect(wall.flange, own.a);
+  connect(own.b, mass.flange);
+end Scene;
+"""
+
+
+def test_a_part_inherits_its_look():
+    found = drawn("model Own extends Spring(k = 2); end Own;" + CHAIN, model="Scene")
+    assert of(found, "own").symbol == "spring"
+
+
+def test_a_part_without_a_look_is_a_box_with_its_name():
+    law = "model Own extends TwoFlanges; equation f = 3*(b.q - a.q); end Own;"
+    found = drawn(law + CHAIN, model="Scene")
+    assert of(found, "own").symbol == "box" and "own" in texts(found)
+
+
+def test_a_part_may_name_a_symbol_of_the_library():
+    law = 'model Own extends TwoFlanges; equation f = 3*(b.q - a.q); annotation(__lmoc(symbol = "damper")); end Own;'
+    assert of(drawn(law + CHAIN, model="Scene"), "own").symbol == "damper"
+
+
+def test_an_icon_is_drawn_between_the_ports_and_replaces_a_symbol():
+    law = """model Own extends Spring(k = 1);
+      annotation(Icon(graphics = {Polygon(points = {{-100, -50}, {100, -50}, {0, 50}}),
+        Ellipse(extent = {{-20, -20}, {20, 20}}), Text(extent = {{-80, 60}, {80, 90}}, textString = "%name!")}));
+      end Own;"""
+    found = drawn(law + CHAIN, model="Scene")
+    assert of(found, "own").symbol == "icon" and "own!" in texts(found)
+    triangle = next(s for s in of(found, "own").shapes if getattr(s, "closed", False))
+    (_, x0, y0), (_, x1, y1), (_, x2, y2) = triangle.vertices[:3]
+    assert (y0, x2) == (y1, 0) and x1 == -x0 and y2 == -y0 < 0
+
+
+def test_an_assembly_with_a_look_hides_what_is_inside():
+    inside = """model Own Flange a; Flange b; Spring s(k = 1);
+      equation connect(a, s.a); connect(s.b, b); {} end Own;"""
+    plainly = drawn(inside.format("") + CHAIN, model="Scene")
+    hidden = drawn(inside.format('annotation(__lmoc(symbol = "spring"));') + CHAIN, model="Scene")
+    assert of(plainly, "own.s").symbol == "spring"
+    assert of(hidden, "own").symbol == "spring" and not any(i.part == "own.s" for i in hidden.items)
+
+
+# ------------------------------------------------------------------ lengths, ratios, places
+
+
+@pytest.mark.parametrize(("file", "ratio"), [("ex09_gear_pair_with_load", 2.0), ("s8_gears", 5.0)])
+def test_gears_touch_and_their_radii_are_in_the_ratio(file, ratio):
+    found = lmoc.compile(MODELS / "notes" / f"{file}.lmo").draw().picture
+    one, two = (i for i in found.items if i.symbol == "wheel")
+    small, large = (next(s.radius for s in i.shapes if isinstance(s, Circle)) for i in (one, two))
+    assert large / small == pytest.approx(ratio)
+    assert two.ends[0].x - one.ends[0].x == pytest.approx(small + large)
+
+
+def test_gears_whose_angles_count_in_opposite_senses_are_drawn_so():
+    found = lmoc.compile(MODELS / "notes" / "s8_gears.lmo").draw().picture
+    assert [i.turn.factor for i in found.items if i.symbol == "wheel"] == [1, -1]
+
+
+def test_what_counts_upwards_is_above():
+    found = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo").draw().picture
+    assert of(found, "body").ends[0].y < of(found, "wheel").ends[0].y < of(found, "road").ends[0].y
+    (move,) = of(found, "body").ends[0].moves
+    assert (move.dx, move.dy, move.group) == (0.0, -1.0, "line") and move.variable == "body.flange.q"
+
+
+def test_mechanisms_of_the_plane_are_to_scale_and_move_with_their_variables():
+    dae = lmoc.compile(MODELS / "planar" / "slider_crank.lmo")
+    found = dae.draw().picture
+    rod = of(found, "rod")
+    (a, b), run = rod.ends, dae.simulate(points=7)
+    scale = hypot(b.x - a.x, b.y - a.y) / 1.0
+    assert scale == pytest.approx(a.moves[0].dx)
+    for k in range(7):
+
+        def change(move: Move, k: int = k) -> float:
+            return run[move.variable][k] - move.reference
+
+        frame = rod.frame(change)
+        assert frame.length / scale == pytest.approx(1.0, rel=1e-6)
+        assert -frame.sin == pytest.approx((run["rod.b.y"] - run["rod.a.y"])[k], abs=1e-6)
+
+
+def test_a_pulley_hangs_from_the_rope_of_another():
+    found = drawn("""model M
+      Fixed ceiling; Pulley upper, lower; Mass m1(m = 3, g = 9.81), m2(m = 1, g = 9.81), m3(m = 1, g = 9.81);
+    equation
+      connect(ceiling.flange, upper.axle); connect(m1.flange, upper.a); connect(upper.b, lower.axle);
+      connect(lower.a, m2.flange); connect(lower.b, m3.flange);
+    end M;""")
+    pulleys = {i.part: i.ends[0] for i in found.items if i.symbol == "pulley"}
+    assert pulleys["lower"].y > pulleys["upper"].y
+    assert sum(i.symbol == "bearing" and len(i.shapes) > 2 for i in found.items) == 1  # one ceiling
+
+
+# --------------------------------------------------------------------------- large, empty, open
+
+
+def test_of_a_long_chain_the_ends_are_drawn_and_dots_count_the_rest():
+    dae = lmoc.compile(MODELS / "bench" / "chain.lmo", parameters={"N": 10_000})
+    found = dae.draw().picture
+    assert any("9998 × Spring" in t and "9997 × Mass" in t for t in texts(found))
+    assert len(found.items) < 60 and "11 of" in found.notes[0]
+    assert of(found, "mass[10000]").symbol == "mass"
+
+
+def test_many_parts_by_name_give_a_table_of_their_kinds():
+    n = 120
+    parts = "".join(f"Mass m{i}(m = 1); Spring s{i}(k = 1);" for i in range(n))
+    joins = "".join(f"connect(s{i}.b, m{i}.flange); connect(w.flange, s{i}.a);" for i in range(n))
+    found = drawn(f"model M Fixed w; {parts} equation {joins} end M;")
+    assert {"120 × Mass", "120 × Spring", "1 × Fixed"} <= set(texts(found))
+    assert "too many" in found.notes[0]
+
+
+def test_a_model_without_parts_says_so():
+    found = drawn("model M Real x(start = 1); equation der(x) = -x; end M;")
+    assert "no parts" in texts(found)[0] and found.notes
+
+
+def test_parts_that_are_connected_to_nothing_are_drawn(tmp_path):
+    """The scene cannot be solved; its picture helps to see why."""
+    file = tmp_path / "open.lmo"
+    file.write_text("model M Spring loose(k = 1); Damper other(c = 1); Mass m(m = 1); end M;")
+    assert main(["draw", str(file), "-o", str(tmp_path / "open.svg"), "--quiet"]) == 0
+    assert 'data-part="loose"' in (tmp_path / "open.svg").read_text()
+
+
+# ----------------------------------------------------------------------------- files
+
+
+HOSTILE = """
+model M "<script>alert(1)</script> & \\"q\\" ]]>"
+  parameter Real 'k</text><script>'(unit = "N/m") = 3;
+  Fixed 'w"on';
+  Spring '<img src=x onerror=alert(1)>'(k = 'k</text><script>');
+  Mass 'a&b_{x}$\\\\frac'(m = 1);
+equation
+  connect('w"on'.flange, '<img src=x onerror=alert(1)>'.a);
+  connect('<img src=x onerror=alert(1)>'.b, 'a&b_{x}$\\\\frac'.flange);
+end M;
+"""
+
+
+@pytest.mark.parametrize("free_body", [False, True])
+def test_names_cannot_become_markup(tmp_path, free_body):
+    drawing = lmoc.compile_text(HOSTILE).draw(free_body=free_body)
+    parsed = minidom.parseString(drawing.svg)
+    assert {e.tagName for e in parsed.getElementsByTagName("*")} <= {
+        "svg", "title", "style", "g", "path", "circle", "text", "tspan"
+    }  # fmt: skip
+    assert "<script" not in drawing.svg and "<img" not in drawing.svg
+    drawing.save(tmp_path / "hostile.png")  # matplotlib takes nothing for a formula
+
+
+@pytest.mark.parametrize(("ending", "start"), [("svg", b"<svg"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_files(tmp_path, ending, start):
+    path = tmp_path / f"scene.{ending}"
+    assert main(["draw", str(MODELS / "notes" / "ex02_spring_mass_damper.lmo"), "-o", str(path), "--quiet"]) == 0
+    assert path.read_bytes().startswith(start)
+
+
+def test_free_bodies_from_the_command_line(tmp_path, capsys):
+    path = tmp_path / "bodies.svg"
+    file = str(MODELS / "notes" / "ex03_two_masses.lmo")
+    assert main(["draw", file, "--free-body", "-o", str(path)]) == 0
+    assert "picture written to" in capsys.readouterr().out and 'class="balance"' in path.read_text()
+
+
+def test_an_unknown_ending_is_refused_before_any_work(tmp_path, capsys):
+    assert main(["draw", "no_such_file.lmo", "-o", str(tmp_path / "scene.bmp")]) == 2
+    assert "E0624" in capsys.readouterr().err
+    with pytest.raises(ModelError, match="no folder"):
+        lmoc.compile(MODELS / "notes" / "s2_2_rotor.lmo").draw(tmp_path / "nowhere" / "scene.svg")
+
+
+def test_notebooks_show_the_picture():
+    drawing = lmoc.compile(MODELS / "notes" / "s2_2_rotor.lmo").draw()
+    assert drawing._repr_svg_().startswith("<svg") and "items" in repr(drawing)
+
+
+# ----------------------------------------------------------------------------- texts
+
+
+def test_marks_of_a_text():
+    assert list(runs("q_{1} = x^{2}·k")) == [("q", 0), ("1", -1), (" = x", 0), ("2", 1), ("·k", 0)]
+
+
+@pytest.mark.parametrize("text", ["spring", "k_{1}", "m·g", "WWW", "θ_{wheel}", "illicit", "c_{2}·(q_{2} − q_{1})"])
+def test_texts_are_not_wider_than_they_are_taken_for(text):
+    from lmoc.view.scene.figure import _wide
+
+    assert _wide(text, 13.0) <= width(text, 13.0) + 1.0
