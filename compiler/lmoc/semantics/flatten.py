@@ -11,6 +11,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.ir.flat import Block, FlatDAE, Group, Kind, StateSelect
 from lmoc.messages.diagnostics import Report
+from lmoc.semantics.algorithms import add_algorithm, assigned_at_events
 from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
 from lmoc.semantics.classes.class_check import check_classes
@@ -167,7 +168,11 @@ class _Flattening:
         for instance in self.model.root.instances():
             for scope in instance.cls.lineage():
                 context = Context(self.model, instance, scope)
-                for what, variable in mark(context, scope.definition.equations, named_variable):
+                found = (
+                    *mark(context, scope.definition.equations, named_variable),
+                    *assigned_at_events(context, scope.definition.statements),
+                )
+                for what, variable in found:
                     if what == "state":
                         variable.state_select = max(variable.state_select, StateSelect.always)
                     elif variable.kind == Kind.UNKNOWN:
@@ -181,14 +186,9 @@ class _Flattening:
                 context = Context(self.model, instance, scope)
                 for equation in equations:
                     section.add(context, equation)
-            for statements in (definition.statements, definition.initial_statements):
-                if statements:
-                    self.report.error(
-                        "E0230",
-                        "an algorithm in a model is not available yet",
-                        statements[0].span,
-                        hint="write equations, or put the algorithm into a function",
-                    )
+            for initial in (False, True):
+                for statements in definition.algorithms(initial):
+                    add_algorithm(self.drafts, Context(self.model, instance, scope), statements, initial)
 
     def _connections(self, kinds: np.ndarray) -> list[Group]:
         layout = self.layout

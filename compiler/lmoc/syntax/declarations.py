@@ -108,8 +108,11 @@ class Actions(PrefixActions):
             kind: [] for kind in ("elements", "equations", "initial_equations", "statements", "initial_statements")
         }
         annotation = external = None
+        breaks: dict[str, list[int]] = {"statements": [], "initial_statements": []}
         for item in rest:
             kind, items = item if isinstance(item, Section) else ("public", [item])
+            if kind in breaks and parts[kind]:
+                breaks[kind].append(len(parts[kind]))
             for one in _flat(items):
                 if isinstance(one, tree.Modification):
                     if annotation is not None:
@@ -126,6 +129,8 @@ class Actions(PrefixActions):
             "description": description,
             "annotation": annotation,
             "external": external,
+            "sections": tuple(breaks["statements"]),
+            "initial_sections": tuple(breaks["initial_statements"]),
             **{kind: tuple(items) for kind, items in parts.items()},
         }
 

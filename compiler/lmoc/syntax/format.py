@@ -112,11 +112,12 @@ def _class(page: _Page, c: tree.Class) -> None:
     _elements(page, c.elements)
     for field, word in _SECTIONS:
         items = getattr(c, field)
-        if items:
+        whole = [items] if items else []
+        for section in c.algorithms(field.startswith("initial")) if field.endswith("statements") else whole:
             page.depth -= 1
             page.line(word)
             page.depth += 1
-            _items(page, items)
+            _items(page, section)
     if c.external is not None:
         page.depth -= 1
         page.line(f"external{show.external(c.external)};")

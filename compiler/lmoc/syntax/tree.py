@@ -6,6 +6,8 @@ Nothing is looked up or evaluated here.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 from lmoc.syntax.node import Node, node
@@ -406,6 +408,14 @@ class Class(Node):
     constraint: Modification | None = None
     external: External | None = None
     mistakes: tuple[Diagnostic, ...] = ()  # of the grammar, in its text and in no class inside of it
+    sections: tuple[int, ...] = ()  # where, among the statements, further algorithm sections begin
+    initial_sections: tuple[int, ...] = ()
+
+    def algorithms(self, initial: bool) -> list[tuple[Statement, ...]]:
+        """Return its algorithms, section by section: those that hold at the start only, or the others."""
+        statements = self.initial_statements if initial else self.statements
+        ends = [0, *(self.initial_sections if initial else self.sections), len(statements)]
+        return [statements[a:b] for a, b in pairwise(ends) if a < b]
 
 
 @node

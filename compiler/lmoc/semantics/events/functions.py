@@ -22,7 +22,7 @@ from lmoc.syntax import tree
 
 @builtin("pre")
 def _pre(context: Context, call: tree.Call) -> Value:
-    (x,) = arguments(context, call, 1)
+    (x,) = arguments(context.unassigned, call, 1)
     return before(context, x, call)
 
 
@@ -59,7 +59,8 @@ def _edge(context: Context, call: tree.Call) -> Value:
     if x.type != "Boolean":
         raise Wrong("E0301", "'edge' takes a Boolean variable", call.arguments[0].span, expected="Boolean",
                     found=x.type)  # fmt: skip
-    return context.arrays.map(rises, x, before(context, x, call), type="Boolean")
+    (variable,) = arguments(context.unassigned, call, 1)
+    return context.arrays.map(rises, x, before(context, variable, call), type="Boolean")
 
 
 def rises(now: Expr, earlier: Expr) -> Expr:
@@ -70,7 +71,8 @@ def rises(now: Expr, earlier: Expr) -> Expr:
 @builtin("change")
 def _change(context: Context, call: tree.Call) -> Value:
     (x,) = arguments(context, call, 1)
-    earlier = before(context, x, call)
+    (variable,) = arguments(context.unassigned, call, 1)
+    earlier = before(context, variable, call)
     return context.arrays.map(lambda a, b: dag.function("ne", a, b), x, earlier, type="Boolean")
 
 

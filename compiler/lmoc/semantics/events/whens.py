@@ -58,10 +58,8 @@ class WhenEquation:
         """Draft everything that it does."""
         earlier: list[Expr] = []
         for k, (condition, body) in enumerate(self.e.branches):
-            active = self._active(condition, earlier)
+            active = self.active(condition, earlier, bool(body))
             earlier.append(active)
-            if not body:
-                self.context.model.say_once("W0318", "this branch of a 'when' does nothing", condition.span)
             self.branch = k
             inner = self.context.within(self.context.space, {})
             inner.quiet, inner.in_when = 1, True
@@ -71,8 +69,10 @@ class WhenEquation:
 
     # --------------------------------------------------------------------- conditions
 
-    def _active(self, condition: tree.Expression, earlier: list[Expr]) -> Expr:
-        """The helper that is true where a branch is carried out."""
+    def active(self, condition: tree.Expression, earlier: list[Expr], has_body: bool) -> Expr:
+        """Return the helper that is true where a branch is carried out; `earlier` are those of the branches before."""
+        if not has_body:
+            self.context.model.say_once("W0318", "this branch of a 'when' does nothing", condition.span)
         rising: Expr = dag.ZERO
         at_start = False
         for part in _parts(condition):
@@ -86,11 +86,11 @@ class WhenEquation:
         start = phase(self.context, "initial()").expr
         fires = _or(start, rising) if at_start else rising
         if not at_start:
-            fires = _and(dag.function("not", start), fires)
+            fires = both(dag.function("not", start), fires)
         elif rising is not dag.ZERO:  # what is true from the start on does not rise there
-            fires = _or(start, _and(dag.function("not", start), rising))
+            fires = _or(start, both(dag.function("not", start), rising))
         for other in earlier:
-            fires = _and(dag.function("not", other), fires)
+            fires = both(dag.function("not", other), fires)
         active = self._helper(f"active when {condition.span.text}", fires, condition.span)
         columns = {"active": self._column(active)}
         text = condition.span.text.strip()
@@ -140,7 +140,7 @@ class WhenEquation:
             if isinstance(e, tree.Equality):
                 self._equality(context, e, guard)
             elif isinstance(e, tree.CallEquation):
-                self._statement(context, e, guard)
+                self.statement(context, e, guard)
             elif isinstance(e, tree.For):
                 self._loop(context, e, guard, 0)
             elif isinstance(e, tree.IfEquation):
@@ -166,8 +166,8 @@ class WhenEquation:
             condition = context.value(condition_tree)
             if condition.type != "Boolean" or condition.dims:
                 raise Wrong("E0301", "a condition must be true or false", condition_tree.span, found=condition.type)
-            self._body(context, body, _and(left, condition.expr))
-            left = _and(left, dag.function("not", condition.expr))
+            self._body(context, body, both(left, condition.expr))
+            left = both(left, dag.function("not", condition.expr))
         self._body(context, e.otherwise, left)
 
     # ---------------------------------------------------------------------- assignments
@@ -224,7 +224,8 @@ class WhenEquation:
 
     # ----------------------------------------------------------------------- statements
 
-    def _statement(self, context: Context, e: tree.CallEquation, guard: Expr) -> None:
+    def statement(self, context: Context, e: tree.CallEquation, guard: Expr) -> None:
+        """Draft ``reinit``, ``terminate`` or ``assert`` under a guard."""
         name = str(e.call.function)
         if name == "reinit":
             self._reinit(context, e, guard)
@@ -308,7 +309,8 @@ def _pairs(context: Context, left: Value, right: Value) -> Iterator[tuple[Value,
         yield from _pairs(context, a, b)
 
 
-def _and(a: Expr, b: Expr) -> Expr:
+def both(a: Expr, b: Expr) -> Expr:
+    """Return the logical and; the second alone where the first is always true."""
     return b if a.is_const and a.value else dag.function("and", a, b)
 
 

@@ -218,7 +218,7 @@ class Algorithm:
                     self._statements(body)
                     return
                 continue
-            warn_kink(self.context, "this if-statement", condition_tree.span, condition)
+            self._warn(condition, condition_tree.span)
             rest = tree.IfStatement(s.branches[k + 1 :], s.otherwise, s.span)
             self._branch(condition, body, (rest,) if rest.branches else s.otherwise, condition_tree.span)
             return
@@ -227,11 +227,11 @@ class Algorithm:
     def _branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
         before = dict(self.values)
         results = []
-        for body in (then, otherwise):
+        for body, holds in ((then, True), (otherwise, False)):
             self.values.clear()
             self.values.update(before)
             try:
-                self._statements(body)
+                self._in_branch(condition, holds, body)
             except _Leave:
                 raise Wrong(
                     "E0222", "'return' and 'break' need a condition that is known when compiling", span
@@ -245,6 +245,13 @@ class Algorithm:
                 self.values[name] = (
                     first[name] if same else choose(self.context, condition, first[name], second[name], span)
                 )
+
+    def _in_branch(self, condition: Value, holds: bool, body: tuple) -> None:
+        """Carry out the statements of a branch whose condition is open."""
+        self._statements(body)
+
+    def _warn(self, condition: Value, span: Span) -> None:
+        warn_kink(self.context, "this if-statement", span, condition)
 
     def _for(self, s: tree.ForStatement, k: int) -> None:
         if k == len(s.indices):

@@ -89,10 +89,12 @@ class Context:
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
     end : what `end` means in the subscript being read
+    assigned : those of the names that stand for what an algorithm has assigned so far
     """
 
     __slots__ = (
         "model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "in_when", "choices", "depth", "end",
+        "assigned",
     )  # fmt: skip
 
     def __init__(
@@ -117,6 +119,7 @@ class Context:
         self.choices: dict[int, int] = {}
         self.depth = 0
         self.end: int | None = None
+        self.assigned: frozenset[str] = frozenset()
 
     def value(self, expression: tree.Expression) -> Value:
         """The meaning of an expression here."""
@@ -125,6 +128,17 @@ class Context:
     def within(self, space: Space, names: dict[str, Value]) -> Context:
         """The same place with another space and further names."""
         inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
+        inner.depth, inner.choices, inner.in_when = self.depth, self.choices, self.in_when
+        inner.assigned = self.assigned
+        return inner
+
+    @property
+    def unassigned(self) -> Context:
+        """The same place, with the variables themselves in place of what an algorithm has assigned."""
+        if not self.assigned:
+            return self
+        kept = {name: value for name, value in self.names.items() if name not in self.assigned}
+        inner = Context(self.model, self.node, self.scope, self.space, self.leaves, kept, self.quiet)
         inner.depth, inner.choices, inner.in_when = self.depth, self.choices, self.in_when
         return inner
 

@@ -68,7 +68,9 @@ def reference(context: Context, ref: tree.Ref) -> Value:
         if value is not None and not any(part.subscripts for part in ref.parts[:-1]):
             return subscripted(context, value, last) if last.subscripts else value
         fields = [name.removeprefix(f"{first.name}.") for name in context.names if name.startswith(f"{first.name}.")]
-        if fields or first.name in context.names:
+        if (fields or first.name in context.names) and first.name not in context.assigned and not (
+            set(f"{first.name}.{field}" for field in fields) & context.assigned
+        ):
             if len(ref.parts) == 1:
                 raise Wrong("E0301", f"'{first.name}' is a record, not a number", ref.span)
             hint = nearest(ref.parts[1].name, fields) or (f"it has {', '.join(fields)}" if fields else "")
