@@ -181,6 +181,34 @@ def recalled_or_compiled(file: str, scene: Scene, clock: Clock) -> tuple[FlatDAE
     return flat, reduced, scene
 
 
+def reduce_with_loops(minimal: Reduced, states: Sequence[str] | None, gain: float, clock: Clock) -> Reduced:
+    """The reduced system with all coordinates of its loops as states, for the parameter values of another one of it.
+
+    Parameters
+    ----------
+    gain : 1/s, of the feedback of closures; 0 without
+
+    Raises
+    ------
+    ModelError
+        E0626: not all of them can be states.
+    """
+    with clock.stage("reduce"):
+        from lmoc.messages.diagnostics import Diagnostic, ModelError
+        from lmoc.numerics.formulations.feedback import with_feedback
+        from lmoc.structure.coordinates.closures import NotReleasedError
+        from lmoc.structure.reduce import reduce
+
+        report = Report()
+        try:
+            reduced = reduce(minimal.flat, minimal.values, states, report, loops=True)
+        except NotReleasedError as error:
+            message = f"the coordinates of the loops cannot all be states: {error}"
+            raise ModelError([Diagnostic("E0626", message, expected="formulation 'reduced'")]) from error
+        report.check()
+    return with_feedback(reduced, gain) if gain else reduced
+
+
 # ------------------------------------------------------------------------ their list
 
 

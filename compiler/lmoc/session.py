@@ -23,6 +23,7 @@ from lmoc.pipeline import Clock, Scene
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.system import System
+    from lmoc.numerics.formulations.table import Requested
     from lmoc.numerics.observe.trajectory import Trajectory
     from lmoc.numerics.options import RunOptions
     from lmoc.numerics.plan import Plan
@@ -54,6 +55,7 @@ class Session:
         self.values = flat.parameter_values(indexed(flat, flat.overrides))
         self.reduced: Reduced = reduced or pipeline.reduce(flat, self.values, scene.states, clock)
         self._reductions: dict[tuple, list[Reduced | None]] = {_MODEL: [self.reduced]}  # by coordinates
+        self._formulated: dict[tuple[int, float], tuple[Reduced, Reduced]] = {}  # by identity of the first, and gain
         self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
         self._busy = Lock()  # a simulator has one set of buffers
@@ -178,9 +180,31 @@ class Session:
 
     def continuing(self, prepared: Prepared, states: Sequence[str], clock: Clock) -> Prepared:
         """Return what is prepared, in the coordinates in which another run has ended."""
-        if list(states) == prepared.reduced.state_names:
-            return prepared
+        if len(states) != len(prepared.reduced.states) or list(states) == prepared.reduced.state_names:
+            return prepared  # a run in all coordinates of its loops has been in those, too
         return replace(prepared, reduced=self._reduction(prepared.values, tuple(sorted(states)), clock))
+
+    def formulated(self, prepared: Prepared, wanted: Requested, clock: Clock) -> Prepared:
+        """Return what is prepared, in another formulation of its closed loops.
+
+        Raises
+        ------
+        ModelError
+            E0626: the scene cannot be run in this formulation.
+        """
+        minimal, form = prepared.reduced, wanted.form
+        if form.name == "reduced":
+            return prepared
+        if prepared.flat.laws or prepared.flat.events is not None:
+            message = f"a scene with laws or events cannot be run in formulation '{form.name}'"
+            raise ModelError([Diagnostic("E0626", message, expected="reduced")])
+        if minimal.invariants is None:
+            note = Diagnostic("N0634", f"no closed loops are left in this scene: {form.name} is the same as reduced")
+            return replace(prepared, notes=(*prepared.notes, note))
+        key = id(minimal), wanted.gain
+        if key not in self._formulated:
+            self._formulated[key] = minimal, pipeline.reduce_with_loops(minimal, self.scene.states, wanted.gain, clock)
+        return replace(prepared, reduced=self._formulated[key][1], minimal=minimal)
 
     # ------------------------------------------------------------------ runs
 
@@ -200,14 +224,16 @@ class Session:
     ) -> Trajectory:
         """Simulate once; concurrent runs are serialized. Parameters and errors as of `Simulator.run`."""
         with self._busy:
-            others = OtherCoordinates(self, prepared.values)
-            simulator = self.simulator(prepared.reduced)
-            return simulator.run(prepared.values, options, inputs, initial, progress, others)
+            simulator, values = self.simulator(prepared.reduced), prepared.values
+            if prepared.minimal is None:
+                return simulator.run(values, options, inputs, initial, progress, OtherCoordinates(self, values))
+            place = self.simulator(prepared.minimal).start(values, options, inputs, initial)
+            return simulator.run(values, options, inputs, place, progress)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process: the solvers' functions are made again when needed."""
         kept = {name: value for name, value in self.__dict__.items() if name != "_busy"}
-        return kept | {"_simulators": {}}
+        return kept | {"_simulators": {}, "_formulated": {}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state | {"_busy": Lock()}

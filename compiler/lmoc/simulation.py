@@ -83,6 +83,7 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
     report = Report()
     check_parameters(session.flat, prepared.values, report)
     report.check()
+    prepared = session.formulated(prepared, request.options.requested, clock)
     with clock.stage("lower"):
         import lmoc.run  # noqa: F401  (the time of its import belongs here, not to the simulation)
 
@@ -135,7 +136,8 @@ def _as_run(
 
     def again(times: np.ndarray) -> Run:
         finer = replace(request.options, stop=None, points=None, times=times)
-        return run_prepared(session, prepared, replace(request, options=finer, progress=None), Clock())
+        origin = replace(prepared, reduced=prepared.minimal or prepared.reduced, minimal=None)
+        return run_prepared(session, origin, replace(request, options=finer, progress=None), Clock())
 
     notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics, *trajectory.notes
     lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))

@@ -14,7 +14,6 @@ from lmoc.cli.arguments import (
     initial,
     positive,
 )
-from lmoc.messages.diagnostics import Diagnostic, ModelError
 
 if TYPE_CHECKING:
     from lmoc.run import Run
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
 def add_simulation_arguments(parser: Parser) -> None:
     """The scene, its span, start and signals, the method and its tolerances."""
+    from lmoc.numerics.formulations.table import TABLE
     from lmoc.numerics.options import FIXED_STEP, SOLVERS, solver_hint
 
     add_model_arguments(parser)
@@ -34,19 +34,17 @@ def add_simulation_arguments(parser: Parser) -> None:
     add("--step", type=positive, metavar="S",
         help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}; gauss")  # fmt: skip
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
-    add("--formulation", metavar="NAME", default="reduced", help="reduced: minimal coordinates")
+    add("--formulation", metavar="NAME", default="reduced",
+        help=f"of closed loops: {', '.join(TABLE)}; baumgarte:25 with a gain in 1/s (reduced)")  # fmt: skip
     add("--keep", metavar="NAME", action="append",
         help="retain only this variable or array (large models); may be repeated")  # fmt: skip
 
 
 def check_formulation(arguments: argparse.Namespace) -> None:
-    """Refuse a formulation that does not exist before time is spent (E0626)."""
-    from lmoc.numerics.options import FORMULATIONS
+    """Refuse a formulation that does not exist, or does not go with the solver, before time is spent (E0626)."""
+    from lmoc.numerics.options import checked_formulation
 
-    if arguments.formulation not in FORMULATIONS:
-        known = ", ".join(FORMULATIONS)
-        message = f"the formulation '{arguments.formulation}' is not available; this version has: {known}"
-        raise ModelError([Diagnostic("E0626", message)])
+    checked_formulation(arguments.formulation, arguments.solver)
 
 
 def simulate(arguments: argparse.Namespace) -> Run:

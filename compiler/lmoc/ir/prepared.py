@@ -26,12 +26,14 @@ class Prepared:
     values : (flat.count,)
         Parameter values (`FlatDAE.parameter_values`).
     notes : what had to be redone for these values
+    minimal : the reduction in minimal coordinates that finds the start, where `reduced` has others
     """
 
     flat: FlatDAE
     reduced: Reduced
     values: np.ndarray
     notes: tuple[Diagnostic, ...] = ()
+    minimal: Reduced | None = None
 
     @cached_property
     def inputs(self) -> list[str]:

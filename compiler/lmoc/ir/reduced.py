@@ -81,6 +81,36 @@ class Constraints:
 
 
 @dataclass(frozen=True, eq=False)
+class Invariants:
+    """The equations that close loops and their derivatives, as far as these hold along a motion without being solved.
+
+    In minimal coordinates they are solved, and vanish to the accuracy of Newton's method.
+
+    Attributes
+    ----------
+    program : Program
+        Fills the residuals from registers of the right-hand side and of what is observed.
+    count : registers, those of the residuals included
+    residual : (k,) registers
+    stage : (k,) 1 for what ties the jets just below the highest (velocities), 2 for what ties those below (positions)
+    source : (k,) flat equation that each comes from
+    state_stage : (states,) the same for the states
+    acceleration : registers that the highest derivatives of the closures are set to, by the right-hand side or by
+        whoever leaves those steps out; empty in minimal coordinates
+    lower : (2, …) for each of these the residuals of stage 1 and 2 of the same closure, -1 where there is none
+    """
+
+    program: Program
+    count: int
+    residual: np.ndarray
+    stage: np.ndarray
+    source: np.ndarray
+    state_stage: np.ndarray
+    acceleration: np.ndarray
+    lower: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Reduced:
     """The result of reduction.
 
@@ -118,6 +148,7 @@ class Reduced:
     constraints : what the choice of coordinates divides by; None where that never changes
     block_guess : registers of unknowns of nonlinear blocks, and values near the start values where the constraints hold
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
+    invariants : the closures of its loops; None where no constraints change along the motion
     """
 
     flat: FlatDAE
@@ -144,6 +175,7 @@ class Reduced:
     block_guess: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0)))
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     discrete: tuple[DiscreteStep, ...] = ()
+    invariants: Invariants | None = None
 
     def register_name(self, register: int) -> str:
         """A register in the user's names; helpers are ``#n``."""
@@ -151,6 +183,11 @@ class Reduced:
         if variable < 0:
             return f"#{register}"
         return self.flat.jet_name(variable, int(self.registers.order[register]))
+
+    @property
+    def in_all_coordinates(self) -> bool:
+        """Whether all coordinates of closed loops are states."""
+        return self.invariants is not None and len(self.invariants.acceleration) > 0
 
     @cached_property
     def state_names(self) -> list[str]:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmoc.ir.flat import Experiment
-from lmoc.messages.diagnostics import nearest
+from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.numerics.formulations.table import GAIN, TABLE, Requested, requested
 
 ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss")
 # all steps have the same length, the option `step`
@@ -28,7 +29,7 @@ ALSO_KNOWN_AS = {
     "generalized-alpha": "alpha galpha genalpha generalizedalpha hht hhtalpha newmark newmarkbeta",
     "gauss": "gausslegendre irk",
 }
-FORMULATIONS = ("reduced",)
+FORMULATIONS = tuple(TABLE)
 _STEPS = 1000  # of a run with steps of equal length, where nobody says
 MOST_POINTS = 50_000_000  # output times
 
@@ -38,6 +39,24 @@ def solver_hint(name: str) -> str:
     plain = "".join(sign for sign in name.lower() if sign.isalnum() or sign == "_")
     own = next((own for own, others in ALSO_KNOWN_AS.items() if plain in others.split()), None)
     return f"'{own}' is the method of that kind here" if own else nearest(name, SOLVERS)
+
+
+def checked_formulation(text: str, solver: str) -> Requested:
+    """Return the formulation of a name. Raises as `RunOptions.requested`."""
+    found = requested(text)
+    if found is None:
+        name = text.partition(":")[0]
+        gain = f"a gain is a positive number in 1/s, as in baumgarte:{GAIN:g}"
+        hint = gain if name == "baumgarte" else nearest(name, TABLE)
+        known = ", ".join(TABLE)
+        raise ModelError([Diagnostic("E0626", f"there is no formulation '{text}'", expected=known, hint=hint)])
+    allowed = found.form.solvers
+    if allowed and solver not in allowed and solver in SOLVERS:
+        message = f"formulation '{text}' cannot be used with solver '{solver}'"
+        others = [name for name, form in TABLE.items() if not form.solvers or solver in form.solvers]
+        hint = f"formulations that go with {solver}: {', '.join(others)}"
+        raise ModelError([Diagnostic("E0626", message, expected=", ".join(allowed), hint=hint)])
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +80,7 @@ class RunOptions:
     rtol : [1e-6]
     atol : one number for all states [rtol·1e-3·nominal of each]
     solver : one of SOLVERS
-    formulation : "reduced"
+    formulation : one of FORMULATIONS, ``baumgarte:25`` with a gain in 1/s
     energy : integrate work and heat along
     keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
     max_step : s, the longest step of the integrator [no limit]
@@ -84,6 +103,17 @@ class RunOptions:
     step: float | None = None
     max_steps: int = 5_000_000
     max_seconds: float | None = None
+
+    @property
+    def requested(self) -> Requested:
+        """The formulation.
+
+        Raises
+        ------
+        ModelError
+            E0626: there is none of that name, or the solver does not go with it.
+        """
+        return checked_formulation(str(self.formulation), self.solver)
 
     def span(self, experiment: Experiment, begin: float | None = None) -> Span:
         """Return where the run begins and ends, and its output times.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
-from lmoc.numerics.coordinates.change import continued
+from lmoc.numerics.coordinates.change import Place, continued, registers_at
 from lmoc.numerics.coordinates.changes import Changes, Way, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
@@ -43,6 +43,7 @@ from lmoc.support.distinct import distinct
 
 if TYPE_CHECKING:
     from lmoc.numerics.events.happenings import Happenings
+    from lmoc.numerics.formulations.watch import LoopWatch
 
 _FINER = 0.1  # factor on the tolerances of pieces behind a change of coordinates
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
@@ -50,14 +51,14 @@ _FINEST = 1e-14  # relative tolerance
 
 
 def run_pieces(
-    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | Place
 ) -> Trajectory:
     """Run from the start to the end.
 
     Parameters
     ----------
     plan, system, base : of the first piece; base as from `Plan.base`
-    initial : {name: value}, fixed at the start, or where another run has ended
+    initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
 
     Raises
     ------
@@ -67,6 +68,15 @@ def run_pieces(
         The run failed on its way.
     """
     return _Run(task, plan, system, base).go(initial)
+
+
+def starting_place(
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
+) -> Place:
+    """Return where a run would start. Parameters and errors as of `run_pieces`."""
+    run = _Run(task, plan, system, base)
+    x = run._start(initial)
+    return Place(run.stretch.observer, registers_at(run.stretch.observer, system, task.span.start, x))
 
 
 class _Run:
@@ -93,7 +103,7 @@ class _Run:
         self.tolerances: tuple[Plan, np.ndarray] | None = None
         self.lookout: Lookout | None = None
 
-    def go(self, initial: Mapping[str, float] | End) -> Trajectory:
+    def go(self, initial: Mapping[str, float] | End | Place) -> Trajectory:
         began, lowered = self.task.clock
         x = self._start(initial)
         started = clock.perf_counter()
@@ -122,6 +132,8 @@ class _Run:
             "states": self.pieces[0].observer.plan.state_count,
             "rtol": self.rtol,
         }
+        if self.stretch.loops is not None:
+            stats |= self.stretch.loops.stats
         self._note_changes()
         notes = tuple(dict.fromkeys((*self.pieces[0].observer.plan.notes, *self.report.diagnostics)))
         last = outcome.time, outcome.x
@@ -134,11 +146,13 @@ class _Run:
 
     # ------------------------------------------------------------------ the start
 
-    def _start(self, initial: Mapping[str, float] | End) -> np.ndarray:
+    def _start(self, initial: Mapping[str, float] | End | Place) -> np.ndarray:
         stretch, report, span = self.stretch, self.report, self.task.span
         plan, observer, system = stretch.plan, stretch.observer, stretch.system
         signals = self.task.signals
-        if isinstance(initial, End):
+        if isinstance(initial, Place):
+            states = partial(initial.states, plan)
+        elif isinstance(initial, End):
             states = partial(continued, plan, initial)
         else:
             wanted = targets(observer.flat, observer.values, initial, report)
@@ -267,6 +281,11 @@ class _Run:
         breaks = distinct(np.concatenate([breaks, more]))
         whole = span.start, span.end
         self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
+        self._watch_loops(begin, x)
+
+        def sink(first: int, states: np.ndarray) -> None:
+            recorder(first + done, states if stretch.loops is None else stretch.loops.output(times[first:], states))
+
         # what follows from the states is known less well than they are, where one choice after the other divides by it
         finer = _FINER if stretch.watch is not None and self.pieces else 1.0
         problem = Problem(
@@ -277,20 +296,27 @@ class _Run:
             times,
             max(self.rtol * finer, _FINEST),
             self._atol(x) * finer,
-            lambda first, states: recorder(first + done, states),
+            sink,
             max_step=self.longest if now is None else min(self.longest, now.longest_step),
-            max_steps=options.max_steps,
+            max_steps=min(options.max_steps, options.requested.form.most_steps),
             deadline=self.deadline,
             progress=self.progress,
             lookout=self.lookout if way is None else way.bounded(self.lookout),
             breaks=breaks,
-            guard=stretch.watch,
+            guard=stretch.watch or stretch.loops,
             roots=roots,
+            correction=None if stretch.loops is None else stretch.loops.correction,
+            index_one=None if stretch.loops is None else stretch.loops.index_one,
             step=options.step_length(span),
         )
         if not len(x):
             return self.cost.add(standing(problem), stretch.system, "none", "no states")
-        outcome, method = choice.run(problem, options.solver)
+        implicit = problem.index_one is not None
+        outcome, method = choice.run(problem, "ida" if implicit else options.solver)
+        if implicit:
+            method["reason"] = f"for formulation {options.formulation}"
+        if stretch.loops is not None and outcome.status.failed:
+            self.lost = stretch.loops.why(outcome.status)
         stretch.largest = None if roots is None else roots.largest
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
 
@@ -308,6 +334,8 @@ class _Run:
 
     def _with_other_coordinates(self, outcome: Outcome) -> Outcome:
         """Go on from where the coordinates have ceased to be good."""
+        if self.stretch.loops is not None:
+            return self._in_shorter_steps(self.stretch.loops, outcome)
         if self.happenings is not None:  # events and laws refer to the states of the plan that the run began with
             names = ", ".join(self.stretch.plan.reduced.state_names)
             self.lost = (
@@ -332,6 +360,25 @@ class _Run:
         if self.tolerances is None or self.tolerances[0] is not self.stretch.plan:
             self.tolerances = self.stretch.plan, self._absolute_tolerances(x)
         return self.tolerances[1]
+
+    def _watch_loops(self, begin: float, x: np.ndarray) -> None:
+        """Have the closures watched, in a formulation where all coordinates of the loops are states."""
+        task, stretch = self.task, self.stretch
+        if stretch.loops is None and stretch.plan.reduced.in_all_coordinates:
+            from lmoc.numerics.formulations.watch import LoopWatch
+
+            scale = assumed_sizes(stretch.plan, task.values, x, task.sizes)
+            stretch.loops = LoopWatch(stretch.observer, scale, task.options.requested.form, task.span)
+            stretch.loops.begin(begin, x)
+
+    def _in_shorter_steps(self, loops: LoopWatch, outcome: Outcome) -> Outcome:
+        """Go on from before a step that has led too far where closures nearly depend on each other."""
+        longest = loops.length()
+        if longest is None:
+            self.lost = loops.reason
+            return replace(outcome, status=Status.SINGULAR)
+        self.longest = min(longest, np.inf if self.task.options.max_step is None else self.task.options.max_step)
+        return self._integrate(outcome.x, outcome.time)
 
     def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:
         """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""

@@ -11,13 +11,14 @@ import numpy as np
 from lmoc.expression.dag import slots
 from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Report, nearest
+from lmoc.messages.diagnostics import ModelError, Report, nearest
 from lmoc.messages.ranges import report_alike
+from lmoc.numerics.coordinates.change import Place
 from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.observe.trajectory import End, Trajectory
-from lmoc.numerics.options import FORMULATIONS, SOLVERS, RunOptions, Span, solver_hint
-from lmoc.numerics.pieces import run_pieces
+from lmoc.numerics.options import SOLVERS, RunOptions, Span, checked_formulation, solver_hint
+from lmoc.numerics.pieces import run_pieces, starting_place
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
 from lmoc.numerics.sizes import too_loose
@@ -51,6 +52,17 @@ class Simulator:
             self._systems[key] = plan, make_system(plan)
         return self._systems[key]
 
+    def start(
+        self,
+        values: np.ndarray,
+        options: RunOptions,
+        inputs: Mapping[str, object] | None,
+        initial: Mapping[str, float] | End | None,
+    ) -> Place:
+        """Return where a run starts. Parameters and errors as of `run`."""
+        task, plan, system, base = self._task(values, options, inputs, initial, None, None)
+        return starting_place(task, plan, system, base, initial or {})
+
     def _orders(self) -> np.ndarray:
         """Return which derivatives of which inputs are in use, (2, k): initial equations may ask for rates as well."""
         flat, used = self.reduced.flat, self.reduced.inputs[1:]
@@ -69,7 +81,7 @@ class Simulator:
         values: np.ndarray | None = None,
         options: RunOptions | None = None,
         inputs: Mapping[str, object] | None = None,
-        initial: Mapping[str, float] | End | None = None,
+        initial: Mapping[str, float] | End | Place | None = None,
         progress: Progress | None = None,
         others: Coordinates | None = None,
     ) -> Trajectory:
@@ -81,7 +93,7 @@ class Simulator:
             Whether they keep its guards is the caller's business.
         options : RunOptions
         inputs : {name: number, formula, callable, table or CSV file} in place of the inputs' own bindings
-        initial : {name: value}, fixed at the start, or where another run has ended
+        initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
         progress : called with (time reached, stop time) a few times a second
         others : simulators of the same model with other coordinates
 
@@ -94,8 +106,20 @@ class Simulator:
         RunInterrupted
             The same where it was interrupted from the keyboard.
         """
+        task, plan, system, base = self._task(values, options or RunOptions(), inputs, initial, progress, others)
+        return _run_at_its_size(task, plan, system, base, initial or {})
+
+    def _task(
+        self,
+        values: np.ndarray | None,
+        options: RunOptions,
+        inputs: Mapping[str, object] | None,
+        initial: Mapping[str, float] | End | Place | None,
+        progress: Progress | None,
+        others: Coordinates | None,
+    ) -> tuple[Task, Plan, System, np.ndarray]:
+        """Return what a run does, with its plan, its system, and the registers that stay as they are."""
         began = clock.perf_counter()
-        options = options or RunOptions()
         values = self._extended(self.reduced.values if values is None else values)
         report = Report()
         span = check_options(options, self.reduced, report, initial)
@@ -116,12 +140,11 @@ class Simulator:
         check_parameters(plan, base, values, report)
         report.check()
         check_derived(plan, base, report)
-        task = Task(values, signals, options, span, report, progress, others, (began, lowered))
-        return _run_at_its_size(task, plan, system, base, initial or {})
+        return Task(values, signals, options, span, report, progress, others, (began, lowered)), plan, system, base
 
 
 def _run_at_its_size(
-    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | Place
 ) -> Trajectory:
     """Run; where the motion is much smaller than its tolerances were chosen for, again with tolerances of its size."""
     said = list(task.report.diagnostics)
@@ -148,14 +171,16 @@ def simulate(
 
 
 def check_options(
-    options: RunOptions, reduced: Reduced, report: Report, initial: Mapping[str, float] | End | None = None
+    options: RunOptions, reduced: Reduced, report: Report, initial: Mapping[str, float] | End | Place | None = None
 ) -> Span:
     """Return the span of the run and its output times; errors for what cannot be done."""
     if options.solver not in SOLVERS:
         hint = solver_hint(str(options.solver))
         report.error("E0540", f"there is no solver '{options.solver}'", expected=", ".join(SOLVERS), hint=hint)
-    if options.formulation not in FORMULATIONS:
-        report.error("E0626", f"formulation '{options.formulation}' is not available", expected=", ".join(FORMULATIONS))
+    try:
+        checked_formulation(str(options.formulation), options.solver)
+    except ModelError as error:
+        report.diagnostics += error.diagnostics
     for name in options.keep or ():
         if reduced.flat.find(name) is None:
             hint = nearest(name, [".".join(n for n, _ in b.path) for b in reduced.flat.blocks])

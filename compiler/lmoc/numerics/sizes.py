@@ -20,6 +20,8 @@ _LOOSE = 1e-3  # of the size that was assumed: of a smaller motion the absolute 
 _REST = 1e-200  # what is smaller does not move: parts of it are zero in double precision
 _NOISE = 1e-6  # of the largest of the same unit: what is smaller is not followed for its own sake
 
+_TIED = 1.0  # the same where closures tie the coordinates: one that stays at rest is known as well as the others
+
 
 def assumed_sizes(plan: Plan, values: np.ndarray, x: np.ndarray, known: Sizes) -> np.ndarray:
     """Return the sizes (n,) of the integrated components: declared, known from a run before, or 1 or the start's.
@@ -57,9 +59,10 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
     for array, top in largest.items():
         group = _group(run.flat, array)
         groups[group] = max(top, groups.get(group, 0.0))
+    noise = _TIED if any(p.reduced.in_all_coordinates for p in run.pieces) else _NOISE
     found, drift = {}, _drift(run)
     for array, top in largest.items():
-        size = max(top, _NOISE * groups[_group(run.flat, array)])
+        size = max(top, noise * groups[_group(run.flat, array)])
         found[array] = size if size > max(_REST, drift.get(array, 0.0)) else assumed[array]
     return found if any(found[array] < _LOOSE * assumed[array] for array in found) else None
 

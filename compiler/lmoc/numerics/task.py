@@ -21,6 +21,7 @@ from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.sizes import Sizes
 
 if TYPE_CHECKING:
+    from lmoc.numerics.formulations.watch import LoopWatch
     from lmoc.numerics.laws.mode import Mode
 
 Progress = Callable[[float, float], None]  # (time reached, stop time)
@@ -68,6 +69,7 @@ class Stretch:
     mode, rounding : of the laws, as in `Piece`
     largest : (n,) the magnitude of each state at the steps; None where they were not looked at
     watch : judges its coordinates; None where their choice never divides by anything that changes
+    loops : watches over its closures; None in minimal coordinates
     """
 
     def __init__(
@@ -80,6 +82,7 @@ class Stretch:
         self.mode: Mode | None = None
         self.largest: np.ndarray | None = None
         self.rounding: np.ndarray | None = None
+        self.loops: LoopWatch | None = None
 
     @property
     def reached(self) -> int:

@@ -75,6 +75,11 @@ class Result:
         return self._notes if found is None else (*self._notes, found)
 
     @property
+    def residual(self) -> tuple[float, float] | None:
+        """The largest residuals of the closures of loops, of positions and of velocities; None without closed loops."""
+        return self.trajectory.residual
+
+    @property
     def complete(self) -> bool:
         """Return whether the run has come to its end."""
         return self.broke_off is None

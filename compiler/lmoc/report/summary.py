@@ -28,6 +28,7 @@ def summary(run: Result, units: str | Sequence[str] | None = None) -> str:
     lines += _labelled("states", ", ".join(_states(run)) or "none")
     lines += _labelled("solver", _solver(run.stats))
     lines += _labelled("cost", _cost(run))
+    lines += _labelled("closures", _closures(run))
     lines += _labelled("energy", energy_text(run))
     lines += _labelled("events", events_text(run.events))
     lines += ["", f"at t = {run.time[-1]:g} s{_broke_off(run)}", *_table(rows)]
@@ -56,6 +57,7 @@ def as_data(run: Result) -> dict[str, Any]:
             "supplied": energy.supplied[-1],
             "lost": energy.lost[-1],
         },
+        "residual": run.residual and dict(zip(("position", "velocity"), run.residual, strict=True)),
         "events": events_data(run.events),
         "final": run.final,
         "units": {name: run.unit(name) for name in run.final},
@@ -123,6 +125,13 @@ def _solver(stats: Mapping[str, Any]) -> str:
         text += f"; Jacobian {matrix}"
     # casadi is the rule for small scenes and not worth a word
     return text if by in ("", "casadi") or stats.get("solver") == "none" else f"{text}; evaluated by {by}"
+
+
+def _closures(run: Result) -> str:
+    """Describe how well closed loops stay closed."""
+    if run.residual is None:
+        return ""
+    return "positions satisfy them within {:.1e}, velocities within {:.1e}".format(*run.residual)
 
 
 def _cost(run: Result) -> str:

@@ -12,15 +12,18 @@ from functools import partial
 
 import numpy as np
 
+from lmoc.expression.dag import ZERO
 from lmoc.ir.checked import checked
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
-from lmoc.ir.program import Program, Solve, split_program, walk
+from lmoc.ir.program import Apply, Program, Solve, split_program, walk
 from lmoc.ir.reduced import Guard, Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
+from lmoc.structure.coordinates.closures import closures, released
 from lmoc.structure.coordinates.constraints import changing_constraints
+from lmoc.structure.coordinates.invariants import invariants
 from lmoc.structure.coordinates.mobility import immobile
 from lmoc.structure.coordinates.sample import UNMARKED
 from lmoc.structure.coordinates.selection import Selection, select
@@ -40,6 +43,7 @@ def reduce(
     values: np.ndarray | None = None,
     states: Sequence[str] | None = None,
     report: Report | None = None,
+    loops: bool = False,
 ) -> Reduced:
     """Reduce a flat model.
 
@@ -49,12 +53,15 @@ def reduce(
     values : (flat.count,) parameter values for which elimination decides; the model's own by default
     states : names of variables that shall be states, best first
     report : collects what there is to say; a new one by default
+    loops : make all coordinates of closed loops states, and keep their closures as invariants
 
     Raises
     ------
     ModelError
         The model is structurally or numerically singular, its constraints contradict each other, or what was asked
         for cannot be a state: codes E04xx.
+    NotReleasedError
+        Not all coordinates of its loops can be states.
     """
     report = Report() if report is None else report
     values = flat.parameter_values() if values is None else values
@@ -62,11 +69,13 @@ def reduce(
         raise ValueError("a flat model with laws is reduced by structure.laws.reduce, or in one of its modes")
     discrete = discrete_steps(flat, report)
     normalized = checked(without_dependent(checked(normalize(flat, values, states, report))))
-    return checked(replace(assemble(solve_structure(normalized, states, report)), discrete=discrete))
+    return checked(replace(assemble(solve_structure(normalized, states, report, loops)), discrete=discrete))
 
 
-def solve_structure(normalized: Normalized, states: Sequence[str] | None, report: Report) -> Solved:
-    """Choose the states and solve the equations for everything else. Raises as `reduce`."""
+def solve_structure(
+    normalized: Normalized, states: Sequence[str] | None, report: Report, loops: bool = False
+) -> Solved:
+    """Choose the states and solve the equations for everything else. Parameters and errors as of `reduce`."""
     system = EquationSystem(normalized)
     match = highest_value_transversal(system.incidence)
     if match is None:
@@ -77,33 +86,42 @@ def solve_structure(normalized: Normalized, states: Sequence[str] | None, report
     if len(selection.choice.singular):
         diagnosis.dependent_constraints(system, selection.jacobian(), selection.choice.singular, report)
         report.check()
+    diagnosis.refused_states(system, states or (), selection.layout, selection.is_state, selection.c, report)
+    minimal, found, rate = selection, closures(selection), np.zeros(0, np.int64)
+    if loops and found is not None:
+        selection, rate = released(selection, found)
     layout, square, is_state = selection.layout, selection.square, selection.is_state
     registers = np.flatnonzero(is_state & ~selection.quadrature)
-    diagnosis.refused_states(system, states or (), layout, is_state, selection.c, report)
     values = layout.known_values(selection.sample.value[0])
-    solution = Solution(square, square.needed_for(registers + 1), selection.derivatives(), values)
+    favourite = np.pad(selection.derivatives(), (0, len(rate)))
+    values = np.pad(values, (0, len(rate)), constant_values=np.nan)
+    solution = Solution(square, square.needed_for(registers + 1), favourite, values)
     block_program, others = solution.run()
     if solution.singular:
         diagnosis.singular_blocks(system, square, layout, selection.jacobian(), solution.singular, report)
     report.check()
-    notes = diagnosis.notes(system, selection.choice, selection.tied)
-    notes += diagnosis.immobile(system, *immobile(selection))
+    whole = minimal is selection
+    notes = diagnosis.notes(system, minimal.choice, minimal.tied) if whole else ()
+    notes += diagnosis.immobile(system, *immobile(minimal))
     quadratures = np.flatnonzero(selection.quadrature)
     # what is solved together with a derivative is not needed for it where the solution is a formula
-    rhs, rest = split_program(block_program, registers + 1, layout.count + solution.helpers)
-    guards = *normalized.guards, *_regularity(normalized, layout, solution), *_start(selection)
+    helpers = solution.helpers + len(rate)
+    rhs, rest = split_program(block_program, registers + 1, layout.count + helpers)
+    at_rest = (Apply(ZERO, np.zeros((len(rate), 0), np.int64), rate),) if len(rate) else ()
+    guards = *normalized.guards, *_regularity(normalized, layout, solution), *(_start(minimal) if whole else ())
     return Solved(
         system=system,
         layout=layout,
-        rhs=rhs,
+        rhs=(*at_rest, *rhs),
         rest=(*rest, *others),
         states=registers,
         quadratures=quadratures,
-        helpers=solution.helpers,
+        helpers=helpers,
         guards=guards,
         notes=(*normalized.notes, *notes),
         nearby=_nearby(selection, registers),
-        constraints=partial(changing_constraints, selection),
+        constraints=partial(changing_constraints, selection) if whole else None,
+        invariants=None if found is None else partial(invariants, minimal, found, registers, rate),
         block_guess=_block_guess(selection, (*rhs, *rest, *others)),
     )
 

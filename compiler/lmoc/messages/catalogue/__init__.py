@@ -78,8 +78,11 @@ CATALOGUE: dict[str, Entry] = {
         "such as `mm,deg,rpm`. They change what is printed and drawn; files keep SI units.",
     ),
     "E0626": Entry(
-        "not available",
-        "The option exists, but the requested value is not supported in this version.",
+        "formulation not available",
+        "The closed loops of a mechanism can be integrated in several formulations (docs/formulations.md). Closures "
+        "among the\n"
+        "equations need an implicit solver, `ida`; projection needs a method that goes on from a moved state without\n"
+        "loss. Scenes with laws or events are run in minimal coordinates, `reduced`.",
     ),
     # ------------------------------------------------- 066x what a person reads
     "E0660": Entry(
@@ -114,6 +117,12 @@ CATALOGUE: dict[str, Entry] = {
         "reduction redone",
         "The reduction relied on an assumption about parameter values, such as `J = 0`, which no longer holds for the\n"
         "values of this run. The reduction has been redone, and is kept for further runs.",
+    ),
+    "N0634": Entry(
+        "no closed loops",
+        "Formulations differ in how they treat the closures of a mechanism's loops, as far as these remain after the\n"
+        "elimination of linear constraints and of whatever follows by a formula. Where none remain, as in a tree of\n"
+        "joints, the same equations are integrated in every formulation.",
     ),
     "N0632": Entry(
         "coordinates changed",

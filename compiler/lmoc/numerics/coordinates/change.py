@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
@@ -11,6 +13,23 @@ from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import sample
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a run in one choice of coordinates stands: where one in others may begin.
+
+    Attributes
+    ----------
+    w : (plan.count,) registers of the observer's plan
+    """
+
+    observer: Observer
+    w: np.ndarray
+
+    def states(self, other: Plan, base: np.ndarray) -> np.ndarray:
+        """Return the states of another plan here; parameters as of `carried_over`."""
+        return carried_over(self.observer, self.w, other, base)
 
 
 def registers_at(observer: Observer, system: System, t: float, x: np.ndarray) -> np.ndarray:

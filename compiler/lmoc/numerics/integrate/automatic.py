@@ -200,6 +200,8 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     from lmoc.numerics.integrate.sundials import sundials
 
     system = problem.system
+    if problem.correction is not None:
+        return "radau", "Radau, which goes on from a corrected state without loss"
     jacobian = _jacobian(problem, outcome)
     if jacobian is None:
         if not sundials.available():

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.signals.activity import Lookout
 
@@ -43,6 +43,8 @@ class Problem:
     first_step : s, which a method of one step may begin with; infinity where it is to find one
     shortest : s, mean length of its steps below which a Taylor series is STIFF
     step : s, the length of all steps of a method with fixed steps; None where it chooses them
+    correction : (t, x) -> x, moves the end of an accepted step; None where it stays as it is
+    index_one : what IDA integrates in place of the system, with the states first among its components
     """
 
     system: System
@@ -65,6 +67,8 @@ class Problem:
     first_step: float = np.inf
     shortest: float = 0.0
     step: float | None = None
+    correction: Callable[[float, np.ndarray], np.ndarray] | None = None
+    index_one: IndexOne | None = None
 
     @property
     def needs_steps(self) -> bool:

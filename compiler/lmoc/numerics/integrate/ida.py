@@ -9,6 +9,8 @@ from lmoc.numerics.integrate.cvode import Multistep
 
 PROPERTIES = Properties("ida", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
 
+_UNTESTED = 1e30  # size of the multipliers of closures for the test of Newton's method, which shall not wait for them
+
 
 def begin(problem: Problem) -> Integration:
     """Return the method at the beginning of a problem.
@@ -27,12 +29,13 @@ class Ida(Multistep):
     def __init__(self, problem: Problem) -> None:
         from lmoc.numerics.integrate.sundials import ida
 
-        self.opened = problem.system.opened()
+        self.opened = problem.index_one or problem.system.opened()
         super().__init__(problem, self.opened or problem.system)
         atol, mass = problem.atol, np.ones(problem.system.n)
         y = self._whole(problem.x)
         if self.opened is not None:
-            atol = np.concatenate([atol, problem.rtol * np.maximum(1.0, np.abs(y[len(mass) :]))])
+            least = 1.0 if problem.index_one is None else _UNTESTED
+            atol = np.concatenate([atol, problem.rtol * np.maximum(least, np.abs(y[len(mass) :]))])
             mass = self.opened.differential.astype(float)
             self.evaluation = self.opened.description
         self.mass = self.arrange(mass)

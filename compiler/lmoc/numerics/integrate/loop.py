@@ -120,6 +120,14 @@ class _Loop:
                 return Status.ROOT
         if self.next <= run.t:
             self.show(run.t)
+        return status if self.problem.correction is None else self.correct(status)
+
+    def correct(self, status: Status) -> Status:
+        """Move the state as the problem's correction says, and go on from there."""
+        x = self.problem.correction(self.run.t, self.run.x)
+        if not np.isfinite(x).all():
+            return Status.SINGULAR
+        self.run.jump(x)
         return status
 
     def show(self, until: float) -> None:

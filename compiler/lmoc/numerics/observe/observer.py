@@ -73,11 +73,18 @@ class Observer:
 
     def register(self, register: int, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the values (times,) of one register."""
-        return self._followed(slice_of(self.plan, np.array([register])))(times, states)[:, 0]
+        return self.followed(slice_of(self.plan, np.array([register])))(times, states)[:, 0]
 
-    def _followed(self, part: Slice) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """Return ``(times, states) -> values`` of a slice, nonlinear equations followed along the path."""
-        evaluate = part.bind(self.base, self.signals)
+    def followed(
+        self, part: Slice, base: np.ndarray | None = None
+    ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """Return ``(times, states) -> values`` of a slice, nonlinear equations followed along the path.
+
+        Parameters
+        ----------
+        base : registers that do not change, where the slice has more of them than the plan
+        """
+        evaluate = part.bind(self.base if base is None else base, self.signals)
         if not part.implicit:
             return evaluate
 
@@ -114,7 +121,7 @@ class Observer:
         """``(times, states) -> (times, variables)`` for repeated use."""
         variables = np.asarray(variables, int)
         constant, inputs, computed = _sources(self.plan, variables)
-        part = self._followed(slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]))
+        part = self.followed(slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]))
 
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
             result = np.full((len(times), len(variables)), np.nan)

@@ -13,6 +13,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.mode import mode_words
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
+from lmoc.numerics.observe.closures import residuals
 from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.plan import LEDGER
@@ -247,6 +248,18 @@ class Trajectory:
                 pieces.append(piece.until(left))
             left -= len(piece.time)
         return Trajectory(tuple(pieces), self.kept, self.last, self.stats, self.events, self.notes, self.crossing)
+
+    @cached_property
+    def residual(self) -> tuple[float, float] | None:
+        """The largest residuals of the closures of loops, positions and velocities; None without closed loops.
+
+        At the ends of steps where the formulation looks at these, else at some of the output times.
+        """
+        if "position_residual" in self.stats:
+            return float(self.stats["position_residual"]), float(self.stats["velocity_residual"])  # type: ignore[arg-type]
+        found = [residuals(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
+        known = [f for f in found if f is not None]
+        return (max(f[0] for f in known), max(f[1] for f in known)) if known else None
 
     @cached_property
     def energy(self) -> Energy | None:

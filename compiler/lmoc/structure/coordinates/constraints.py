@@ -13,8 +13,8 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, lift
 from lmoc.ir.program import Apply, Step
 from lmoc.ir.reduced import Constraints
-from lmoc.structure.blocks.blocks import blocks_of
 from lmoc.structure.blocks.explicit import as_formula
+from lmoc.structure.coordinates.closures import rows_to_watch
 from lmoc.structure.coordinates.selection import Selection
 from lmoc.structure.linear.coefficients import is_constant
 
@@ -34,7 +34,7 @@ def changing_constraints(selection: Selection, first: int) -> Constraints | None
     rows, match = selection.choice.match[0]
     dependent = np.full(len(selection.d), -1)
     dependent[match] = rows  # the row that each dependent column stands for
-    kept, watched = _rows_to_watch(row, column, constant, dependent, selection.system.rows)
+    kept, watched = rows_to_watch(row, column, constant, dependent, selection.system.rows)
     if not kept.any():
         return None
     own = np.flatnonzero(kept[row])
@@ -83,24 +83,6 @@ def _entries(selection: Selection) -> _Entries:
         constants.append(np.ones(int(own.sum()), bool))
         formulas.append((lift(float(value)), np.zeros((int(own.sum()), 0), int)))
     return np.concatenate(rows), np.concatenate(columns), np.concatenate(constants), formulas
-
-
-def _rows_to_watch(
-    row: np.ndarray, column: np.ndarray, constant: np.ndarray, dependent: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return masks of rows: those that are kept, and those of blocks that change along the motion."""
-    reads = dependent[column]
-    inner = reads >= 0
-    blocks = blocks_of(row[inner], reads[inner], count)
-    changing = np.zeros(len(blocks.size), bool)
-    within = inner & ~constant & (blocks.block[row] == blocks.block[np.where(inner, reads, row)])
-    changing[blocks.block[row[within]]] = True
-    watched = np.zeros(count, bool)
-    watched[row] = changing[blocks.block[row]]
-    kept, before = watched.copy(), -1
-    while before != (before := int(kept.sum())):  # what the rows read, too
-        kept[reads[inner & kept[row]]] = True
-    return kept, watched
 
 
 def _program(formulas, kept: np.ndarray, row: np.ndarray, first: int) -> tuple[tuple[Step, ...], np.ndarray]:

@@ -28,6 +28,8 @@ class Selection:
     c, d : offsets of the Σ-method
     start : where the scene starts; None where that makes no difference
     tied, choice : the constraint matrix and what was chosen; where ``choice.singular`` is not empty, nothing else
+    match : a highest-value transversal
+    wanted : columns the user requested, best first
     is_state : (registers,) jets that are integrated
     quadrature : (registers,) those of them that no equation reads
     """
@@ -39,6 +41,8 @@ class Selection:
     start: Sample | None
     tied: Tied
     choice: Choice
+    match: np.ndarray
+    wanted: np.ndarray
     layout: RegisterLayout | None = None
     square: SquareSystem | None = None
     is_state: np.ndarray | None = None
@@ -101,14 +105,21 @@ def _select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked
     rank = preferences.preference(system, tied, c, wanted, liked)
     choice = choose(tied, c, d, rank, preferences.wishes(system, wanted))
     if len(choice.singular):
-        return Selection(system, c, d, sample, start, tied, choice)
+        return Selection(system, c, d, sample, start, tied, choice, match, wanted)
     batches, sums = system.differentiated(c)
     layout = RegisterLayout(system, d, system.highest_inputs(batches))
     square = SquareSystem(batches, sums, layout.base, layout.count)
-    square.finish(_matching(system, square, layout, match, c, d, choice))
+    return finished(Selection(system, c, d, sample, start, tied, choice, match, wanted, layout, square))
+
+
+def finished(selection: Selection) -> Selection:
+    """Return a selection whose equations are matched with what they compute, and what is left for states."""
+    system, layout, square, choice = selection.system, selection.layout, selection.square, selection.choice
+    c, d = selection.c, selection.d
+    square.finish(_matching(system, square, layout, selection.match, c, d, choice))
     is_state = _state_mask(system, layout, d, choice)
-    quadrature = _quadratures(system, layout, square, c, is_state, wanted)
-    return Selection(system, c, d, sample, start, tied, choice, layout, square, is_state, quadrature)
+    quadrature = _quadratures(system, layout, square, c, is_state, selection.wanted)
+    return replace(selection, is_state=is_state, quadrature=quadrature)
 
 
 def _matching(

@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.expression.dag import slots
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import Apply, Program, Registers, Role, Solve, Step, read
-from lmoc.ir.reduced import Constraints, Guard, Reduced
+from lmoc.ir.reduced import Constraints, Guard, Invariants, Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
@@ -29,7 +29,7 @@ class Solved:
     ----------
     rhs, rest : the programs, over the layout's registers and `helpers` more
     states, quadratures : registers of jets
-    guards, notes, nearby, constraints, block_guess : as in `Reduced`
+    guards, notes, nearby, constraints, block_guess, invariants : as in `Reduced`
     """
 
     system: EquationSystem
@@ -42,8 +42,9 @@ class Solved:
     guards: tuple[Guard, ...]
     notes: tuple[Diagnostic, ...]
     nearby: np.ndarray | None
-    constraints: Callable[[int], Constraints | None]  # from the number of registers
+    constraints: Callable[[int], Constraints | None] | None  # from the number of registers, as `invariants`
     block_guess: tuple[np.ndarray, np.ndarray]
+    invariants: Callable[[int], Invariants] | None
 
 
 def assemble(solved: Solved) -> Reduced:
@@ -77,7 +78,8 @@ def assemble(solved: Solved) -> Reduced:
         guards=solved.guards,
         notes=solved.notes,
         nearby=solved.nearby,
-        constraints=solved.constraints(count),
+        constraints=None if solved.constraints is None else solved.constraints(count),
+        invariants=None if solved.invariants is None else solved.invariants(count),
         block_guess=solved.block_guess,
         counts={
             "parts": _part_count(flat),

@@ -1,0 +1,180 @@
+"""The equations that close loops, and the system in which all coordinates of the loops are states.
+
+What is left of the constraints where everything has been eliminated that follows by a formula: the closures. Minimal
+coordinates solve them, and their derivatives, for as many of the loops' coordinates. Here these stay states, and of a
+closure only the highest derivative is solved, for the accelerations and reactions: the system of index 1 (Hairer &
+Wanner, Solving Ordinary Differential Equations II, VII.1). The closures themselves are invariants of its motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.expression.dag import slot, sub
+from lmoc.structure.blocks.block_equations import SquareSystem
+from lmoc.structure.blocks.blocks import blocks_of
+from lmoc.structure.blocks.tearing import tear
+from lmoc.structure.coordinates.coordinates import Choice
+from lmoc.structure.coordinates.selection import Selection, finished
+from lmoc.structure.index.system import EquationBatch
+from lmoc.structure.linear.coefficients import INPUT
+from lmoc.support.indices import INDEX
+
+_HOWEVER_DEEP = 1 << 30
+
+
+@dataclass(frozen=True, eq=False)
+class Closures:
+    """The constraints that change along the motion, torn.
+
+    Attributes
+    ----------
+    row : (k,) the closures, rows of the system
+    column : (k,) coordinates that the others of their loop would determine through them
+    formula : (2, m) rows that give a coordinate by a formula, and the column of that
+    """
+
+    row: np.ndarray
+    column: np.ndarray
+    formula: np.ndarray
+
+    def among(self, count: int) -> np.ndarray:
+        """(count,) mask of the closures among the rows of a system."""
+        mask = np.zeros(count, bool)
+        mask[self.row] = True
+        return mask
+
+
+def closures(selection: Selection) -> Closures | None:
+    """Return the closures of a scene; None where everything follows by formulas, or by constant factors."""
+    if selection.start is None or not selection.choice.dependent:
+        return None
+    tied, rows = selection.tied, selection.system.rows
+    dependent = np.full(len(selection.d), -1)
+    dependent[selection.choice.match[0][1]] = selection.choice.match[0][0]
+    inner = dependent[tied.column] >= 0
+    row, column, constant = tied.row[inner], tied.column[inner], tied.constant[inner]
+    watched = rows_to_watch(tied.row, tied.column, tied.constant, dependent, rows)[1]
+    own = watched[row] & watched[dependent[column]] & (tied.value[inner] != 0)
+    if not own.any():
+        return None
+    equations, place = np.unique(row[own], return_inverse=True)
+    found: list[tuple[set[int], set[int]]] = [(set(), set()) for _ in equations]
+    for i, j, fixed in zip(place.tolist(), column[own].tolist(), constant[own].tolist(), strict=True):
+        found[i][0].add(j)
+        if fixed:
+            found[i][1].add(j)
+    unknowns, safe = zip(*((frozenset(a), frozenset(b)) for a, b in found), strict=True)
+    torn = tear(unknowns, safe, frozenset(), _HOWEVER_DEEP)
+    formula = np.array([(equations[e], v) for e, v in torn.steps], np.int64).reshape(-1, 2).T
+    return Closures(equations[list(torn.residuals)], np.array(torn.torn, np.int64), formula)
+
+
+def rows_to_watch(
+    row: np.ndarray, column: np.ndarray, constant: np.ndarray, dependent: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return masks of rows: those that are kept, and those of blocks that change along the motion.
+
+    Parameters
+    ----------
+    row, column, constant : entries of the constraint matrix, and whether each depends on parameters only
+    dependent : (columns,) the row that each dependent column stands for, -1 for the others
+    count : number of rows
+    """
+    reads = dependent[column]
+    inner = reads >= 0
+    blocks = blocks_of(row[inner], reads[inner], count)
+    changing = np.zeros(len(blocks.size), bool)
+    within = inner & ~constant & (blocks.block[row] == blocks.block[np.where(inner, reads, row)])
+    changing[blocks.block[row[within]]] = True
+    watched = np.zeros(count, bool)
+    watched[row] = changing[blocks.block[row]]
+    kept, before = watched.copy(), -1
+    while before != (before := int(kept.sum())):  # what the rows read, too
+        kept[reads[inner & kept[row]]] = True
+    return kept, watched
+
+
+class NotReleasedError(Exception):
+    """The coordinates of the loops cannot all be states; the text says why."""
+
+
+def released(selection: Selection, found: Closures) -> tuple[Selection, np.ndarray]:
+    """Return the selection with all coordinates of the loops as states.
+
+    Returns
+    -------
+    selection : without the closures below their highest derivative
+    rate : (k,) registers, one for each closure, that its highest derivative is set to
+
+    Raises
+    ------
+    NotReleasedError
+    """
+    system, c = selection.system, selection.c
+    if np.isin(found.row, system.sums.row).any():
+        raise NotReleasedError("a sum over very many parts closes a loop")
+    batches, sums = system.differentiated(c)
+    parts = [part for b in batches for part in _Split(b, found, system.rows, c, len(system.kind)).parts()]
+    layout = selection.layout
+    base = np.concatenate([layout.base, layout.count + np.arange(len(found.row))]).astype(INDEX)
+    square = SquareSystem(parts, sums, base, layout.count + len(found.row))
+    choice = _choice(selection, found)
+    wanted = np.concatenate([selection.wanted, found.column])  # states although no equation reads them
+    whole = replace(selection, choice=choice, square=square, wanted=wanted)
+    return finished(whole), base[len(layout.base) :]
+
+
+@dataclass(frozen=True, eq=False)
+class _Split:
+    """A batch apart: rows that close no loop, and the highest derivatives of closures, each set to a register."""
+
+    batch: EquationBatch
+    closures: Closures
+    rows: int
+    c: np.ndarray
+    extended: int
+
+    @cached_property
+    def closing(self) -> np.ndarray:
+        return self.closures.among(self.rows)[self.batch.row]
+
+    def parts(self) -> Iterator[EquationBatch]:
+        b = self.batch
+        if not self.closing.any():
+            yield b
+            return
+        if not self.closing.all():
+            yield b.take(np.flatnonzero(~self.closing))
+        top = np.flatnonzero(self.closing & (self.c[b.row] == b.times))
+        if len(top):
+            yield self._with_rate(b.take(top))
+
+    def _with_rate(self, b: EquationBatch) -> EquationBatch:
+        number = np.full(self.rows, -1)
+        number[self.closures.row] = self.extended + np.arange(len(self.closures.row))
+        column = b.slots.shape[1]
+        table = np.column_stack([b.slots, number[b.row]]).astype(INDEX)
+        return EquationBatch(sub(b.shape, slot(column)), (*b.kinds, INPUT), table, b.row, b.times)
+
+
+def _choice(selection: Selection, found: Closures) -> Choice:
+    """Return the choice without the closures: what follows by a formula is dependent, nothing else of the loops."""
+    closing, c = found.among(selection.system.rows), selection.c
+    by_formula = np.full(selection.system.rows, -1, np.int64)
+    by_formula[found.formula[0]] = found.formula[1]
+    free = np.zeros(len(selection.d), bool)
+    free[found.column] = True
+    dependent, match = [], []
+    for rows, columns in selection.choice.match:
+        kept = ~closing[rows]
+        rows, columns = rows[kept], np.where(by_formula[rows[kept]] >= 0, by_formula[rows[kept]], columns[kept])
+        if len(np.unique(columns)) < len(columns) or free[columns].any() or (selection.d[columns] < c[rows]).any():
+            raise NotReleasedError("constraints on positions and on velocities close one loop together")
+        dependent.append(np.sort(columns))
+        match.append((rows, columns))
+    return Choice(tuple(dependent), tuple(match), selection.choice.singular)
