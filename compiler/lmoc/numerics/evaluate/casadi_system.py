@@ -190,11 +190,11 @@ class Lowered:
         lower_steps(program, w, self.time)
         self.out = ca.densify(ca.vertcat(ca.SX(0, 1), *[w[r] for r in np.asarray(outputs).tolist()]))
 
-    def function(self, name: str = "rhs"):
-        """``(t, x, p, u) -> outputs``."""
+    def function(self, name: str = "rhs", more: Sequence = ()):
+        """``(t, x, p, u) -> outputs``, and what else has been made of them."""
         import casadi as ca
 
-        return ca.Function(name, [self.time, self.x, self.p, self.u], [self.out])
+        return ca.Function(name, [self.time, self.x, self.p, self.u], [self.out, *map(ca.densify, more)])
 
     def jacobian(self):
         """``(t, x, p, u) -> ∂outputs/∂x``, sparse."""
