@@ -9,6 +9,10 @@ for all laws simultaneously (F. Pfeiffer and C. Glocker, Multibody Dynamics with
 8). With different e, or through friction, that can create energy (T. R. Kane, Stanford Mechanics Alumni Club
 Newsletter, 1984; C. Glocker, Multibody System Dynamics 29, 2013) or, for laws that depend on each other, contradict
 itself. Poisson's law then decides: a plastic impact compresses, and at least e times its impulses is given back.
+
+Friction of a contact takes part with |Λt| ≤ μ·Λn: it stops the sliding if that is enough, and else gives all it can
+against it (Coulomb's law on impulses, J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics,
+1988). Its limits follow from the other impulses.
 """
 
 from __future__ import annotations
@@ -18,9 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.numerics.laws.complementarity import Array, NoSolution, solve
+from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Solution, solve
 
 NEWTON, POISSON = "Newton", "Poisson"
+MOST_LIMITS = 50  # limits of friction tried one after the other
 CREATED = 1e-12  # energy gained beyond this share of the energy that the impact turns over counts as created
 
 
@@ -44,41 +49,107 @@ class Impact:
     unique: NDArray[np.bool_]
 
 
-def collide(delassus: Array, rate: Array, restitution: Array) -> Impact:
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction among the laws of an impact.
+
+    Attributes
+    ----------
+    rows, normal : (k,) which laws they are, and those of their normal impulses
+    share : (k,) of the normal impulse, at the most
+    """
+
+    rows: NDArray[np.int64]
+    normal: NDArray[np.int64]
+    share: Array
+
+
+NO_FRICTION = Friction(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
+
+
+def collide(delassus: Array, rate: Array, restitution: Array, friction: Friction = NO_FRICTION) -> Impact:
     """Return the impact of laws that touch.
 
     Parameters
     ----------
     delassus : (n, n) change of the rates by unit impulses
     rate : (n,) before the impact
-    restitution : (n,) coefficients, 0 … 1
+    restitution : (n,) coefficients, 0 … 1; 0 for friction
 
     Raises
     ------
     NoSolution
-        A moving body is caught between fixed ones.
+        A moving body is caught between fixed ones, or no impulses satisfy the laws of friction.
     """
     try:
-        newton = _newton(delassus, rate, restitution)
+        newton = _newton(delassus, rate, restitution, friction)
     except NoSolution:
-        return _poisson(delassus, rate, restitution)
+        return _poisson(delassus, rate, restitution, friction)
     turned = float(np.abs(newton.impulse) @ (np.abs(rate) + np.abs(newton.rate)))
-    return newton if -newton.lost.sum() <= CREATED * turned else _poisson(delassus, rate, restitution)
+    return newton if -newton.lost.sum() <= CREATED * turned else _poisson(delassus, rate, restitution, friction)
 
 
-def _newton(delassus: Array, rate: Array, restitution: Array) -> Impact:
+def _newton(delassus: Array, rate: Array, restitution: Array, friction: Friction) -> Impact:
     wanted = restitution * np.minimum(rate, 0.0)
-    found = solve(delassus, rate + wanted, np.zeros(len(rate)), np.full(len(rate), np.inf))
+    wanted[friction.rows] = 0.0
+    found = _solved(delassus, rate + wanted, np.zeros(len(rate)), friction)
     return _impact(rate, found.x, found.w - wanted, NEWTON, found.unique)
 
 
-def _poisson(delassus: Array, rate: Array, restitution: Array) -> Impact:
-    n = len(rate)
-    compression = solve(delassus, rate, np.zeros(n), np.full(n, np.inf))
-    given_back = restitution * compression.x
-    expansion = solve(delassus, compression.w + delassus @ given_back, np.zeros(n), np.full(n, np.inf))
-    impulse = compression.x + given_back + expansion.x
+def _poisson(delassus: Array, rate: Array, restitution: Array, friction: Friction) -> Impact:
+    compression = _solved(delassus, rate, np.zeros(len(rate)), friction)
+    expansion = _solved(delassus, compression.w, restitution * compression.x, friction)
+    impulse = compression.x + expansion.x
     return _impact(rate, impulse, expansion.w, POISSON, compression.unique & expansion.unique)
+
+
+def _solved(delassus: Array, q: Array, least: Array, friction: Friction) -> Solution:
+    """Solve for impulses, at least some of the laws without friction; the limits of friction follow from the answer.
+
+    Where sides repeat, so that each friction either sticks or gives its share of its normal impulse, the impulses
+    follow at once.
+    """
+    upper = np.full(len(q), np.inf)
+    if not len(friction.rows):
+        return solve(delassus, q, least, upper)
+    lower, side = least.copy(), None
+    lower[friction.rows] = upper[friction.rows] = 0.0
+    found = solve(delassus, q, lower, upper)
+    for _ in range(MOST_LIMITS):
+        upper[friction.rows] = friction.share * found.x[friction.normal]
+        lower[friction.rows] = -upper[friction.rows]
+        found = solve(delassus, q, lower, upper, side)
+        if side is not None and (found.side == side).all():
+            exact = _with_sides(delassus, q, least, friction, found)
+            if exact is not None:
+                return exact
+        side = found.side
+    raise NoSolution(found.x)
+
+
+def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, found: Solution) -> Solution | None:
+    """Return the solution in which everything is on the side found; None where that is none."""
+    n, side = len(q), found.side
+    matrix, right = np.eye(n), np.where(side == LOWER, least, 0.0)
+    free = side == FREE
+    matrix[free], right[free] = delassus[free], -q[free]
+    sliding = ~free[friction.rows]
+    rows, normal = friction.rows[sliding], friction.normal[sliding]
+    matrix[rows, normal] -= np.where(side[rows] == LOWER, -1.0, 1.0) * friction.share[sliding]
+    right[rows] = 0.0
+    x = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    w = delassus @ x + q
+    limit = friction.share * x[friction.normal]
+    lower, upper = least.copy(), np.full(n, np.inf)
+    lower[friction.rows], upper[friction.rows] = -limit, limit
+    slack = NEGLIGIBLE * (np.abs(delassus) @ np.abs(x) + np.abs(q))
+    size = NEGLIGIBLE * (np.abs(x).max() + np.abs(found.x).max())
+    good = np.abs(matrix @ x - right).max() <= max(size, slack.max())
+    good &= bool((x >= lower - size).all() and (x <= upper + size).all())
+    good &= bool((w[side == LOWER] >= -slack[side == LOWER]).all())
+    good &= bool((w[(side != LOWER) & ~free] <= slack[(side != LOWER) & ~free]).all())
+    w[free] = 0.0
+    return Solution(x, w, side, found.unique) if good else None
 
 
 def _impact(before: Array, impulse: Array, after: Array, law: str, unique: NDArray[np.bool_]) -> Impact:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import solving
-from lmoc.numerics.laws.impact import Impact, collide
+from lmoc.numerics.laws.impact import Friction, Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
@@ -90,16 +90,17 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     at_rest = mode.closed | (trigger.closing & _turning(now))
     before = now = project(gauge, now, touching, at_rest & ~table.unilateral & (table.degree == 2))
     striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
+    sharing = striking | _rubbing(table, striking)
     impact, over, until = None, np.zeros(len(held), bool), -np.inf
     scale = now.rate_scale
     if (now.rate[striking] < -STILL * scale[striking]).any():
-        impact = _impact(before, striking, table.restitution)
-        now = _behind(gauge, before, striking, impact)
+        impact = _impact(table, before, sharing, table.restitution)
+        now = _behind(gauge, before, sharing, impact)
         scale = np.maximum(scale, now.rate_scale)
         over, until = _last_bounces(table, now, mode, striking & (now.rate > STILL * scale), trigger)
         if over.any():
-            impact = _impact(before, striking, np.where(over, 0.0, table.restitution))
-            now = _behind(gauge, before, striking, impact)
+            impact = _impact(table, before, sharing, np.where(over, 0.0, table.restitution))
+            now = _behind(gauge, before, sharing, impact)
         scale = np.maximum(scale, now.rate_scale)
     candidate = _candidates(table, now, touching, scale) & ~(trigger.opening & ~table.dry)
     settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), trigger.opening)
@@ -107,7 +108,10 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
     if impact is not None:
-        impulse[striking], lost[striking] = impact.impulse, impact.lost
+        impulse[sharing], lost[sharing] = impact.impulse, impact.lost
+        rubbing = np.flatnonzero(sharing & table.contact)  # what friction takes counts as its contact's
+        np.add.at(lost, table.normal[rubbing], lost[rubbing])
+        impulse[rubbing] = lost[rubbing] = 0.0
     touched = touching | (candidate & ~table.unilateral)
     return Transition(before, now, settled, impulse, lost, impact.law if impact else "", touched, over, until)
 
@@ -121,9 +125,18 @@ def _turning(now: Instant) -> Mask:
 # ---------------------------------------------------------------------- impulses
 
 
-def _impact(now: Instant, striking: Mask, restitution: Array) -> Impact:
-    with solving(np.flatnonzero(striking), "no impulses keep them"):
-        return collide(now.delassus[np.ix_(striking, striking)], now.rate[striking], restitution[striking])
+def _rubbing(table: Table, striking: Mask) -> Mask:
+    """Return which frictions have their contacts among the laws that strike."""
+    return table.contact & (table.degree == 2) & striking[np.where(table.contact, table.normal, 0)]
+
+
+def _impact(table: Table, now: Instant, striking: Mask, restitution: Array) -> Impact:
+    which = np.flatnonzero(striking)
+    rows = np.flatnonzero(table.contact[which])
+    normal = np.searchsorted(which, table.normal[which[rows]])
+    friction = Friction(rows, normal, now.stick[which[rows]])
+    with solving(which, "no impulses keep them"):
+        return collide(now.delassus[np.ix_(which, which)], now.rate[which], restitution[which], friction)
 
 
 def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Instant:

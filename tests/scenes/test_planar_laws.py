@@ -1,0 +1,121 @@
+"""Strings and contacts of the plane against closed forms."""
+
+import numpy as np
+import pytest
+
+import lmoc
+
+G = 9.81
+
+
+def compiled(name: str, parts: str, equations: str) -> lmoc.DAE:
+    text = f"model {name}\n  import Planar.*;\n  inner World world;\n{parts}\nequation\n{equations}\nend {name};"
+    return lmoc.compile_text(text)
+
+
+def particle(x: float, y: float, vx: float, vy: float, equations: str, parts: str) -> lmoc.DAE:
+    start = f"x(start = {x}, fixed = true), y(start = {y}, fixed = true), " + (
+        f"vx(start = {vx}, fixed = true), vy(start = {vy}, fixed = true)"
+    )
+    return compiled("Particle", f"  PointMass p(m = 1, {start});\n{parts}", equations)
+
+
+def test_a_pendulum_on_a_string_that_becomes_slack():
+    """Slack where cos θ = −(v0² − 2gL)/(3gL), free flight, a plastic jerk."""
+    dae = particle(0, -1, 6, 0, "  connect(anchor.point, string.a); connect(string.b, p.point);",
+                   "  Anchor anchor; Cable string(L = 1);")  # fmt: skip
+    run = dae.simulate(times=[0, 0.484466131711, 1.276023589312, 3], rtol=1e-11)
+    slack, taut = run.events
+    assert (slack.kind, taut.kind) == ("slack", "taut")
+    assert [slack.time, taut.time] == pytest.approx([0.484466131711, 1.276023589312], abs=1e-10)
+    assert taut.impulse == pytest.approx(5.966166408439, abs=1e-8)
+    assert [run["p.x"][1], run["p.y"][1]] == pytest.approx([0.8307974208423, 0.5565749235474], abs=1e-9)
+    assert [run["p.x"][3], run["p.y"][3]] == pytest.approx([-0.09510623879475, -0.9954671282078], abs=1e-9)
+    speed = run["p.vy"] * run["p.x"] - run["p.vx"] * run["p.y"]
+    assert speed[3] == pytest.approx(-0.5620706737102, abs=1e-9)
+    assert taut.energy_lost == pytest.approx(5.966166408439**2 / 2, abs=1e-8)
+    assert run["string.gap"] == pytest.approx(1 - np.hypot(run["p.x"], run["p.y"]), abs=1e-14)
+
+
+def test_a_string_pulls_with_its_tension_and_may_be_folded_up():
+    """Dropped from the anchor itself, where the string has no direction."""
+    dae = particle(0, 0, 0, 0, "  connect(anchor.point, string.a); connect(string.b, p.point);",
+                   "  Anchor anchor; Cable string(L = 0.5);")  # fmt: skip
+    run = dae.simulate(stop=1, points=11, rtol=1e-9)
+    (taut,) = run.events
+    assert taut.time == pytest.approx(np.sqrt(1 / G), abs=1e-10)
+    assert taut.impulse == pytest.approx(np.sqrt(G), abs=1e-9)
+    assert run["string.f"][-1] == pytest.approx(G, abs=1e-9)
+    assert run["p.y"][-1] == pytest.approx(-0.5, abs=1e-12)
+
+
+def inclined(alpha: float, mu: float, e: float, height: float, speed: float) -> lmoc.DAE:
+    """A particle above a slope that falls along (ny, −nx), at the origin of the slope, moving along it."""
+    n, t = np.array([np.sin(alpha), np.cos(alpha)]), np.array([np.cos(alpha), -np.sin(alpha)])
+    place, velocity = height * n, speed * t
+    edge = f"  Contact edge(nx = {3 * n[0]:.17g}, ny = {3 * n[1]:.17g}, e = {e}, mu = {mu});"
+    return particle(*map(float, (*place, *velocity)), "  connect(p.point, edge.point);", edge)
+
+
+def test_bounces_on_a_slope_with_friction():
+    """Normal velocities shrink by e, and each impact takes μ·(1 + e) of them from the sliding, until it sticks."""
+    alpha, mu, e, speed = 0.3, 0.2, 0.6, 3.0
+    run = inclined(alpha, mu, e, 0.5, speed).simulate(stop=2, points=3, rtol=1e-10)
+    down, along = G * np.cos(alpha), G * np.sin(alpha)
+    time, fall, slip = np.sqrt(1 / down), np.sqrt(down), speed
+    slip += along * time
+    for event in [v for v in run.events if v.kind == "impact"][:6]:
+        normal = (1 + e) * fall
+        kept = slip - np.sign(slip) * min(abs(slip), mu * normal)
+        assert event.time == pytest.approx(time, abs=1e-9)
+        assert event.impulse == pytest.approx(normal, abs=1e-9)
+        assert event.energy_lost == pytest.approx((fall**2 * (1 - e**2) + slip**2 - kept**2) / 2, abs=1e-9)
+        fall *= e
+        slip = kept + along * 2 * fall / down
+        time += 2 * fall / down
+
+
+@pytest.mark.parametrize(("mu", "alpha"), [(0.5, 0.3), (0.2, 0.3)])
+def test_sliding_down_a_slope_ends_where_friction_can_hold(mu, alpha):
+    run = inclined(alpha, mu, 0, 0.0, 2.0).simulate(stop=3, points=301, rtol=1e-10)
+    x = run["p.x"] / np.cos(alpha)
+    rate = G * (np.sin(alpha) - mu * np.cos(alpha))
+    assert np.abs(run["edge.gap"]).max() < 1e-12
+    assert run["edge.fn"] == pytest.approx(np.full(301, G * np.cos(alpha)), abs=1e-9)
+    if rate > 0:
+        assert x == pytest.approx(2 * run.time + rate * run.time**2 / 2, abs=1e-9)
+        return
+    (stick,) = [v for v in run.events if v.kind == "stick"]
+    assert stick.time == pytest.approx(-2 / rate, abs=1e-10)
+    after = run.time > stick.time
+    assert np.ptp(x[after]) == 0.0 and x[after][0] == pytest.approx(-2 / rate, abs=1e-9)
+    assert run["edge.ft"][after] == pytest.approx(np.full(after.sum(), -G * np.sin(alpha)), abs=1e-9)
+
+
+@pytest.mark.parametrize(("e", "mu"), [(0.0, 0.0), (0.5, 0.0), (0.5, 0.1), (0.3, 2.0)])
+def test_a_bar_falls_on_its_corner(e, mu):
+    """Impulse formula of the end of a bar: it slides through the impact, or sticks in it."""
+    angle, length, mass = 0.4, 1.2, 3.0
+    dae = compiled("Falling", f"""  Bar bar(l = {length}, m = {mass}, x(start = 0, fixed = true),
+    y(start = 0.5, fixed = true), theta(start = {angle}, fixed = true),
+    vx(start = 0.7, fixed = true), vy(start = 0, fixed = true),
+    omega(start = 0, fixed = true));
+  PointOf corner; Contact floor(e = {e}, mu = {mu});""",
+        "  connect(bar.a, corner.frame); connect(corner.point, floor.point);")  # fmt: skip
+    run = dae.simulate(stop=0.34, points=2, rtol=1e-10)
+    impact = run.events[0]
+    assert impact.time == pytest.approx(np.sqrt(1 / G), abs=1e-10)
+    dx, dy, inertia = length / 2 * np.cos(angle), length / 2 * np.sin(angle), mass * length**2 / 12
+    inverse = np.array(
+        [[1 / mass + dx**2 / inertia, -dx * dy / inertia], [-dx * dy / inertia, 1 / mass + dy**2 / inertia]]
+    )
+    fall, slip = -np.sqrt(G), 0.7  # rows and columns: along the normal, along +x
+    stick = np.linalg.solve(inverse, [-(1 + e) * fall, -slip])
+    if abs(stick[1]) <= mu * stick[0]:
+        expected = stick
+    else:
+        side = np.sign(stick[1])
+        expected = np.array([1.0, side * mu]) * -(1 + e) * fall / (inverse[0] @ [1.0, side * mu])
+    assert impact.impulse == pytest.approx(expected[0], rel=1e-9)
+    before = np.array([fall, slip])
+    assert impact.energy_lost == pytest.approx(-expected @ (before + inverse @ expected / 2), rel=1e-8)
