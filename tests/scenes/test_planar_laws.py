@@ -88,7 +88,7 @@ def test_sliding_down_a_slope_ends_where_friction_can_hold(mu, alpha):
     (stick,) = [v for v in run.events if v.kind == "stick"]
     assert stick.time == pytest.approx(-2 / rate, abs=1e-10)
     after = run.time > stick.time
-    assert np.ptp(x[after]) == 0.0 and x[after][0] == pytest.approx(-2 / rate, abs=1e-9)
+    assert np.ptp(x[after]) < 1e-14 and x[after][0] == pytest.approx(-2 / rate, abs=1e-9)
     assert run["edge.ft"][after] == pytest.approx(np.full(after.sum(), -G * np.sin(alpha)), abs=1e-9)
 
 

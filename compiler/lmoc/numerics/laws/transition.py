@@ -102,6 +102,8 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
             impact = _impact(table, before, sharing, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
         scale = np.maximum(scale, now.rate_scale)
+    if impact is None:  # what has been closed is at rest, however slow the scene
+        scale = np.where(mode.closed, np.inf, scale)
     candidate = _candidates(table, now, touching, scale) & ~(trigger.opening & ~table.dry)
     settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), trigger.opening)
     closed = settled.mode.closed
