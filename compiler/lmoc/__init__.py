@@ -14,19 +14,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lmoc.dae import DAE, compile, compile_text
     from lmoc.messages.diagnostics import ModelError, SimulationError
+    from lmoc.report.compare import compare
+    from lmoc.report.picture import plot
     from lmoc.run import Run
 
 __version__ = "0.1.0"
-__all__ = ["DAE", "ModelError", "Run", "SimulationError", "compile", "compile_text"]
+__all__ = ["DAE", "ModelError", "Run", "SimulationError", "compare", "compile", "compile_text", "plot"]
 
 # Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
 _HOME = {
     "DAE": "lmoc.dae",
+    "compare": "lmoc.report.compare",
     "compile": "lmoc.dae",
     "compile_text": "lmoc.dae",
     "ModelError": "lmoc.messages.diagnostics",
     "SimulationError": "lmoc.messages.diagnostics",
     "Run": "lmoc.run",
+    "plot": "lmoc.report.picture",
 }
 
 

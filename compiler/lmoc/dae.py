@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import Functions, StartValues
     from lmoc.run import Run
     from lmoc.studies.chart import Chart
+    from lmoc.studies.sweep import Sweep
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.equivalent import Equivalent
@@ -251,6 +252,39 @@ class DAE:
         )
         request = Request(options, parameters, initial, inputs, progress, self.timings)
         return simulation.simulate(self._session, request, Clock(listener))
+
+    def sweep(
+        self,
+        values: Mapping[str, Sequence[float]] | None = None,
+        /,
+        *,
+        options: Mapping[str, Any] | None = None,
+        **more: Sequence[float],
+    ) -> Sweep:
+        """Simulate for several values of parameters: ``dae.sweep(k=[10, 20, 30])``.
+
+        Parameters
+        ----------
+        values : {name: values}, for names with dots; several parameters are combined in every way
+        options : arguments of `simulate`, such as ``{"stop": 5}``
+        more : values of parameters without dots in their names
+
+        Raises
+        ------
+        ModelError
+            As `simulate` does. A run that fails on its way is kept as far as it came.
+        ValueError
+            There is nothing to vary.
+        """
+        from lmoc.studies.sweep import sweep
+
+        given = {**(options or {})}
+        held = given.pop("parameters", None) or {}
+        return sweep(
+            {**(values or {}), **more},
+            lambda point: self.simulate(**given, parameters={**held, **point}),
+            lambda point: self.linearize(parameters={**held, **point}).eigenvalues,
+        )
 
     def chart(
         self,

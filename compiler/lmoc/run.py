@@ -44,6 +44,18 @@ class Run(Result):
 
         return plot(self, names, path, units)
 
+    def phase(self, x: str | None = None, y: str | None = None, path: str | Path | None = None):
+        """Draw one variable over another, by default the first two states; see `report.portraits.phase_portrait`."""
+        from lmoc.report.portraits import phase_portrait
+
+        return phase_portrait(self, x, y, path)
+
+    def spectrum(self, names: str | Sequence[str] | None = None, path: str | Path | None = None):
+        """Draw the amplitudes of variables over the frequency in Hz; see `report.portraits.spectrum`."""
+        from lmoc.report.portraits import spectrum
+
+        return spectrum(self, names, path)
+
     def view(self, path: str | Path | None = None) -> Page:
         """Return a page in which the run moves and can be simulated again; with `path` also write it.
 

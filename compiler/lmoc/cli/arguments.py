@@ -7,9 +7,12 @@ import math
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NoReturn
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+
+MOST_VALUES = 1000  # of a range
 
 
 class UsageError(ModelError):
@@ -83,17 +86,23 @@ class Parser(argparse.ArgumentParser):
         return Diagnostic("E0620", message, hint=f"see `{self.prog} --help`")
 
 
-def add_model_arguments(parser: Parser) -> None:
-    """FILE, --model and --set, which most verbs share."""
+def add_model_arguments(parser: Parser, ranges: bool = False) -> None:
+    """FILE, --model and --set, which most verbs share.
+
+    Parameters
+    ----------
+    ranges : whether --set may give several values, as k=10:10:50
+    """
     parser.add_argument("file", metavar="FILE", help="the scene, a .lmo file; or the name of a class in a folder")
     parser.add_argument("--model", metavar="NAME", help="which model, where the file holds several")
     parser.add_argument(
         "--path", metavar="DIR", action="append", default=[],
         help="folder in which classes are looked for, after that of FILE; may be repeated",
     )  # fmt: skip
+    kind = assignment(value_or_range if ranges else value)
     parser.add_argument(
-        "--set", metavar="NAME=VALUE", type=assignment(value), action="append", default=[],
-        help="value of a parameter; may be repeated",
+        "--set", metavar="NAME=VALUE", type=kind, action="append", default=[],
+        help="value of a parameter; may be repeated" + (". Several values, as k=10:10:50, are run one by one" * ranges),
     )  # fmt: skip
 
 
@@ -172,6 +181,29 @@ def value(text: str) -> float | bool | list[float]:
     if text.startswith("{") and text.endswith("}"):
         return [number(item.strip()) for item in text[1:-1].split(",")]
     return number(text)
+
+
+@dataclass(frozen=True)
+class Range:
+    """Several values of a parameter."""
+
+    values: tuple[float, ...]
+
+
+def value_or_range(text: str) -> float | bool | list[float] | Range:
+    """A `value`, or ``first:step:last``, or ``first:last`` in steps of 1."""
+    if ":" not in text:
+        return value(text)
+    parts = [number(item.strip()) for item in text.split(":")]
+    if len(parts) not in (2, 3):
+        raise argparse.ArgumentTypeError(f"expected first:step:last, found '{text}'")
+    first, last, step = parts[0], parts[-1], parts[1] if len(parts) == 3 else 1.0
+    if step == 0 or (last - first) / step < 0:
+        raise argparse.ArgumentTypeError(f"steps of {step:g} do not lead from {first:g} to {last:g}")
+    steps = math.floor((last - first) / step * (1 + 1e-12) + 1e-9)
+    if steps >= MOST_VALUES:
+        raise argparse.ArgumentTypeError(f"'{text}' has more than {MOST_VALUES} values")
+    return Range(tuple(first + k * step for k in range(steps + 1)))
 
 
 def assignment(kind: Callable[[str], object]) -> Callable[[str], tuple[str, object]]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lmoc.cli import process, terminal
-from lmoc.cli.arguments import Parser
-from lmoc.cli.simulation import add_simulation_arguments, check_formulation, simulate
-from lmoc.messages.diagnostics import RunInterrupted, SimulationError
+from lmoc.cli.arguments import Parser, UsageError
+from lmoc.cli.simulation import add_simulation_arguments, check_formulation, ranges_of, simulate, sweep
+from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
 
 if TYPE_CHECKING:
     from lmoc.run import Run
@@ -20,7 +21,7 @@ FAILED_RUN = 3
 
 
 def configure(parser: Parser) -> None:
-    add_simulation_arguments(parser)
+    add_simulation_arguments(parser, ranges=True)
     add = parser.add_argument
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
@@ -31,12 +32,43 @@ def configure(parser: Parser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     _check_choices(arguments)
+    values = ranges_of(arguments)
+    if values:
+        return _study(arguments, values)
     try:
         run = simulate(arguments)
     except (SimulationError, RunInterrupted) as failure:
         return _failed(failure, arguments)
     _tell(run, arguments)
     return 0
+
+
+def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]]) -> int:
+    """Several runs: a table of them, and a picture with their curves over each other."""
+    from lmoc.report.summary import plain
+    from lmoc.support.replacing import replace_file
+
+    if arguments.output is not None and arguments.output.suffix.lower() != ".csv":
+        hint = "-o study.csv"
+        raise UsageError([Diagnostic("E0624", "the table of several runs is written as .csv alone", hint=hint)])
+    found = sweep(arguments, values)
+    table = found.to_dataframe()
+    written = []
+    if arguments.output is not None:
+        try:
+            replace_file(arguments.output, lambda target: table.to_csv(target, index=False))
+        except OSError as error:
+            message = f"'{arguments.output}' cannot be written: {error.strerror or error}"
+            raise UsageError([Diagnostic("E0623", message)]) from None
+        written.append(f"table written to {arguments.output}")
+    if arguments.plot is not None:
+        found.plot(path=arguments.plot, units=arguments.units)
+        written.append(f"picture written to {arguments.plot}")
+    if arguments.json:
+        print(json.dumps(plain(table.to_dict("records")), indent=2, ensure_ascii=False))
+    elif not arguments.quiet:
+        print("\n".join([f"{found.runs[0].flat.name}: {len(found)} runs", "", table.to_string(index=False), *written]))
+    return 0 if all(run.complete for run in found.runs) else FAILED_RUN
 
 
 def _check_choices(arguments: argparse.Namespace) -> None:

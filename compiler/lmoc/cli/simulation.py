@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from lmoc.cli.arguments import (
     Parser,
+    Range,
     add_model_arguments,
     add_run_arguments,
     add_states_argument,
@@ -17,14 +19,15 @@ from lmoc.cli.arguments import (
 
 if TYPE_CHECKING:
     from lmoc.run import Run
+    from lmoc.studies.sweep import Sweep
 
 
-def add_simulation_arguments(parser: Parser) -> None:
-    """The scene, its span, start and signals, the method and its tolerances."""
+def add_simulation_arguments(parser: Parser, ranges: bool = False) -> None:
+    """The scene, its span, start and signals, the method and its tolerances; `ranges` as in `add_model_arguments`."""
     from lmoc.numerics.formulations.table import TABLE
     from lmoc.numerics.options import FIXED_STEP, SOLVERS, solver_hint
 
-    add_model_arguments(parser)
+    add_model_arguments(parser, ranges)
     add_states_argument(parser)
     add_run_arguments(parser)
     add = parser.add_argument
@@ -57,9 +60,42 @@ def simulate(arguments: argparse.Namespace) -> Run:
             arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
             listener=progress.stage,
         )  # fmt: skip
-        return dae.simulate(
-            arguments.start, arguments.stop, arguments.points, None, arguments.rtol, arguments.atol,
-            arguments.solver, arguments.formulation, None, initial(arguments.init), dict(arguments.input),
-            keep=arguments.keep, max_step=arguments.max_step, step=arguments.step, listener=progress.stage,
-            progress=progress.reached,
+        return dae.simulate(**options_of(arguments), listener=progress.stage, progress=progress.reached)
+
+
+def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments of `DAE.simulate` that a command gives."""
+    return {
+        "start": arguments.start,
+        "stop": arguments.stop,
+        "points": arguments.points,
+        "rtol": arguments.rtol,
+        "atol": arguments.atol,
+        "solver": arguments.solver,
+        "formulation": arguments.formulation,
+        "initial": initial(arguments.init),
+        "inputs": dict(arguments.input),
+        "keep": arguments.keep,
+        "max_step": arguments.max_step,
+        "step": arguments.step,
+    }
+
+
+def ranges_of(arguments: argparse.Namespace) -> dict[str, tuple[float, ...]]:
+    """Take the parameters with several values out of `arguments.set`, and return them."""
+    found = {name: given.values for name, given in arguments.set if isinstance(given, Range)}
+    arguments.set = [(name, given) for name, given in arguments.set if not isinstance(given, Range)]
+    return found
+
+
+def sweep(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]]) -> Sweep:
+    """Compile the scene once and run it for several values of parameters."""
+    from lmoc.cli.progress import Progress
+    from lmoc.dae import compile_or_recall
+
+    with Progress(not arguments.quiet) as progress:
+        dae = compile_or_recall(
+            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
+            listener=progress.stage,
         )  # fmt: skip
+        return dae.sweep(values, options=options_of(arguments) | {"progress": progress.reached})

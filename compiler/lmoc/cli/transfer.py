@@ -26,6 +26,8 @@ def configure(parser: Parser) -> None:
     add("input", metavar="INPUT", help="a top-level input")
     add("output", metavar="OUTPUT", help="any variable")
     add("--bode", metavar="FILE", type=Path, help="draw the frequency response: .png, .svg, .pdf")
+    add("--hertz", action="store_true", help="with --bode: over the frequency in Hz")
+    add("--decibels", action="store_true", help="with --bode: the amplitude in dB")
     add("--step", metavar="FILE", type=Path, help="draw the response to a unit step")
     add_place_arguments(parser)
     add = parser.add_mutually_exclusive_group().add_argument
@@ -52,7 +54,8 @@ def _draw(found: TransferFunction, dae: DAE, arguments: argparse.Namespace) -> N
             from lmoc.report.units import unit_of
 
             units = tuple(unit_of(dae.reduced, name) for name in (arguments.input, arguments.output))
-            getattr(linear_plots, kind)(found, path, dae.name, units)
+            scales = {"hertz": arguments.hertz, "decibels": arguments.decibels} if kind == "bode" else {}
+            getattr(linear_plots, kind)(found, path, dae.name, units, **scales)
 
 
 def lines(found: TransferFunction) -> list[str]:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.report.files import PICTURES, check_target
-from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
+from lmoc.report.plots import COLOURS, GREY, finished, stacked
 from lmoc.report.units import ratio
 from lmoc.symbolic.styles import unit_text
 
@@ -23,6 +22,7 @@ SHARP = 0.01  # relative distance from an undamped root within which the amplitu
 PERIODS = 10  # of the slowest oscillation in a step response that does not decay
 MOST_PERIODS = 40  # and in one that does
 MOST_TIMES = 20_000
+MOST_PEAKS = 8  # that are named
 
 
 def frequency_range(tf: TransferFunction) -> tuple[float, float]:
@@ -55,14 +55,23 @@ def _turn(root: complex, omega: np.ndarray) -> np.ndarray:
     return np.degrees(np.angle(1j * omega - root))
 
 
-def bode(tf: TransferFunction, path: str | Path | None = None, title: str = "", units: tuple = ("", "")) -> Figure:
-    """Amplitude and phase over the angular frequency.
+def bode(
+    tf: TransferFunction,
+    path: str | Path | None = None,
+    title: str = "",
+    units: tuple = ("", ""),
+    hertz: bool = False,
+    decibels: bool = False,
+) -> Figure:
+    """Draw amplitude and phase over the angular frequency, the peaks of the amplitude marked.
 
     Parameters
     ----------
     path : where to write the picture, if anywhere
     title : name of the scene
     units : of input and output
+    hertz : over the frequency in Hz
+    decibels : the amplitude in dB, 20·log10 of its number in SI units
 
     Raises
     ------
@@ -78,19 +87,50 @@ def bode(tf: TransferFunction, path: str | Path | None = None, title: str = "", 
     omega = np.concatenate([np.geomspace(low, high, 1200), special, close])
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
     size = np.abs(tf.response(omega))
-    figure, (upper, lower) = _figure(2, path, _heading(tf, title))
+    figure, (upper, lower) = stacked(2, path, _heading(tf, title))
+    across = omega / (2 * np.pi) if hertz else omega
+    unit = ratio(units[1], units[0])
     if np.any(size > 0):
-        upper.loglog(omega, np.where(size > 0, size, np.nan), color=COLOURS[0])
-        upper.set_ylim(*_amplitudes(omega, size, edges))
-    upper.set_ylabel(_label(f"amplitude {tf.output}/{tf.input}", ratio(units[1], units[0])))
+        limits = _amplitudes(omega, size, edges)
+        shown = np.where(size > 0, size, np.nan)
+        if decibels:
+            upper.semilogx(across, _decibels(shown), color=COLOURS[0])
+            upper.set_ylim(*_decibels(np.array(limits)))
+        else:
+            upper.loglog(across, shown, color=COLOURS[0])
+            upper.set_ylim(*limits)
+        _mark_peaks(upper, across, size, limits[1], decibels, "Hz" if hertz else "rad/s")
+    quantity = _label(f"amplitude {tf.output}/{tf.input}", "" if decibels else unit)
+    upper.set_ylabel(f"{quantity} in dB" + (f" of 1 {unit}" if unit not in ("", "1") else "") if decibels else quantity)
     turned = phase(tf, omega)
-    lower.semilogx(omega, turned, color=COLOURS[0])
+    lower.semilogx(across, turned, color=COLOURS[0])
     lower.set_ylabel("phase in degrees")
-    lower.set_xlabel("angular frequency in rad/s")
+    lower.set_xlabel("frequency in Hz" if hertz else "angular frequency in rad/s")
     ticks = np.arange(90 * np.floor(turned.min() / 90 + 1e-9), turned.max() + 90, 90)
     lower.set_yticks(ticks)
     lower.set_ylim(ticks[0] - 20, ticks[-1] + 20)
-    return _written(figure, path)
+    return finished(figure, path)
+
+
+def peaks(size: np.ndarray) -> np.ndarray:
+    """Return where an amplitude has its local maxima, the ends left out."""
+    inner = size[1:-1]
+    return 1 + np.flatnonzero((inner > size[:-2]) & (inner >= size[2:]))
+
+
+def _mark_peaks(axis: Axes, across: np.ndarray, size: np.ndarray, top: float, decibels: bool, unit: str) -> None:
+    """Mark the peaks with their frequencies; one that leaves the picture at its edge."""
+    for k in peaks(size)[:MOST_PEAKS].tolist():
+        height = min(float(size[k]), top)
+        place = float(across[k]), float(_decibels(np.array(height))) if decibels else height
+        axis.plot(*place, "o", color=COLOURS[1], markersize=4)
+        beside = {"textcoords": "offset points", "xytext": (6, -4), "va": "top", "fontsize": 8, "color": GREY}
+        axis.annotate(f"{across[k]:.4g} {unit}", place, **beside)
+
+
+def _decibels(size: np.ndarray) -> np.ndarray:
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(size)
 
 
 def _amplitudes(omega: np.ndarray, size: np.ndarray, undamped: np.ndarray) -> tuple[float, float]:
@@ -125,14 +165,14 @@ def step(tf: TransferFunction, path: str | Path | None = None, title: str = "", 
     else:
         value = np.full(len(time), top[0] / bottom[0])
     by = f"{tf.input} steps by 1 {unit_text(units[0])}".rstrip()
-    figure, (axis,) = _figure(1, path, f"{title}: {by}" if title else by)
+    figure, (axis,) = stacked(1, path, f"{title}: {by}" if title else by)
     axis.plot(time, value, color=COLOURS[0])
     if len(tf.poles) and np.all(tf.poles.real < 0):
         axis.axhline(tf.gain, color=GREY, linewidth=0.8, linestyle="--", zorder=0.5)
     axis.margins(x=0)
     axis.set_xlabel("time in s")
     axis.set_ylabel(_label(tf.output, unit_text(units[1])))
-    return _written(figure, path)
+    return finished(figure, path)
 
 
 def _times(poles: np.ndarray) -> tuple[float, int]:
@@ -154,28 +194,3 @@ def _heading(tf: TransferFunction, title: str) -> str:
 
 def _label(quantity: str, unit: str) -> str:
     return f"{quantity} in {unit}" if unit and unit != "1" else quantity
-
-
-def _figure(panels: int, path: str | Path | None, title: str) -> tuple[Figure, tuple[Axes, ...]]:
-    """Panels one below the other, with one abscissa."""
-    if path is not None:
-        check_target(Path(path), PICTURES)
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(8, 1.4 + 2.2 * panels), dpi=150, layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0]
-        head(figure, title)
-    return figure, tuple(axes)
-
-
-def _written(figure: Figure, path: str | Path | None) -> Figure:
-    for axis in figure.axes:
-        axis.margins(x=0)
-    figure.align_ylabels()
-    if path is not None:
-        write(figure, Path(path))
-    return figure

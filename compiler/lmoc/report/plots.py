@@ -114,6 +114,43 @@ def plot(
     return figure
 
 
+def stacked(panels: int, path: str | Path | None, title: str, share: bool = True) -> tuple[Figure, tuple[Axes, ...]]:
+    """Return a figure of panels one below the other, with one abscissa.
+
+    Parameters
+    ----------
+    path : where the picture will be written (`finished`), if anywhere
+    share : whether the panels have one abscissa
+
+    Raises
+    ------
+    ModelError
+        E0623, E0624: it could not be written there.
+    """
+    if path is not None:
+        check_target(Path(path), PICTURES)
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(8, 1.4 + 2.2 * panels), dpi=150, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(panels, 1, sharex=share, squeeze=False)[:, 0]
+        head(figure, title)
+    return figure, tuple(axes)
+
+
+def finished(figure: Figure, path: str | Path | None) -> Figure:
+    """Align a figure's panels and write it where it shall be."""
+    for axis in figure.axes:
+        axis.margins(x=0)
+    figure.align_ylabels()
+    if path is not None:
+        write(figure, Path(path))
+    return figure
+
+
 def head(figure: Figure, title: str) -> None:
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
 

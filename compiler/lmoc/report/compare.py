@@ -1,0 +1,127 @@
+"""Several runs beside each other: their curves in one picture, their differences in a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.names import names_of
+from lmoc.report.display import display
+from lmoc.report.events import mark_events
+from lmoc.report.plots import COLOURS, DASHES, choose, finished, group_by_unit, stacked
+from lmoc.report.result import Result
+from lmoc.symbolic.styles import unit_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+MOST_LABELLED = 12  # runs with names of their own; more are coloured by their place in the list
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs with names.
+
+    Attributes
+    ----------
+    runs : {name: run}; the first is what the others are compared with
+    """
+
+    runs: Mapping[str, Result]
+
+    @property
+    def first(self) -> Result:
+        return next(iter(self.runs.values()))
+
+    def names(self, names: str | Sequence[str] | None = None) -> list[str]:
+        """Return the variables to show: those given, else the defaults of the first run that all runs have."""
+        if names is not None:
+            return [n for given in names_of(names) for n in _members(self.first, given)]
+        return [n for n in choose(self.first) if all(r.flat.find(n) is not None for r in self.runs.values())]
+
+    def differences(self, names: str | Sequence[str] | None = None) -> DataFrame:
+        """Return the largest differences from the first run, at its output times within both runs.
+
+        Columns: `largest` difference, the `time` of it, and `relative` to the largest magnitude in the first run.
+        """
+        import pandas
+
+        base, rows = self.first, []
+        for label, run in list(self.runs.items())[1:]:
+            inside = base.time <= run.time[-1]
+            for name in self.names(names):
+                truth = base[name][inside]
+                missed = np.abs(np.interp(base.time[inside], run.time, run[name]) - truth)
+                k = int(np.nanargmax(missed)) if np.isfinite(missed).any() else 0
+                top = float(np.nanmax(np.abs(truth), initial=0.0))
+                relative = float(missed[k]) / top if top > 0 else np.nan
+                rows.append((label, name, float(missed[k]), float(base.time[inside][k]), relative))
+        table = pandas.DataFrame(rows, columns=["run", "variable", "largest", "time", "relative"])
+        return table.set_index(["run", "variable"])
+
+    def plot(
+        self,
+        names: str | Sequence[str] | None = None,
+        path: str | Path | None = None,
+        units: str | Sequence[str] | None = None,
+    ) -> Figure:
+        """Draw each variable in a panel, the runs over each other; parameters and errors as of `Run.plot`."""
+        shown = display(units)
+        panels = [(unit, name) for unit, members in group_by_unit(self.first, self.names(names)) for name in members]
+        title = self.first.flat.description or self.first.flat.name
+        figure, axes = stacked(max(1, len(panels)), path, title)
+        colours = _colours(len(self.runs))
+        for axis, (unit, name) in zip(axes, panels, strict=False):
+            for k, (label, run) in enumerate(self.runs.items()):
+                fine = run.fine
+                dash = DASHES[k // len(COLOURS) % len(DASHES)] if len(self.runs) <= MOST_LABELLED else "-"
+                axis.plot(fine.time, shown.value(fine[name], unit), color=colours[k], linestyle=dash, label=label)
+            unit = unit_text(shown.unit(unit))
+            axis.set_ylabel(f"{name} in {unit}" if unit else name)
+        mark_events(axes[0], self.first.events)
+        axes[-1].set_xlabel("time in s")
+        if len(self.runs) <= MOST_LABELLED:
+            axes[0].legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
+        else:
+            first, *_, last = self.runs
+            axes[0].set_title(f"{len(self.runs)} runs, from {first} (dark) to {last} (bright)", loc="right", fontsize=8)
+        return finished(figure, path)
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {', '.join(list(self.runs)[:MOST_LABELLED])}>"
+
+
+def compare(runs: Mapping[str, Result] | Iterable[Result]) -> Comparison:
+    """Put runs beside each other.
+
+    Parameters
+    ----------
+    runs : {name: run}, or runs, which are numbered
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    named = dict(runs) if isinstance(runs, Mapping) else {f"run {k}": r for k, r in enumerate(runs, 1)}
+    if not named:
+        raise ValueError("there are no runs to compare")
+    return Comparison(named)
+
+
+def _members(run: Result, name: str) -> list[str]:
+    found = run.flat.find(name)
+    return [name] if found is None or len(found) == 1 else [run.flat.variable_name(int(v)) for v in found]
+
+
+def _colours(count: int) -> list:
+    if count <= MOST_LABELLED:
+        return [COLOURS[k % len(COLOURS)] for k in range(count)]
+    from matplotlib import colormaps
+
+    return [colormaps["viridis"](0.95 * k / (count - 1)) for k in range(count)]

@@ -1,0 +1,153 @@
+"""Parameter studies: one scene run for several values of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.messages.diagnostics import SimulationError
+from lmoc.report.compare import Comparison
+from lmoc.report.plots import COLOURS, GREY, stacked, write
+from lmoc.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+MOST_RUNS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Runs of one scene, one for each combination of parameter values.
+
+    Attributes
+    ----------
+    names : of the parameters that are varied
+    points : their values, run by run
+    runs : a run that failed on its way is there as far as it came
+    eigenvalues_at : eigenvalues of the linear model for parameter values {name: value}
+    """
+
+    names: tuple[str, ...]
+    points: tuple[tuple[float, ...], ...]
+    runs: tuple[Run, ...]
+    eigenvalues_at: Callable[[Mapping[str, float]], np.ndarray]
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """The runs under their parameter values: ``k = 10``."""
+        return Comparison(dict(zip(map(self._label, self.points), self.runs, strict=True)))
+
+    def _label(self, point: tuple[float, ...]) -> str:
+        return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, point, strict=True))
+
+    def to_dataframe(self, names: str | Sequence[str] | None = None) -> DataFrame:
+        """Return a table with a row for each run.
+
+        Columns: the parameters; ``end``, ``min`` and ``max`` of each variable; ``complete``; the error of the energy
+        ``balance``.
+
+        Parameters
+        ----------
+        names : variables; by default those that `plot` shows
+        """
+        import pandas
+
+        shown = self.comparison.names(names)
+        rows = []
+        for point, run in zip(self.points, self.runs, strict=True):
+            row: dict[str, object] = dict(zip(self.names, point, strict=True))
+            for name in shown:
+                values = run[name]
+                row |= {f"{name} end": values[-1], f"{name} min": values.min(), f"{name} max": values.max()}
+            rows.append(row | {"complete": run.complete, "balance": run.energy.balance if run.energy else np.nan})
+        return pandas.DataFrame(rows)
+
+    def plot(
+        self,
+        names: str | Sequence[str] | None = None,
+        path: str | Path | None = None,
+        units: str | Sequence[str] | None = None,
+    ) -> Figure:
+        """Draw the runs over each other; parameters and errors as of `Run.plot`."""
+        return self.comparison.plot(names, path, units)
+
+    @cached_property
+    def eigenvalues(self) -> list[np.ndarray]:
+        """Eigenvalues of the linear model about the equilibrium, for each point."""
+        return [self.eigenvalues_at(dict(zip(self.names, point, strict=True))) for point in self.points]
+
+    def root_locus(self, path: str | Path | None = None) -> Figure:
+        """Draw the eigenvalues of the linear model in the complex plane, from the first point (ring) to the last (dot).
+
+        Raises
+        ------
+        ModelError
+            E0623, E0624: the picture cannot be written; the scene has no equilibrium to be linear about.
+        """
+        roots = self.eigenvalues
+        title = f"eigenvalues for {self._label(self.points[0])} to {self._label(self.points[-1])}"
+        figure, (axis,) = stacked(1, path, title)
+        figure.set_size_inches(6, 5)
+        every = np.concatenate(roots)
+        axis.plot(every.real, every.imag, ".", color=GREY, markersize=3)
+        for at, mark in ((roots[0], "o"), (roots[-1], ".")):
+            axis.plot(at.real, at.imag, mark, color=COLOURS[0], markerfacecolor="none" if mark == "o" else COLOURS[0])
+        axis.axvline(0, color=GREY, linewidth=0.8)
+        axis.set_xlabel("real part in 1/s")
+        axis.set_ylabel("imaginary part in rad/s")
+        if path is not None:
+            write(figure, Path(path))
+        return figure
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __repr__(self) -> str:
+        return f"<Sweep of {', '.join(self.names)}: {len(self.runs)} runs>"
+
+
+def sweep(
+    values: Mapping[str, Sequence[float]],
+    simulate: Callable[[Mapping[str, float]], Run],
+    eigenvalues_at: Callable[[Mapping[str, float]], np.ndarray],
+    told: Callable[[int, int], None] | None = None,
+) -> Sweep:
+    """Run for every combination of values, the last parameter fastest.
+
+    Parameters
+    ----------
+    values : {parameter: its values}
+    simulate : a run for parameter values; what it raises ends the study, but for runs that fail on their way
+    told : called with (runs done, runs in all)
+
+    Raises
+    ------
+    ValueError
+        There is nothing to vary, or there are more than `MOST_RUNS` combinations.
+    """
+    names = tuple(values)
+    points = tuple(product(*(tuple(float(v) for v in np.ravel(values[name])) for name in names)))
+    if not names or not points:
+        raise ValueError("a sweep needs a parameter with at least one value, such as k=[10, 20, 30]")
+    if len(points) > MOST_RUNS:
+        raise ValueError(f"a sweep has {MOST_RUNS} runs at most, not {len(points)}")
+    runs = []
+    for k, point in enumerate(points):
+        try:
+            runs.append(simulate(dict(zip(names, point, strict=True))))
+        except SimulationError as failure:
+            partial: Run | None = failure.partial
+            if partial is None or not len(partial.time):
+                raise
+            runs.append(partial)
+        if told is not None:
+            told(k + 1, len(points))
+    return Sweep(names, points, tuple(runs), eigenvalues_at)
