@@ -44,6 +44,8 @@ docs: $(VENV)/.installed
 	@$(BIN)/python docs/make_diagnostics.py
 	@$(BIN)/python docs/make_library.py
 	@$(BIN)/lmoc run $(DEMO) --quiet --plot docs/suspension.png
+	@$(BIN)/python docs/make_pictures.py
+	@$(BIN)/python docs/make_notes.py
 
 bench-quick: $(VENV)/.installed-test
 	@$(BIN)/python -m benchmarks.startup --runs 7

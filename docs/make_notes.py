@@ -113,6 +113,7 @@ def anchor(title: str) -> str:
 def section(name: str, dae: lmoc.DAE) -> str:
     file = NOTES[name]["file"]
     parts = [f"## {heading(name)}", f"[`models/notes/{file}`](../models/notes/{file})", model_text(file)]
+    parts += [scene_picture(file)]
     found = dae.equations(forces=True)
     parts += [math([*found.lines(LATEX), *found.force_lines(LATEX)])]
     parts += [facts(dae)]
@@ -126,6 +127,12 @@ def section(name: str, dae: lmoc.DAE) -> str:
 def model_text(file: str) -> str:
     text = (ROOT / "models/notes" / file).read_text().strip()
     return f"<details><summary>the model</summary>\n\n```modelica\n{text}\n```\n\n</details>"
+
+
+def scene_picture(file: str) -> str:
+    """The scene as `docs/make_pictures.py` draws it, and its free bodies where they are drawn."""
+    names = [f"notes_{Path(file).stem}.svg", f"notes_{Path(file).stem}_bodies.svg"]
+    return "\n\n".join(f"![](pictures/{n})" for n in names if (ROOT / "docs/pictures" / n).exists())
 
 
 def math(lines: list[str]) -> str:
