@@ -85,7 +85,7 @@ class Live:
             run = self._scene.simulate(
                 initial=self._end, start=self.time, stop=target, points=2, inputs=self._given, **self._options
             )
-            self.events += [event for event in run.events if event.time > self.time]
+            self.events += run.events
             self._run, self._end = run, run.trajectory.end
         self.time = target
         return target
@@ -123,7 +123,7 @@ class Live:
         if self._smooth is not None:
             self._smooth.run.jump(x)
         else:
-            self._end = replace(self._end, x=x)
+            self._end = replace(self._end, x=x, mode=None)  # what the laws do there is judged anew
 
     def _move(self, x: np.ndarray, name: str, value: float) -> None:
         """Change the one state that a variable follows."""
@@ -273,4 +273,4 @@ def _is_smooth(run: Run) -> bool:
     """Return whether nothing switches, and no coordinates have to be watched."""
     flat, reduced = run.flat, run.reduced
     nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)
-    return not flat.laws and flat.events is None and not nonlinear and len(reduced.states) > 0
+    return reduced.switched is None and flat.events is None and not nonlinear and len(reduced.states) > 0

@@ -106,3 +106,37 @@ def test_what_is_wrong_is_told(cart):
         live["phii"]
     with pytest.raises(lmoc.ModelError, match="E0622"):
         cart.live(initial={"nowhere": 1.0})
+
+
+def test_laws_switch_while_stepping() -> None:
+    """A belt that takes a mass along: what a loop sees is what a whole run gives."""
+    scene = lmoc.compile(ROOT / "models" / "laws" / "h16_stick_slip.lmo")
+    live, whole = scene.live(rtol=1e-9), scene.simulate(stop=5, rtol=1e-9)
+    for _ in range(50):
+        live.advance(0.1)
+    assert live["mass.q"] == pytest.approx(whole["mass.q"][-1], abs=1e-8)
+    assert [(e.kind, e.name) for e in live.events] == [(e.kind, e.name) for e in whole.events]
+    assert [e.time for e in live.events] == pytest.approx([e.time for e in whole.events], abs=1e-8)
+
+
+def test_inputs_and_states_change_under_laws() -> None:
+    """A clutch is engaged, locks, is torn loose by a load, and is stopped by hand."""
+    live = lmoc.compile_text(
+        """model Drive input Real load = 0, grip = 0;
+          Torque t(tau = load); Clutch c(tau = 5, engagement = grip);
+          Inertia a(J = 1, theta(fixed = true), omega(start = 10, fixed = true));
+          Inertia b(J = 2, theta(fixed = true), omega(fixed = true));
+        equation connect(t.shaft, a.shaft); connect(a.shaft, c.a); connect(c.b, b.shaft); end Drive;"""
+    ).live(rtol=1e-9)
+    live.advance(1.0)
+    assert [live["a.omega"], live["b.omega"]] == [10, 0]
+    live.inputs["grip"] = 1.0
+    live.advance(2.0)
+    assert [live["a.omega"], live["b.omega"]] == pytest.approx([10 / 3, 10 / 3], rel=1e-12)
+    live.inputs["load"] = 30.0
+    live.advance(1.0)
+    assert [live["a.omega"], live["b.omega"]] == pytest.approx([10 / 3 + 25, 10 / 3 + 2.5])
+    live.set("a.omega", 0.0)
+    live.advance(0.1)
+    assert [live["a.omega"], live["b.omega"]] == pytest.approx([3.5, 10 / 3 + 2.5 - 0.25])
+    assert [(e.kind, e.time) for e in live.events] == [("lock", pytest.approx(1 + 4 / 3)), ("unlock", 3.0)]

@@ -140,3 +140,8 @@ def test_declarations_and_products_are_cut_without_a_staircase() -> None:
     assert all(piece.endswith((",", ";")) for piece in (first, *rest))
     product = " + ".join(f"inertia{i}*der(omega{i})" for i in range(8))
     assert all(len(piece) <= WIDTH for piece in broken(f"  {product} = {product};"))
+
+
+def test_a_description_longer_than_a_line_is_written_once() -> None:
+    text = f'model M\n  parameter Real x = 1\n    "{"long " * 40}";\nend M;\n'
+    assert format(read(text)) == text

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lmoc.run import Run
 
 FAILED_RUN = 3
+_MOST_LAWS = 9  # columns of the table of modes; beyond, the list of events tells the same
 
 
 def configure(parser: Parser) -> None:
@@ -26,6 +27,7 @@ def configure(parser: Parser) -> None:
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
     add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
+    add("--events", action="store_true", help="list the events, and the modes of laws over time")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the summary as JSON")
 
@@ -97,8 +99,22 @@ def _tell(run: Run, arguments: argparse.Namespace) -> None:
     elif not arguments.quiet:
         title, *rest = summary(run, arguments.units).split("\n")
         print("\n".join([terminal.styled(title, "1", sys.stdout), *rest]))
+        if arguments.events:
+            print(_events(run))
         if written:
             print("\n" + "\n".join(f"{what} written to {path}" for what, path in written))
+
+
+def _events(run: Run) -> str:
+    """The events of a run, and the modes of its laws, as tables."""
+    from lmoc.cli.symbols import table
+    from lmoc.report.events import event_rows, modes_rows
+
+    modes = modes_rows(run.modes)
+    wide = not modes or len(modes[0]) > _MOST_LAWS
+    tables = [("events", event_rows(run.events)), ("modes", [] if wide else modes)]
+    shown = [f"\n{title}\n{table(rows)}" for title, rows in tables if len(rows) > 1]
+    return "\n".join(shown) or "\nno events"
 
 
 def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from math import prod
 
 import numpy as np
 
@@ -118,6 +119,11 @@ class Part:
     def pattern(self) -> str:
         return Block(self.path, 0, 0, Kind.CONSTANT).pattern
 
+    def element(self, row: int, rows: int) -> str:
+        """Return the name of the element that one of the rows of an equation in it belongs to."""
+        size = prod(n for _, dims in self.path for n in dims)
+        return Block(self.path, 0, size, Kind.CONSTANT).name(row * size // rows)
+
 
 @dataclass(frozen=True, eq=False)
 class Assignments:
@@ -188,6 +194,7 @@ class Check:
     slots: np.ndarray
     span: Span | None
     at_events: bool = False  # looked at when an event happens, not all the time
+    part: int = 0  # index into FlatDAE.parts
 
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Return for each row whether it holds, for one value (variables,) of each variable and whatever time."""
@@ -334,6 +341,11 @@ class FlatDAE:
                 yield block.name(i)
 
     # --------------------------------------------------------------------- values
+
+    def told(self, check: Check, row: int) -> str:
+        """Return the message of an assertion, with the part in which it does not hold."""
+        part = self.parts[check.part]
+        return check.message if check.part == 0 else f"{part.element(row, len(check.slots))}: {check.message}"
 
     @cached_property
     def constant_checks(self) -> frozenset[Check]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,35 @@ def events_text(events: Sequence[Event]) -> str:
 def events_data(events: Sequence[Event]) -> list[dict[str, Any]]:
     """Return the events as plain data, in their order."""
     return [asdict(e) for e in events]
+
+
+def event_rows(events: Sequence[Event]) -> list[list[str]]:
+    """Return a table of events with a head: when, to what, what, between which modes, impulse and energy lost."""
+    rows = [["t in s", "name", "event", "before", "after", "impulse", "lost in J"]]
+    for e in events:
+        numbers = [f"{v:.6g}" if v else "" for v in (e.impulse, e.energy_lost)]
+        rows.append([f"{e.time:.9g}", e.name, e.kind, e.before, e.after, *numbers])
+    return rows
+
+
+def modes_rows(modes: Sequence[tuple[float, Mapping[str, str]]]) -> list[list[str]]:
+    """Return a table of the modes of laws over time: a head with the names of the laws, then a row for each change.
+
+    Where a law keeps its mode the cell is empty.
+    """
+    if not modes or not modes[0][1]:
+        return []
+    names = list(modes[0][1])
+    rows, last = [["t in s", *names]], dict.fromkeys(names, "")
+    for time, words in modes:
+        rows.append([f"{time:.9g}", *("" if words[n] == last[n] else words[n] for n in names)])
+        last = dict(words)
+    return rows
+
+
+def modes_data(modes: Sequence[tuple[float, Mapping[str, str]]]) -> list[dict[str, Any]]:
+    """Return the modes of laws over time as plain data; empty without laws."""
+    return [{"time": time, "laws": dict(words)} for time, words in modes if words]
 
 
 def mark_events(axis: Axes, events: Sequence[Event]) -> None:

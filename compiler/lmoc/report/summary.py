@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.ir.flat import Block
 from lmoc.ir.names import patterns
 from lmoc.report.display import display
-from lmoc.report.events import events_data, events_text
+from lmoc.report.events import events_data, events_text, modes_data
 from lmoc.report.result import Result
 
 _LABEL = 10
@@ -59,6 +59,7 @@ def as_data(run: Result) -> dict[str, Any]:
         },
         "residual": run.residual and dict(zip(("position", "velocity"), run.residual, strict=True)),
         "events": events_data(run.events),
+        "modes": modes_data(run.modes),
         "final": run.final,
         "units": {name: run.unit(name) for name in run.final},
         "notes": [{"code": d.code, "severity": d.severity, "message": d.message} for d in run.notes],

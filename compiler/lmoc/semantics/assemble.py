@@ -196,8 +196,12 @@ class Assembler:
     def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:
         """Checks, with variable indices."""
         return [
-            Check(d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span, d.at_events) for d in drafts
-        ]
+            Check(
+                d.condition, d.message, d.error, self.slots(d.columns, d.rows), d.span, d.at_events,
+                0 if d.node is None else d.node.part,
+            )
+            for d in drafts
+        ]  # fmt: skip
 
     def laws(self, drafts: Sequence[LawDraft]) -> list[Laws]:
         """Laws; those of one call that differ in their rows only become one."""

@@ -64,6 +64,7 @@ class CheckDraft:
     rows: int
     span: Span
     at_events: bool = False
+    node: Instance | None = None  # the part whose text it is in
 
 
 @dataclass(frozen=True, eq=False)

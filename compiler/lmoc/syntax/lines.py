@@ -47,7 +47,8 @@ def _marks(line: str) -> Iterator[tuple[int, str, int]]:
 
 def _before_description(line: str, indent: str, marks: list) -> list[str]:
     found = _LAST_STRING.search(line)
-    return [line[: found.start()], f"{indent}  {found[1]}"] if found and found.start() <= WIDTH else []
+    before = line[: found.start()] if found else ""
+    return [before, f"{indent}  {found[1]}"] if before.strip() and len(before) <= WIDTH else []
 
 
 def _after_sign(line: str, indent: str, marks: list) -> list[str]:

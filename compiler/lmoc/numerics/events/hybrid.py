@@ -303,11 +303,12 @@ class Hybrid:
 
     def _judge(self, t: float, happened: Happened) -> None:
         """Assertions that belong to events."""
-        for k in happened.broken:
+        for k, row in happened.broken:
             check = self.layout.flat.checks[k]
+            message = self.layout.flat.told(check, row)
             if check.error:
-                raise Stopped(Status.ASSERTION, f"an assertion does not hold: {_where(check.message, check.span)}")
-            self.report.warning("W0551", f"{check.message} (t = {t:.6g} s)", check.span)
+                raise Stopped(Status.ASSERTION, f"an assertion does not hold: {_where(message, check.span)}")
+            self.report.warning("W0551", f"{message} (t = {t:.6g} s)", check.span)
 
     def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:
         """Raise `Stopped` where a condition switches again and again without the run getting on."""

@@ -52,13 +52,13 @@ class Happened:
     x : states behind it
     whens : (when-clause, row) of each branch that was carried out, in order
     terminations : those whose guard was true
-    broken : checks of the flat model that belong to events and did not hold
+    broken : (check of the flat model, row) of those that belong to events and did not hold
     """
 
     x: np.ndarray
     whens: tuple[tuple[int, int], ...]
     terminations: tuple[int, ...]
-    broken: tuple[int, ...]
+    broken: tuple[tuple[int, int], ...]
 
 
 class Machine:
@@ -179,7 +179,7 @@ class Machine:
         events = self.layout.events
         whens: list[tuple[int, int]] = []
         ended: list[int] = []
-        broken: list[int] = []
+        broken: list[tuple[int, int]] = []
         now, before = events.before
         held = np.isin(now, events.discrete)
         self.push()
@@ -192,11 +192,10 @@ class Machine:
             for number, when in enumerate(events.whens):
                 whens += [(number, row) for row in np.flatnonzero(self.v[when.active]).tolist()]
             ended += [k for k, e in enumerate(events.terminations) if self.values(e.guard, e.slots).any()]
-            broken += [
-                k
-                for k, check in enumerate(self.layout.flat.checks)
-                if check.at_events and not self.values(check.condition, check.slots).all()
-            ]
+            for number, check in enumerate(self.layout.flat.checks):
+                if check.at_events:
+                    fails = self.values(check.condition, check.slots) == 0
+                    broken += [(number, row) for row in np.flatnonzero(fails)[:1].tolist()]
             moved = self._reinit(t, x)
             for samples in events.samples:
                 self.v[samples.target] = 0.0

@@ -292,7 +292,7 @@ def guarded_check(context: Context, e: tree.CallEquation, guard: Expr | None = N
     leaves, (shape,) = compact(context.leaves.items, holds)
     columns = tuple(flat_column(leaf, context.space.shape) for leaf in leaves)
     rows = prod(context.space.shape)
-    return CheckDraft(shape, message.text, error, columns, rows, e.span, guard is not None)
+    return CheckDraft(shape, message.text, error, columns, rows, e.span, guard is not None, context.node.owner)
 
 
 def _parts(condition: tree.Expression) -> tuple[tree.Expression, ...]:
