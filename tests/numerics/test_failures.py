@@ -13,7 +13,7 @@ from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationErro
 from lmoc.numerics.integrate import base
 from lmoc.numerics.integrate.choice import table
 from lmoc.numerics.integrate.sundials import sundials
-from lmoc.numerics.options import ADAPTIVE, SOLVERS, RunOptions
+from lmoc.numerics.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
 from lmoc.numerics.simulate import simulate
 
 every_solver = pytest.mark.parametrize("solver", ADAPTIVE)
@@ -305,7 +305,7 @@ def test_the_table_of_the_integrators_in_the_documentation():
     text = (Path(__file__).parents[2] / "docs/architecture.md").read_text(encoding="utf-8")
     for one in table():
         assert f"| {' | '.join((f'`{one.name}`', *one.cells[1:]))} |" in text
-    assert {one.name for one in table()} | {"auto"} == set(SOLVERS)
+    assert {one.name for one in table()} | {"auto", MOREAU} == set(SOLVERS)
 
 
 @pytest.fixture

@@ -12,8 +12,9 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.numerics.formulations.table import GAIN, TABLE, Requested, requested
 
 ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss")
+MOREAU = "moreau"  # time stepping of scenes with laws
 # all steps have the same length, the option `step`
-FIXED_STEP = ("rk4", "midpoint", "verlet", "generalized-alpha", "collocation", "collocation-radau")
+FIXED_STEP = ("rk4", "midpoint", "verlet", "generalized-alpha", "collocation", "collocation-radau", MOREAU)
 EITHER = ("gauss",)  # takes the length of its steps, or chooses it
 SOLVERS = ADAPTIVE + FIXED_STEP
 # names of methods elsewhere, and what does the same here
@@ -28,6 +29,7 @@ ALSO_KNOWN_AS = {
     "midpoint": "implicitmidpoint trapezoidal cranknicolson",
     "generalized-alpha": "alpha galpha genalpha generalizedalpha hht hhtalpha newmark newmarkbeta",
     "gauss": "gausslegendre irk",
+    "moreau": "moreaujean timestepping nonsmooth",
 }
 FORMULATIONS = tuple(TABLE)
 _STEPS = 1000  # of a run with steps of equal length, where nobody says

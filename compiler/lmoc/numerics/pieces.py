@@ -30,6 +30,7 @@ from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.recorder import kept_variables
 from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
+from lmoc.numerics.options import MOREAU
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import Lookout, lookout
@@ -262,6 +263,8 @@ class _Run:
         end = span.end if now is None else now.until
         done = recorder.reached
         times = recorder.times[done : np.searchsorted(recorder.times, end, "right")]
+        if options.solver == MOREAU:
+            return self._march(x, begin)
         roots = None if now is None else now.roots(begin, x)
         if not len(x) and roots is None:
             recorder(done, np.zeros((len(times), 0)))
@@ -319,6 +322,32 @@ class _Run:
             self.lost = stretch.loops.why(outcome.status)
         stretch.largest = None if roots is None else roots.largest
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
+
+    def _march(self, x: np.ndarray, begin: float) -> Outcome:
+        """Go to the end by steps of equal length, in which the laws' impulses take the place of events."""
+        old, options, span = self.stretch, self.task.options, self.task.span
+        observer = Observer(old.plan, self.task.values, self.happenings.open, self.task.signals)
+        self.stretch = stretch = Stretch(observer, old.system, begin, span.times, old.first, self.variables)
+        self._record_start(x)
+        old.system.prepare(observer.base, observer.signals)
+        recorder, steps = stretch.recorder, self.happenings.steps()
+        done = recorder.reached
+        problem = Problem(
+            stretch.system,
+            begin,
+            x,
+            span.end,
+            recorder.times[done:],
+            self.rtol,
+            np.zeros(len(x)),
+            lambda first, states: recorder(first + done, states),
+            deadline=self.deadline,
+            progress=self.progress,
+            step=options.step_length(span),
+        )
+        outcome = steps.march(problem)
+        self.happenings.records += steps.records
+        return self.cost.add(outcome, stretch.system, MOREAU, "asked for")
 
     def _judge_the_beginning(self, begin: float, x: np.ndarray) -> Status:
         """Judge the coordinates where the piece begins, if what they divide by changes along the motion."""

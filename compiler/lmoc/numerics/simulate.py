@@ -17,7 +17,7 @@ from lmoc.numerics.coordinates.change import Place
 from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.observe.trajectory import End, Trajectory
-from lmoc.numerics.options import SOLVERS, RunOptions, Span, checked_formulation, solver_hint
+from lmoc.numerics.options import FIXED_STEP, MOREAU, SOLVERS, RunOptions, Span, checked_formulation, solver_hint
 from lmoc.numerics.pieces import run_pieces, starting_place
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
@@ -129,6 +129,12 @@ class Simulator:
             from lmoc.numerics.laws.switching import all_open
 
             signals = {**signals, **all_open(self.reduced.switched)}
+        if options.solver == MOREAU:
+            from lmoc.numerics.laws import time_stepping
+
+            time_stepping.refuse(self.reduced, report)
+            report.check()
+            signals = {**signals, **time_stepping.recorded(self.reduced.switched)}
         if self.reduced.flat.events is not None:  # they have values of their own, which the run sets
             from lmoc.numerics.events.hybrid import held
 
@@ -150,7 +156,8 @@ def _run_at_its_size(
     said = list(task.report.diagnostics)
     for _ in range(_PASSES):
         run = run_pieces(task, plan, system, base, initial)
-        sizes = too_loose(run, task.values, task.sizes) if task.options.atol is None else None
+        tolerant = task.options.atol is None and task.options.solver not in FIXED_STEP
+        sizes = too_loose(run, task.values, task.sizes) if tolerant else None
         if sizes is None:
             break
         task = replace(task, sizes=sizes, report=Report(list(said)))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +23,10 @@ from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
-from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.signals.signals import Constant, Signal
+
+if TYPE_CHECKING:
+    from lmoc.numerics.laws.time_stepping import TimeStepping
 
 _CHATTER = 500  # changes of laws within …
 _MOMENT = 1e-10  # … this share of the run are chattering
@@ -65,7 +69,10 @@ class Happenings:
     @property
     def signals(self) -> Mapping[int, Signal]:
         """The inputs, with the values of the laws' modes."""
-        return self.given if self.laws is None else {**self.given, **self.laws.signals()}
+        if self.laws is None:
+            return self.given
+        held = {v: s for v, s in self.laws.signals().items() if isinstance(self.given[v], Constant)}
+        return {**self.given, **held}  # forces that steps of equal length fill stay what they are
 
     def base(self) -> np.ndarray:
         """Return the registers that do not change until the next event."""
@@ -119,6 +126,14 @@ class Happenings:
             return found[0] if found else None
         signs = np.concatenate([r.signs for r in found])
         return Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
+
+    def steps(self) -> TimeStepping:
+        """Return what goes through the laws in steps of equal length, from the present states on."""
+        from lmoc.numerics.laws.time_stepping import TimeStepping
+
+        laws = self.laws
+        forces = [self.given[int(v)].call for v in laws.gauge.form.push]
+        return TimeStepping(laws.gauge, forces, laws.laws, laws.ledger)
 
     # ------------------------------------------------------------------- what happens
 
