@@ -409,6 +409,13 @@ class _Drawing:
                 end = End(at[0], self.place(0.0, high)[1])
                 self._coordinate_below(node, end, thick)
                 return
+        if not self.upright and self._is_loose(node):
+            shapes = (Label(text, (0, ARROW + 10, 0), "start"),)
+            variables = {"coordinate": self.style.variables[node]}
+            tip = (ARROW + 5, 0.0)
+            made = symbols.arrow("coordinate", "", self.end(node), (6, 0), tip, "ink", 1.2, shapes, variables)
+            self.labels.append(made)
+            return
         if self.upright:
             side = 1.0 if self.mirrored else -1.0
             ref = _reference((side * (thick + 3), 0), (side * (thick + 28), 0))
@@ -421,6 +428,10 @@ class _Drawing:
             tail, tip = (0, -thick - 19), (ARROW, -thick - 19)
         variables = {"coordinate": self.style.variables[node]}
         self.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, shapes, variables))
+
+    def _is_loose(self, node: int) -> bool:
+        """Return whether a node is the right end of something, with nothing there."""
+        return not any(a == node for _, a, _, _ in self.parts) and not self.strip.on[node]
 
     def _coordinate_below(self, node: int, end: End, thick: float) -> None:
         """A reference line and an arrow below a body."""
@@ -487,7 +498,8 @@ class _Drawing:
             if min(reached) < max(reached):
                 bar = [self.place(side * half, t) for t in (min(reached), max(reached))]
                 self.items.append(Item("joint", "", (end,), (symbols.path(*bar, width=3.0),)))
-            self.items.append(Item("shaft", "", (end,), (symbols.path((0, 0), self.place(side * half, 0), width=3.0),)))
+            start = self.place(side * 8.0 if self.strip.bodies(node) else 0.0, 0.0)
+            self.items.append(Item("shaft", "", (end,), (symbols.path(start, self.place(side * half, 0), width=3.0),)))
         turn = Turn(0.0, self.style.variables.get(node, ""))
         bodies = self.strip.bodies(node)
         if bodies:

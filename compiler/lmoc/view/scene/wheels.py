@@ -114,13 +114,13 @@ def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -
     if not shaft.legs:
         if not held:
             return []
-        stem = symbols.path((0, 0), (0, way * (radius + 14)), width=2.0)
+        stem = symbols.path((0, way * radius), (0, way * (radius + 14)), width=2.0)
         ground = symbols.wall("", End(0, way * (radius + 14)), (0, way), -15, 15, "bearing")
         return [Item("bearing", "", (End(0, 0),), (stem,)), ground]
     n = len(shaft.legs)
     top = radius + 12
     xs = [(k - (n - 1) / 2) * APART for k in range(n)]
-    items = [Item("shaft", "", (End(0, 0),), (symbols.path((0, 0), (0, way * top), width=2.0),))]
+    items = [Item("shaft", "", (End(0, 0),), (symbols.path((0, way * radius), (0, way * top), width=2.0),))]
     if n > 1:
         bar = symbols.path((xs[0], way * top), (xs[-1], way * top), width=2.0)
         items.append(Item("joint", "", (End(0, 0),), (bar,)))
