@@ -119,3 +119,60 @@ def test_a_bar_falls_on_its_corner(e, mu):
     assert impact.impulse == pytest.approx(expected[0], rel=1e-9)
     before = np.array([fall, slip])
     assert impact.energy_lost == pytest.approx(-expected @ (before + inverse @ expected / 2), rel=1e-8)
+
+
+CARTESIAN = """model Cartesian "a pendulum in x and y that hits a wall"
+  Real x(start = 0, fixed = true), y(start = -1), vx(start = 7.1, fixed = true), vy, T, fn, gap;
+  discrete Integer turns(start = 0, fixed = true);
+equation
+  der(x) = vx; der(y) = vy; der(vx) = -T*x - fn; der(vy) = -T*y - 9.81; x^2 + y^2 = 1;
+  gap = WALL - x;
+  Law.unilateral(fn, gap, 0.8);
+  when y > 0.1 then turns = pre(turns) + 1; end when;
+end Cartesian;"""
+ANGULAR = """model Angular
+  Real theta(start = 0, fixed = true), omega(start = 7.1, fixed = true), fn, gap;
+equation
+  der(theta) = omega; der(omega) = -9.81*sin(theta) - fn*cos(theta);
+  gap = WALL - sin(theta);
+  Law.unilateral(fn, gap, 0.8);
+end Angular;"""
+
+
+@pytest.mark.parametrize(("wall", "speed"), [(0.3, 7.1), (0.9, 5.0), (2.0, 7.1)])
+def test_coordinates_change_between_impacts_and_events(wall, speed):
+    """The mode and the discrete values go on in the new coordinates; roots are found there as well."""
+    cartesian, angular = (lmoc.compile_text(t.replace("WALL", str(wall))) for t in (CARTESIAN, ANGULAR))
+    run = cartesian.simulate(stop=4, points=41, rtol=1e-9, initial={"vx": speed})
+    other = angular.simulate(stop=4, points=41, rtol=1e-11, initial={"omega": speed})
+    x, y = np.sin(other["theta"]), -np.cos(other["theta"])
+    assert len(run.coordinates) > 3
+    assert np.abs(run["x"] - x).max() < 2e-7 and np.abs(run["y"] - y).max() < 2e-7
+    impacts = [v for v in run.events if v.kind == "impact"]
+    assert [v.time for v in impacts] == pytest.approx([v.time for v in other.events], abs=1e-7)
+    assert [v.impulse for v in impacts] == pytest.approx([v.impulse for v in other.events], abs=1e-6)
+    fine = angular.simulate(stop=4, points=40001, initial={"omega": speed}, rtol=1e-9)
+    above = -np.cos(fine["theta"]) > 0.1
+    assert run["turns"][-1] == np.count_nonzero(above[1:] & ~above[:-1])
+
+
+def test_a_closed_loop_hits_a_wall_on_its_own_branch():
+    """The rocker of a parallelogram hits an edge: the whole mechanism takes part in the impact."""
+    dae = compiled("Linkage", """  Ground left, right(x = 1);
+  Revolute first(phi(start = 2, fixed = true), omega(start = 1, fixed = true)), second(phi(start = 2));
+  Revolute third(phi(start = -2)), fourth;
+  Bar crank(l = 0.5, m = 1), coupler(l = 1, m = 1), rocker(l = 0.5, m = 1);
+  PointOf tip; Contact wall(nx = 1, ny = 0, d = 0.55, e = 0.5);""",
+        """  connect(left.frame, first.a); connect(first.b, crank.a); connect(crank.b, third.a);
+  connect(third.b, coupler.a); connect(coupler.b, fourth.a); connect(fourth.b, rocker.b); connect(rocker.a, second.b);
+  connect(right.frame, second.a); connect(rocker.b, tip.frame); connect(tip.point, wall.point);""")  # fmt: skip
+    run = dae.simulate(stop=0.5, points=6, rtol=1e-10)
+    impact = run.events[0]
+    inertia, pull = (2 / 3 + 1) / 4, G * 2 * 0.5  # of both cranks and the coupler; its moment at horizontal cranks
+    end = np.arccos((0.55 - 1) / 0.5)
+    omega = np.sqrt(1 - 2 * pull / inertia * (np.sin(end) - np.sin(2)))
+    arm = 0.5 * np.sin(end)  # of the edge's force
+    assert impact.impulse == pytest.approx(1.5 * omega * inertia / arm, rel=1e-9)
+    assert impact.energy_lost == pytest.approx(inertia * omega**2 / 2 * (1 - 0.25), rel=1e-9)
+    assert np.abs(run["second.phi"] - run["first.phi"]).max() < 1e-12
+    assert run["wall.gap"].min() > -1e-9

@@ -16,7 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
-from lmoc.numerics.coordinates.change import Place, continued, registers_at
+from lmoc.numerics.coordinates.change import (
+    Place,
+    all_unknowns,
+    block_unknowns,
+    continued,
+    registers_at,
+    with_solutions,
+)
 from lmoc.numerics.coordinates.changes import Changes, Way, singular_start
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
@@ -187,6 +194,7 @@ class _Run:
 
         task, stretch = self.task, self.stretch
         span = task.span.start, task.span.end
+        self.changes.passes = False
         self.happenings = Happenings(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
         try:
             x = self.happenings.start(states, initial)
@@ -209,6 +217,7 @@ class _Run:
         """Return the state behind what has ended a piece, and begin the next one; None at the end of the run."""
         stretch, time = self.stretch, outcome.time
         try:
+            self._stand_at(outcome)
             x = None if outcome.status.failed else self.happenings.after(outcome)
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason
@@ -365,13 +374,6 @@ class _Run:
         """Go on from where the coordinates have ceased to be good."""
         if self.stretch.loops is not None:
             return self._in_shorter_steps(self.stretch.loops, outcome)
-        if self.happenings is not None:  # events and laws refer to the states of the plan that the run began with
-            names = ", ".join(self.stretch.plan.reduced.state_names)
-            self.lost = (
-                f"the coordinates {names} would have to change here, which a scene with laws or events cannot do yet; "
-                "choose some that serve all the way, by states=[…] (--states) or stateSelect"
-            )
-            return replace(outcome, status=Status.SINGULAR)
         rtol, atol = self.rtol * _FINER, self._atol(outcome.x) * _FINER
         way = self.changes.onward(self.stretch, outcome, rtol * np.abs(outcome.x) + atol)
         if way is None:
@@ -381,8 +383,26 @@ class _Run:
             self._finish(outcome)
             self.pieces += way.between
             self.stretch = way.stretch
-            way.stretch.system.prepare(way.stretch.base, way.stretch.observer.signals)
+            if self.happenings is not None:
+                self._adopt(way)
+            self.stretch.system.prepare(self.stretch.base, self.stretch.observer.signals)
         return self._integrate(way.x, max(outcome.time, self.stretch.begin), way)
+
+    def _adopt(self, way: Way) -> None:
+        """Have events and laws go on in the coordinates of a new piece."""
+        task, now, made = self.task, self.happenings, way.stretch
+        unknowns = all_unknowns(made.plan)
+        base = with_solutions(made.plan.base(task.values, task.signals), unknowns, made.base[unknowns])
+        now.adopt(made.plan, base, made.begin, way.x)
+        observer = Observer(made.plan, task.values, now.base(), now.signals)
+        self.stretch = Stretch(observer, made.system, made.begin, task.span.times, made.first, self.variables)
+        self.stretch.mode = now.mode
+
+    def _stand_at(self, outcome: Outcome) -> None:
+        """Let events and laws begin at the solutions of the nonlinear blocks where the piece has ended."""
+        unknowns, system = self.stretch.plan.once(block_unknowns), self.stretch.system
+        if len(unknowns) and self._registers(outcome) is not None:
+            self.happenings.stand_at(unknowns, system.registers[unknowns])
 
     def _atol(self, x: np.ndarray) -> np.ndarray:
         """(n,) the absolute tolerances of the coordinates in use, from where these came into use."""

@@ -103,6 +103,11 @@ def block_unknowns(plan: Plan) -> np.ndarray:
     return np.concatenate([np.zeros(0, int), *own])
 
 
+def all_unknowns(plan: Plan) -> np.ndarray:
+    """Return the registers of the unknowns of all nonlinear blocks."""
+    return np.concatenate([np.zeros(0, int), *(u.ravel() for u in _unknowns(plan))])
+
+
 def with_solutions(base: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return registers that do not change during a run, with places at which the nonlinear blocks begin."""
     base = base.copy()

@@ -71,11 +71,14 @@ class Changes:
     Attributes
     ----------
     reason : why it cannot go on
+    passes : whether places where the constraints depend on each other are passed: not with laws and events, which might
+        happen on the way
     passed : s, the times at which it has passed a place where the constraints depend on each other
     """
 
     def __init__(self, task: Task, variables: np.ndarray | None) -> None:
         self.task, self.variables, self.reason = task, variables, ""
+        self.passes = True
         self.passed: list[float] = []
         self._tried: set[tuple[float, tuple[str, ...]]] = set()  # coordinates, and since when
         self._refused: set[int] = set()  # flat variables that cannot be states
@@ -118,7 +121,7 @@ class Changes:
         watch, end = stretch.watch, self.task.span.end
         place, width = watch.accepted, 2 * (watch.singular - watch.accepted.t)
         found = None
-        if 0 < width < end - self.task.span.start:
+        if self.passes and 0 < width < end - self.task.span.start:
             found = passage(stretch.system, (place.t, place.x, place.solutions), width, tolerance)
         if found is None:
             watch.go_back()

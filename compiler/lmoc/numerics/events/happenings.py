@@ -64,6 +64,30 @@ class Happenings:
         self._law_roots = 0
         self._times: deque[float] = deque(maxlen=_CHATTER)  # s, of the latest changes of laws
 
+    def stand_at(self, unknowns: np.ndarray, solutions: np.ndarray) -> None:
+        """Take the solutions of the nonlinear blocks where the run stands, to stay on their branch."""
+        self.open[unknowns] = solutions
+        if self.laws is not None:
+            self.laws.gauge.stand_at(unknowns, solutions)
+        if self.hybrid is not None:
+            self.hybrid.machine.base[unknowns] = solutions
+
+    def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
+        """Go on in other coordinates of the same model, in the same mode and with the same discrete values.
+
+        Parameters
+        ----------
+        base : registers of the other plan that do not change during a run, with all laws open
+        t, x : where the run stands
+        """
+        self.plan, self.open = plan, base.copy()
+        if self.hybrid is not None:
+            self.hybrid.adopt(plan, base, t, x)
+        if self.laws is not None:
+            before = self.laws
+            self.laws = LawSwitching(plan, self.values, self._with_discrete(self.open), self.given)
+            self.laws.go_on(before, t, x)
+
     # --------------------------------------------------------- what holds between events
 
     @property

@@ -75,6 +75,14 @@ class Hybrid:
         at = np.flatnonzero(self.layout.plan.states == register)
         return int(at[0]) if len(at) else -1
 
+    def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
+        """Go on in other coordinates of the same model; parameters as of `Happenings.adopt`."""
+        self.layout = plan.once(EventLayout)
+        self.machine.adopt(self.layout, base)
+        self.machine.push()
+        self.machine.look(t, x)
+        self._stored, self._lost = self._ledger_row("ledger.stored"), self._ledger_row("ledger.heat")
+
     # ------------------------------------------------------------------------ the start
 
     def start(self, states: Starter, initial: Mapping[str, float]) -> np.ndarray:

@@ -88,6 +88,11 @@ class Machine:
         self.literal = True  # relations of time are taken as they are written, not as what they are right behind
         self.remember()
 
+    def adopt(self, layout: EventLayout, base: np.ndarray) -> None:
+        """Look at the same variables through another plan."""
+        self.layout = layout
+        self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
+
     # ----------------------------------------------------------------------- looking
 
     def push(self) -> None:

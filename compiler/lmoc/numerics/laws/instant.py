@@ -131,6 +131,11 @@ class Gauge:
         self.by_state = Jacobian(self.program, plan.states, motions[self.has_motion], plan.count)
         self.table = _table(form, values)
 
+    def stand_at(self, unknowns: NDArray[np.int64], solutions: Array) -> None:
+        """Begin anew at these solutions of nonlinear blocks."""
+        self.base[unknowns] = solutions
+        self.interpreter.reset()
+
     def filled(self, t: float, x: Array) -> Array:
         """Return all registers that the laws need, at a time and state."""
         w = self.base.copy()

@@ -47,6 +47,7 @@ class LawSwitching:
         self.now: Instant | None = None  # where the present piece begins
         self.mode = free_mode(self.gauge.table)
         self.touched = np.zeros(self.gauge.form.count, bool)  # laws whose motion was zero there
+        self.forces = np.zeros(self.gauge.form.count)  # of the laws, where the present mode has begun
         self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.slice = slice_of(plan, _registers(self.gauge))
@@ -137,6 +138,14 @@ class LawSwitching:
             return x, []
         return self.happen(t, x, np.zeros(len(values), bool))
 
+    def go_on(self, before: LawSwitching, t: float, x: Array) -> None:
+        """Take over the mode at the same place from the laws in other coordinates."""
+        self.mode, self.touched = before.mode, before.touched
+        self.second = np.flatnonzero(self.mode.closed & ~self.gauge.table.complementary)
+        self.now = now = self.gauge.at(t, x)
+        self.forces = before.forces
+        self.rounding = ROUNDING * np.abs(now.response) @ np.abs(self.forces)
+
     def happen(self, t: float, x: Array, which: NDArray[np.bool_]) -> tuple[Array, list[Event]]:
         """Return the state behind an instant at which root functions vanish, and what happened."""
         closed = self.mode.closed
@@ -161,7 +170,8 @@ class LawSwitching:
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
             raise Stopped(Status.CONTRADICTION, reason) from None
         self.mode, self.now, self.touched = found.mode, found.now, found.touched
-        self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(found.settled.force)
+        self.forces = found.settled.force
+        self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(self.forces)
         x = found.x.copy()
         if self.ledger is not None and found.impulse.any():
             work, heat = self.ledger
