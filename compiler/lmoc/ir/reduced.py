@@ -193,6 +193,10 @@ class Reduced:
     def state_names(self) -> list[str]:
         return [self.register_name(int(r)) for r in self.states]
 
+    @cached_property
+    def _made_for(self) -> bytes:
+        return self.values.tobytes()
+
     def broken_guard(self, values: np.ndarray) -> str | None:
         """The first assumption that does not hold for another parameter set, None where all hold.
 
@@ -201,5 +205,7 @@ class Reduced:
         values : (≤ flat.count,) of the flat model that was given; the variables that a switched form adds have none
         """
         values = np.concatenate([values, np.full(self.flat.count - len(values), np.nan)])
+        if values.tobytes() == self._made_for:  # some guards cost as much as a reduction
+            return None
         guard = next((g for g in self.guards if not g.holds(values)), None)
         return None if guard is None else guard.text if guard.broken is None else guard.broken(values)

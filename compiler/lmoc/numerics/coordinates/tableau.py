@@ -8,6 +8,7 @@ partitioning of coordinates is Wehage & Haug's, J. Mech. Design 104, 1982).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +36,7 @@ class Tableau:
     def worst(self, rows: np.ndarray) -> float:
         """Return the largest entry in some rows; infinity where the dependent coordinates do not follow at all."""
         size = float(np.abs(self.table[rows]).max(initial=0.0))
-        return size if np.isfinite(size) and self.sign else np.inf
+        return size if math.isfinite(size) and self.sign else np.inf
 
 
 def tableau(matrix: np.ndarray, watched: np.ndarray, scale: np.ndarray) -> Tableau:
@@ -52,8 +53,14 @@ def tableau(matrix: np.ndarray, watched: np.ndarray, scale: np.ndarray) -> Table
     sign = float(np.linalg.slogdet(a)[0]) if np.isfinite(a).all() else 0.0
     if sign == 0.0:
         return Tableau(np.full((len(watched), b.shape[1]), np.inf), 0.0)
-    full = np.linalg.solve(a, b)
-    return Tableau(full[watched] * scale[watched][:, None] / scale[rows:], sign)
+    return scaled(np.linalg.solve(a, b)[watched], sign, watched, scale)
+
+
+def scaled(table: np.ndarray, sign: float, watched: np.ndarray, scale: np.ndarray) -> Tableau:
+    """Return the tableau from T in its rows; all infinite where the sign is not 1 or -1."""
+    if abs(sign) != 1.0:
+        return Tableau(np.full(table.shape, np.inf), 0.0)
+    return Tableau(table * scale[watched][:, None] / scale[len(scale) - table.shape[1] :], sign)
 
 
 def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
@@ -94,15 +101,12 @@ def equilibrated(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     largest = size.max(axis=1, keepdims=True, initial=0.0)
     squares = np.where(np.isfinite(size) & (size > _ROUNDING * largest), size, 0.0) ** 2
-    row, column = np.ones(len(squares)), np.ones(squares.shape[1])
+    no_row, no_column = (1.0 * ~squares.any(axis=k) for k in (1, 0))  # which keep the factor 1
+    column = np.ones(squares.shape[1])
     for _ in range(_NORMALIZATIONS):
-        row = _reciprocal(squares @ column)
-        column = _reciprocal(row @ squares)
-    return np.sqrt(_reciprocal(squares @ column)), np.sqrt(column)
-
-
-def _reciprocal(values: np.ndarray) -> np.ndarray:
-    return 1.0 / np.where(values > 0, values, 1.0)
+        row = 1.0 / (squares @ column + no_row)
+        column = 1.0 / (row @ squares + no_column)
+    return np.sqrt(1.0 / (squares @ column + no_row)), np.sqrt(column)
 
 
 def rank_margin(matrix: np.ndarray) -> float:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +18,12 @@ from lmoc.numerics.coordinates.tableau import (
     equilibrated,
     exchanged,
     rank_margin,
+    scaled,
     stays_regular,
     tableau,
     vanishes,
 )
+from lmoc.numerics.coordinates.unrolled_tableau import MOST_ROWS, unrolled
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
@@ -34,10 +38,12 @@ if TYPE_CHECKING:
 # the largest entry that a choice may have from the beginning and still count as good
 _MARGIN, _TOLERATED = 2.0, 25.0
 _HALVINGS = 4  # of a step, for a look at what happens within
+_GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
 _FAR = 1.0  # way of a dependent coordinate between two looks, in equilibrated form: about a radian
 # smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
 # is looked for, below the second they do where no step is short enough
 _ALERT, _DEPENDENT = 0.1, 1e-3
+_SURE = 0.2  # a lower bound of the smallest singular value with which it need not be computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,8 @@ class Place:
     t, x : s, (n,)
     matrix : of the constraints
     found : Tableau
-    margin : smallest singular value of the constraints, in rows and columns of one length
+    scaled : the matrix, in rows and columns of one length
+    least : what its smallest singular value is not below
     solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
     dependent : values of the dependent coordinates
     """
@@ -58,9 +65,15 @@ class Place:
     x: np.ndarray
     matrix: np.ndarray
     found: Tableau
-    margin: float
+    scaled: np.ndarray
+    least: float
     solutions: np.ndarray
     dependent: np.ndarray
+
+    @cached_property
+    def margin(self) -> float:
+        """The smallest singular value of the scaled matrix."""
+        return rank_margin(self.scaled)
 
 
 class CoordinateWatch:
@@ -90,8 +103,13 @@ class CoordinateWatch:
             own = system.plan.reduced.register_of[self.constraints.variable[: self.constraints.rows]]
             self._dependent = own if (own >= 0).all() else self._dependent
         self._entries = _entries(system, base, self.constraints)
-        self._size = np.zeros(0)
+        own = self.constraints
+        self._place = own.row.astype(int) * len(own.variable) + own.column
+        self._recent: tuple[np.ndarray, float] | None = None  # scaled matrix of the last look, and `Place.least` of it
+        self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
+        self._size = self._sized = np.zeros((own.rows, len(own.variable)))
         self._scales: tuple[np.ndarray, np.ndarray] | None = None
+        self._ranges = np.ones(len(own.variable))  # largest share of each coordinate in an equation, for the tableau
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
@@ -100,7 +118,7 @@ class CoordinateWatch:
 
     def begin(self, t: float, x: np.ndarray) -> Status:
         """Judge the place where the piece begins; its coordinates are compared with what they are there."""
-        self._size, self._scales = np.zeros((self.constraints.rows, len(self.constraints.variable))), None
+        self._size, self._scales = np.zeros_like(self._size), None
         self.last = place = self._look(t, x)
         worst = place.found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
@@ -199,15 +217,31 @@ class CoordinateWatch:
         if not (size <= self._size).all():
             with np.errstate(invalid="ignore"):
                 self._size = np.fmax(self._size, size)
-            self._scales = None
-        found = tableau(matrix, self.constraints.watched, 1.0 / self._factors()[1])
-        margin = rank_margin(self._scaled(matrix))
+            if self._scales is not None and not (size <= _GROWN * self._sized).all():
+                self._scales = None
+        even = self._scaled(matrix)
+        watched, scale = self.constraints.watched, self._ranges
+        made = self._unscaled
+        found = tableau(matrix, watched, scale) if made is None else scaled(*made, watched, scale)
         dependent = self.system.registers[self._dependent] if len(self._dependent) else np.zeros(0)
-        return Place(t, x.copy(), matrix, found, margin, solutions, dependent)
+        self._recent = even, self._least(even)
+        return Place(t, x.copy(), matrix, found, *self._recent, solutions, dependent)
+
+    def _least(self, even: np.ndarray) -> float:
+        """A lower bound of the smallest singular value, which changes by no more than the matrix does (Weyl)."""
+        if self._recent is not None:
+            change = (even - self._recent[0]).ravel()
+            least = self._recent[1] - math.sqrt(float(change @ change))
+            if least > _SURE:
+                return least
+        return rank_margin(even)
 
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
         if self._scales is None:
-            self._scales = equilibrated(self._size)
+            self._scales, self._sized, self._recent = equilibrated(self._size), self._size, None
+            row = self._size.max(axis=1, keepdims=True)
+            ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
+            self._ranges = np.where(ranges > 0, ranges, 1.0)
         return self._scales
 
     def _scaled(self, matrix: np.ndarray) -> np.ndarray:
@@ -216,7 +250,11 @@ class CoordinateWatch:
 
     def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
         """Whether the constraints keep their rank between two places, by looks at what lies between if necessary."""
-        regular = stays_regular(self._scaled(second.matrix - first.matrix), first.margin + second.margin)
+        change = self._scaled(second.matrix - first.matrix)
+        regular = stays_regular(change, first.least + second.least) or (
+            first.least + second.least < first.margin + second.margin
+            and stays_regular(change, first.margin + second.margin)
+        )
         if regular and not self._way(first, second) > _FAR:
             return True
         if not halvings:
@@ -234,6 +272,8 @@ class CoordinateWatch:
 
     def _comes_near(self, place: Place) -> bool:
         """Whether the constraints are about to depend on each other, and when."""
+        if place.least >= self._alert:
+            return False
         before, now, length = self.accepted.margin, place.margin, place.t - self.accepted.t
         if not now < min(self._alert, before):
             return False
@@ -241,10 +281,9 @@ class CoordinateWatch:
         return True
 
     def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
-        own = self.constraints
-        matrix = np.zeros((own.rows, len(own.variable)))
-        np.add.at(matrix, (own.row, own.column), self._entries(t, x))
-        return matrix
+        rows, columns = self._size.shape
+        entries, self._unscaled = self._entries(t, x)
+        return np.bincount(self._place, entries, rows * columns).reshape(rows, columns)
 
     def _states(self, exchanges: list[tuple[int, int]]) -> list[int]:
         """The columns that are states after some exchanges."""
@@ -274,25 +313,34 @@ class CoordinateWatch:
         return held if held != list(range(rows, matrix.shape[1])) else []
 
 
-def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[float, np.ndarray], np.ndarray]:
-    """Return ``(t, x) -> entries``, from the registers of a system that keeps them, else by a function of its own."""
+Unscaled = tuple[np.ndarray, float]  # T in the rows of the tableau, and the sign of the determinant of A
+Entries = Callable[[float, np.ndarray], tuple[np.ndarray, Unscaled | None]]
+
+
+def _entries(system: System, base: np.ndarray, own: Constraints) -> Entries:
+    """Return ``(t, x) -> entries, tableau``, the latter None where it is left to numpy.
+
+    From the registers of a system that keeps them, else by a function of its own.
+    """
     plan, kept = system.plan, system.registers is not None
     program, used, function = plan.once(_from_registers if kept else _from_states)
     out, sampled = np.empty(system.n), np.zeros(len(plan.sampled))
     if function is None:
         w, interpreter = np.zeros(own.count), Interpreter(program, own.count)
 
-        def by_numpy(t: float, x: np.ndarray) -> np.ndarray:
+        def by_numpy(t: float, x: np.ndarray) -> tuple[np.ndarray, None]:
             _evaluate(system, t, x, out)
             w[: plan.count] = system.registers[: plan.count]
             interpreter.run(w, t)
-            return w[own.register]
+            return w[own.register], None
 
         return by_numpy
     time, at, known = np.zeros(1), np.zeros(0 if kept else len(plan.states)), base[used].copy()
     call = Buffered(function, (time, at, known, np.zeros(0) if kept else sampled))
 
-    def entries(t: float, x: np.ndarray) -> np.ndarray:
+    shape = len(own.watched), len(own.variable) - own.rows
+
+    def entries(t: float, x: np.ndarray) -> tuple[np.ndarray, Unscaled | None]:
         time[0] = t
         if kept:
             _evaluate(system, t, x, out)
@@ -301,7 +349,10 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Callable[[fl
             at[:] = x
             system.sample(t, sampled)
         call()
-        return call.results[0].copy()
+        if len(call.results) == 1:
+            return call.results[0], None
+        values, table, sign = call.results
+        return values, (table.reshape(shape, order="F"), float(sign[0]))
 
     return entries
 
@@ -331,8 +382,9 @@ def _lowered(
     reads = np.flatnonzero(used & ~inside)
     if not can_lower(program) or sum(len(written(s)) for s in program) > CASADI_ROWS:
         return program, reads, None
-    function = Lowered(program, own.count, states, reads, signals, own.register).function("constraints")
-    return program, reads, function
+    lowered = Lowered(program, own.count, states, reads, signals, own.register)
+    more = unrolled(lowered.out, own) if own.rows <= MOST_ROWS else ()
+    return program, reads, lowered.function("constraints", more)
 
 
 def _evaluate(system: System, t: float, x: np.ndarray, out: np.ndarray) -> None:

@@ -40,6 +40,7 @@ _EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked a
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
 _PERIODS = 5.0  # of an undamped motion over which BDF then keeps the tolerance
+_SHIFT = 6e-6  # of a state's size, for central differences: the cube root of the rounding error
 _GIVEN_UP = (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
 
 Integrate = Callable[[Problem, str], Outcome]
@@ -151,7 +152,7 @@ class _Way:
 
 def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
     """Return the factor on the tolerance of steps, `mean` s long, with which the run as a whole keeps the tolerance."""
-    length, jacobian = problem.end - problem.t, _jacobian(problem, outcome)
+    length, jacobian = problem.end - problem.t, _differences(problem, outcome)
     if jacobian is None:
         return max(_LEAST_UNKNOWN, min(1.0, _ADDED * mean / length))
     n = problem.system.plan.state_count
@@ -172,6 +173,29 @@ def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
         memory = np.minimum(length, np.where(values.real < 0, -_FORGOTTEN / values.real, np.inf))
     periods = float((memory * np.abs(values.imag)).max(initial=0.0)) / (2 * np.pi)
     return _TIGHTER * min(1.0, _PERIODS / max(periods, 1.0))
+
+
+def _differences(problem: Problem, outcome: Outcome) -> np.ndarray | None:
+    """Return the Jacobian of a problem that is not stiff by central differences, None as in `_jacobian`.
+
+    It costs a few evaluations; the exact one is computed by numpy for many scenes, and takes as long as hundreds.
+    """
+    system, t, x = problem.system, outcome.time, outcome.x
+    if system.n > _EIGENVALUES:
+        return None
+    shift = _SHIFT * np.maximum(np.abs(x), 1e3 * problem.atol / problem.rtol)  # of the states' sizes
+    jacobian, spent = np.empty((system.n, system.n)), system.evaluations
+    low, high = np.empty(system.n), np.empty(system.n)
+    with np.errstate(all="ignore"):
+        for k, h in enumerate(shift.tolist()):
+            for sign, rate in ((-1.0, low), (1.0, high)):
+                beside = x.copy()
+                beside[k] += sign * h
+                system.rhs(t, beside, rate)
+            jacobian[:, k] = (high - low) / (2 * h)
+    system.rhs(t, x, low)  # blocks go on from their solutions here
+    system.evaluations = spent
+    return jacobian if np.isfinite(jacobian).all() else None
 
 
 def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
