@@ -23,7 +23,7 @@ from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import Interpreter
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names
-from lmoc.view.scene.strips import BODIES
+from lmoc.view.scene.strip import BODIES
 
 if TYPE_CHECKING:
     import sympy

@@ -18,7 +18,7 @@ from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import Picture
 from lmoc.view.scene.planar import is_planar
 from lmoc.view.scene.schematic import gravity_of, style_of
-from lmoc.view.scene.strips import BODIES, DOWN, RIGHT, UP, Direction
+from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Direction
 
 if TYPE_CHECKING:
     import sympy

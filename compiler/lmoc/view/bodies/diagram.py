@@ -17,7 +17,7 @@ from lmoc.view.bodies.writing import MARKED
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block, packed
 from lmoc.view.scene.picture import Circle, End, Item, Label
-from lmoc.view.scene.strips import DOWN, RIGHT, UP, Direction, Style
+from lmoc.view.scene.strip import DOWN, RIGHT, UP, Direction, Style
 from lmoc.view.scene.text import width
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lmoc.view.scene.elements import Element, Graph
-from lmoc.view.scene.strips import Strip
+from lmoc.view.scene.strip import Strip
 
 JOINTS = ("pulley", "drum", "arm", "lever", "beam", "guide", "slider", "pin")
 

@@ -8,11 +8,12 @@ from math import hypot, isfinite
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
+from lmoc.view.scene.between import between
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import End, Item, Move, Point, Turn
 from lmoc.view.scene.placing import Wish
 from lmoc.view.scene.planar import Plane
-from lmoc.view.scene.strips import BODIES, HELD, Strip, between
+from lmoc.view.scene.strip import BODIES, HELD, Strip
 
 BESIDE = 30.0  # px, across, between a rail and what is drawn beside it
 SHORTEST = 34.0  # px, of a spring that is still drawn along the rail

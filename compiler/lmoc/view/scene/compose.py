@@ -16,7 +16,7 @@ from lmoc.view.scene.names import Names, shortened, symbol
 from lmoc.view.scene.picture import End, Picture
 from lmoc.view.scene.planar import draw_plane, finish, is_planar
 from lmoc.view.scene.schematic import GAP, WIDTH, Schematic, gravity_arrow, style_of
-from lmoc.view.scene.strips import BODIES
+from lmoc.view.scene.strip import BODIES
 from lmoc.view.scene.summary import summary
 
 Values = Callable[[str], float]  # from a dotted name

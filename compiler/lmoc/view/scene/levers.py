@@ -11,7 +11,8 @@ from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import End, Item, Label, Move, Path, Turn
 from lmoc.view.scene.ropes import Hanging
-from lmoc.view.scene.strips import BODIES, DOWN, GROUP, RIGHT, UP, Direction, Strip, draw_strip
+from lmoc.view.scene.strip import BODIES, DOWN, GROUP, RIGHT, UP, Direction, Strip
+from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.wheels import Turning, decorated
 
 LONGEST = 130.0  # px, the longer arm, where nothing asks for more

@@ -68,6 +68,12 @@ class End:
         return End(self.x + dx, self.y + dy, self.moves)
 
 
+def middle(a: End, b: End) -> End:
+    """Return the point between two ends, which moves with both."""
+    moves = tuple(Move(m.variable, m.dx / 2, m.dy / 2, m.reference, m.group) for m in (*a.moves, *b.moves))
+    return End((a.x + b.x) / 2, (a.y + b.y) / 2, moves)
+
+
 @dataclass(frozen=True)
 class Turn:
     """The angle of an item with one end: ``angle + factor·(value of the variable − reference)``, counter-clockwise."""

@@ -10,7 +10,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names, symbol
-from lmoc.view.scene.picture import Circle, End, Item, Move, Path, Point, Shape, Turn, Vertex
+from lmoc.view.scene.picture import Circle, End, Item, Move, Path, Point, Shape, Turn, Vertex, middle
 from lmoc.view.scene.placing import Wish, placed_labels
 from lmoc.view.scene.text import width
 
@@ -81,7 +81,7 @@ class Plane:
         name = self.names.called(element)
         if element.look.drawing:
             self.items.append(symbols.drawing_between(element.name, a, b, element.look.drawing, element.name))
-            self.wishes.append(Wish(name, _middle(a, b), element.name, 26.0))
+            self.wishes.append(Wish(name, middle(a, b), element.name, 26.0))
         elif hypot(b.x - a.x, b.y - a.y) > width(name, 13) + 24:
             self.items.append(symbols.box_between(element.name, a, b, name))
         else:
@@ -115,7 +115,7 @@ class Plane:
             self.items.append(replace(makers[kind](element.name, a, b), variables=force))
         text = self.names.part(element, "k", "c") if kind != "rod" else self.names.part(element, "L")
         if kind != "string":
-            self.wishes.append(Wish(text, _middle(a, b), element.name, 12.0))
+            self.wishes.append(Wish(text, middle(a, b), element.name, 12.0))
 
     def bar(self, element: Element, ports: Sequence[Port]) -> None:
         """A bar from one frame to another."""
@@ -127,7 +127,7 @@ class Plane:
         )
         self.items.append(Item(element.symbol, element.name, (a, b), (Path(corners, True, "body"),)))
         if element.symbol == "bar":
-            self.wishes.append(Wish(self.names.part(element, "m"), _middle(a, b), element.name, 11.0))
+            self.wishes.append(Wish(self.names.part(element, "m"), middle(a, b), element.name, 11.0))
 
     def link(self, element: Element, ports: Sequence[Port]) -> None:
         """A rigid link without mass."""
@@ -342,12 +342,6 @@ def finish(plane: Plane) -> Block:
     items = [*plane.back, *plane.items, *plane.front]
     few = plane.wishes if len(plane.wishes) <= MOST_LABELS else []
     return Block((*items, *placed_labels(items, few)))
-
-
-def _middle(a: End, b: End) -> End:
-    """The point between two ends, which moves with both."""
-    moves = tuple(Move(m.variable, m.dx / 2, m.dy / 2, m.reference, m.group) for m in (*a.moves, *b.moves))
-    return End((a.x + b.x) / 2, (a.y + b.y) / 2, moves)
 
 
 def _half_circle(start: float) -> list[float]:

@@ -9,7 +9,8 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import End, Item, Move, Path
-from lmoc.view.scene.strips import DOWN, GROUP, RIGHT, UP, DrawnStrip, Strip, Style, draw_strip
+from lmoc.view.scene.strip import DOWN, GROUP, RIGHT, UP, DrawnStrip, Strip, Style
+from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.symbols import arc
 from lmoc.view.scene.wheels import Turning, decorated, wheel
 

@@ -13,7 +13,8 @@ from lmoc.view.scene.levers import draw_lever
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import End
 from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
-from lmoc.view.scene.strips import BODIES, DOWN, RIGHT, UP, Strip, Style, draw_strip
+from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Strip, Style
+from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.wheels import Drum, Turning, decorated, gear_row, gears_of, turning, wheel
 
 WIDTH = 640.0  # px that a picture may take before its pieces go below each other

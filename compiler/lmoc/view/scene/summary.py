@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 
 from lmoc.ir.flat import FlatDAE, Part
 from lmoc.view.scene import symbols
+from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, size
 from lmoc.view.scene.names import Names, shortened
 from lmoc.view.scene.picture import End, Item
-from lmoc.view.scene.strips import BODIES, IN_LINE, between
+from lmoc.view.scene.strip import BODIES, IN_LINE
 
 MOST_KINDS = 16
 LINE = 44.0

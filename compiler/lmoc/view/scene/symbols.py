@@ -84,9 +84,18 @@ def spring_damper(part: str, a: End, b: End) -> Item:
     """A spring and a damper side by side."""
     sides = []
     for made, y in ((spring(part, a, b), -10.0), (damper(part, a, b), 11.0)):
-        sides += [replace(s, vertices=tuple((f, u, v + y) for f, u, v in s.vertices)) for s in made.shapes]
+        sides += [lowered(s, y) for s in made.shapes]
     bars = (path((0, -10), (0, 11)), Path(((1, 0, -10), (1, 0, 11))))
     return Item("spring-damper", part, (a, b), (*sides, *bars))
+
+
+def lowered(shape: Shape, dy: float) -> Shape:
+    """Return a shape moved in its frame, to the right of the x axis."""
+    if isinstance(shape, Path):
+        return replace(shape, vertices=tuple((f, x, y + dy) for f, x, y in shape.vertices))
+    if isinstance(shape, Label):
+        return replace(shape, at=(*shape.at[:2], shape.at[2] + dy))
+    return replace(shape, centre=(*shape.centre[:2], shape.centre[2] + dy))
 
 
 def friction(part: str, a: End, b: End, symbol: str = "friction", variables: dict | None = None) -> Item:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from math import cos, radians, sin
 
 from lmoc.view.scene import symbols
+from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import Circle, End, Item, Turn
-from lmoc.view.scene.strips import BODIES, Strip, Style, between
+from lmoc.view.scene.strip import BODIES, Strip, Style
 from lmoc.view.scene.text import plain, width
 
 LARGEST, SMALLEST = 64.0, 10.0  # px, radii of gears

@@ -1,0 +1,139 @@
+"""The layout of a strip in px: how long and wide everything is, and where it stands."""
+
+from __future__ import annotations
+
+from lmoc.view.scene import symbols
+from lmoc.view.scene.elements import Element
+from lmoc.view.scene.picture import End, Item, Point
+from lmoc.view.scene.rows import Rows, Segment, lay_out
+from lmoc.view.scene.strip import IN_LINE, PITCH, PUSHED, Direction, Strip, Style
+from lmoc.view.scene.text import escaped, width
+
+
+class Layout:
+    """Sizes and places of a strip, and what has been drawn of it.
+
+    Attributes
+    ----------
+    parts : (element, node a, node b, what is drawn of it)
+    half : {node: half of what it needs along the line}
+    rows : places along the line, and rows
+    pitch : px between two rows
+    items, labels : what has been drawn; labels are painted over the items
+    """
+
+    def __init__(self, strip: Strip, style: Style, direction: Direction) -> None:
+        self.strip, self.style, self.direction = strip, style, direction
+        self.names = style.names
+        self.upright = direction[0] == 0
+        self.items: list[Item] = []
+        self.labels: list[Item] = []
+        self.parts: list[tuple[Element, int, int, str]] = []  # a spring-damper is two of them
+        for element, a, b in strip.links:
+            kinds = ("spring", "damper") if element.symbol == "spring-damper" else (element.symbol,)
+            kinds = ("hub",) if a in strip.hubs or b in strip.hubs else kinds
+            self.parts += [(element, a, b, kind) for kind in kinds]
+        self.half = {n: self._half(n) for n in strip.nodes}
+        segments = [Segment(a, b, self._length(e, kind)) for e, a, b, kind in self.parts]
+        segments += [Segment(a, b, 60.0) for _, a, b in strip.frames if not self._linked(a, b)]
+        self.rows: Rows = lay_out(strip.nodes, self.half, segments)
+        self.pitch = self._pitch()
+
+    def _linked(self, a: int, b: int) -> bool:
+        return any({a, b} == {c, d} for _, c, d in self.strip.links)
+
+    # ------------------------------------------------------------------ sizes
+
+    def title(self, node: int) -> str:
+        bodies = self.strip.bodies(node)
+        parameter = "J" if self.strip.shaft else "m"
+        return " + ".join(self.names.part(e, parameter) for e in bodies)
+
+    def _half(self, node: int) -> float:
+        """Half of what a node needs along the line."""
+        if node in self.strip.hubs:
+            return width(self.strip.hubs[node].name, 13) / 2 + 10
+        if self.strip.shaft:
+            turned = bool(self.strip.bodies(node) or any(e.symbol in PUSHED for e in self.strip.on[node]))
+            return 8.0 + (24.0 if turned else 0.0)
+        if not self.strip.bodies(node):
+            return 4.0 if self.strip.held(node) else 2.0
+        return 19.0 if self.upright else max(22.0, width(self.title(node), 13) / 2 + 9)
+
+    def _length(self, element: Element, kind: str) -> float:
+        base = 30.0 if kind == "hub" else IN_LINE.get(kind, 0.0) or width(self.names.called(element), 13) + 50
+        text = self.text(element, kind)
+        ratio = self._lengths.get(element.name, 1.0)
+        return max(base * ratio, 0.0 if self.upright else width(text, 13) + 12)
+
+    @property
+    def _lengths(self) -> dict[str, float]:
+        """Known lengths of the elements against the middle one of them, within bounds that can be drawn."""
+        known = {}
+        for element, _, _ in self.strip.links:
+            for name in ("d0", "L", "s_rel0"):
+                value = self.names.graph.value(element, name)
+                if value > 0:
+                    known[element.name] = value
+                    break
+        if len(known) < 2:
+            return {}
+        middle = sorted(known.values())[len(known) // 2]
+        return {name: min(1.6, max(0.7, value / middle)) for name, value in known.items()}
+
+    def text(self, element: Element, kind: str) -> str:
+        """What stands beside an element."""
+        if kind == "hub":
+            return ""
+        if element.hidden:
+            return escaped(element.name)
+        if any(d.text for d in element.look.drawing):
+            return ""
+        wanted = {
+            "spring": ("k",), "damper": ("c", "d"), "torsion-spring": ("k", "c"), "torsion-damper": ("c", "d"),
+            "gear": ("N", "ratio"), "friction": ("F", "mu"), "gear-pair": ("r1", "r2"),
+        }.get(kind, ())  # fmt: skip
+        found = self.names.part(element, *wanted)
+        if kind == "damper" and element.symbol == "spring-damper" and not self.names.parameter(element, "c"):
+            return "" if not self.names.parameter(element, "k") else "c"
+        return found if kind != "rod" or found != element.name else ""
+
+    def _pitch(self) -> float:
+        if self.strip.shaft:
+            return 104.0 if self._abreast() else 60.0
+        if not self.upright:
+            return PITCH
+        texts = [self.text(e, kind) for e, _, _, kind in self.parts]
+        return max(40.0, 30.0 + symbols.widest(texts))
+
+    def _abreast(self) -> bool:
+        """Return whether two disks stand beside each other on shafts of their own."""
+        along = sorted((self.rows.along[n], self.half[n]) for n in self.strip.nodes if self.strip.bodies(n))
+        return any(b - a < h + k for (a, h), (b, k) in zip(along, along[1:]))
+
+    # ------------------------------------------------------------------ places
+
+    def place(self, along: float, across: float) -> Point:
+        """A point at a place along the line (px) and across it (px, downwards or to the right)."""
+        dx, dy = self.direction
+        return along * dx + (across if self.upright else 0.0), along * dy + (0.0 if self.upright else across)
+
+    def end(self, node: int, along: float = 0.0, across: float | None = None) -> End:
+        """A point that moves with a node: so far along from its middle, at a place across."""
+        if across is None:
+            low, high = self.rows.span[node]
+            across = (low + high) / 2 * self.pitch
+        held = self.strip.held(node)
+        still = held is not None and held.symbol in ("wall", "fixed-shaft")
+        at = self.place(self.rows.along[node] + along, across)
+        return self.style.end(node, at, self.direction, self.strip.shaft, not still)
+
+    def edge(self, node: int) -> float:
+        """Where elements begin, from the middle of a node."""
+        if self.strip.shaft or node in self.strip.hubs:
+            return self.half[node]
+        return self.half[node] if self.strip.bodies(node) else 0.0
+
+    def leaves(self, node: int) -> bool:
+        """Return whether an element begins at a node."""
+        return any(a == node for _, a, _, _ in self.parts)

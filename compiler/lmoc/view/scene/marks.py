@@ -1,0 +1,116 @@
+"""Arrows beside a strip: the coordinates with their reference lines, and given forces."""
+
+from __future__ import annotations
+
+from lmoc.view.scene import symbols
+from lmoc.view.scene.elements import Element
+from lmoc.view.scene.layout import Layout
+from lmoc.view.scene.picture import End, Item, Label, Path, Point, Turn, middle
+from lmoc.view.scene.strip import ARROW, THICK
+from lmoc.view.scene.text import width
+
+
+def force(layout: Layout, node: int, element: Element, high: float) -> None:
+    """An arrow along +q: from the free side of the body, or below it."""
+    text = layout.names.signal(element, "f")
+    dx, dy = layout.direction
+    half = layout.half[node] if layout.strip.bodies(node) else 3.0
+    variables = {"force": f"{element.name}.f"}
+    if not layout.leaves(node):
+        at = layout.end(node, half)
+        tip = (dx * ARROW, dy * ARROW)
+        layout.items.append(symbols.arrow("force", element.name, at, (0, 0), tip, "force", 2.0, (), variables))
+        if layout.upright:
+            layout.labels.append(symbols.label(text, at, 12, dy * (ARROW - 6), "start", element.name, colour="force"))
+        else:
+            layout.labels.append(symbols.label(text, at, ARROW + 6, 0, "start", element.name, colour="force"))
+        return
+    thick = THICK + 11 if layout.strip.bodies(node) else 16
+    at = layout.end(node, 0, high + thick)
+    if layout.upright:
+        tail, tip = (0, -dy * ARROW / 2), (0, dy * ARROW / 2)
+        layout.labels.append(symbols.label(text, at, 8, 0, "start", element.name, colour="force"))
+    else:
+        tail, tip = (-4, 0), (ARROW - 4, 0)
+        layout.labels.append(symbols.label(text, at, ARROW + 2, 0, "start", element.name, colour="force"))
+    layout.items.append(symbols.arrow("force", element.name, at, tail, tip, "force", 2.0, (), variables))
+
+
+def crowded(layout: Layout, node: int, row: float) -> bool:
+    """Return whether an element passes where a coordinate's arrow beside a row would be."""
+    x = layout.rows.along[node]
+    for k, (_, a, b, _) in enumerate(layout.parts):
+        start, stop = sorted((layout.rows.along[a], layout.rows.along[b]))
+        if abs(layout.rows.row[k] - row) < 0.8 and start < x + ARROW + 20 and stop > x:
+            return True
+    return False
+
+
+def coordinate(layout: Layout, node: int, low: float, high: float) -> None:
+    """A reference line and an arrow along +q, above the body or to its left; below it where there is more room."""
+    text = layout.style.coordinates[node]
+    dx, dy = layout.direction
+    thick = THICK if layout.strip.bodies(node) else 18.0
+    if layout.upright and layout.strip.bodies(node):
+        thick = max(thick, width(layout.title(node), 13) / 2 + 9)
+    at = layout.place(layout.rows.along[node], low)
+    end = End(*at)
+    if not layout.upright and crowded(layout, node, low / layout.pitch - 1):
+        pushed = any(e.symbol == "force" for e in layout.strip.on[node])
+        if not pushed and not crowded(layout, node, high / layout.pitch + 1):
+            end = End(at[0], layout.place(0.0, high)[1])
+            coordinate_below(layout, node, end, thick)
+            return
+    if not layout.upright and is_loose(layout, node):
+        shapes = (Label(text, (0, ARROW + 10, 0), "start"),)
+        variables = {"coordinate": layout.style.variables[node]}
+        tip = (ARROW + 5, 0.0)
+        made = symbols.arrow("coordinate", "", layout.end(node), (6, 0), tip, "ink", 1.2, shapes, variables)
+        layout.labels.append(made)
+        return
+    if layout.upright:
+        ref = _reference((-thick - 3, 0), (-thick - 28, 0))
+        x = -thick - 19
+        shapes = (ref, Label(text, (0, x - 6, dy * 19), "end"))
+        tail, tip = (x, 0), (x, dy * 28)
+    else:
+        ref = _reference((0, -thick - 3), (0, -thick - 26))
+        shapes = (ref, Label(text, (0, ARROW + 5, -thick - 19), "start"))
+        tail, tip = (0, -thick - 19), (ARROW, -thick - 19)
+    variables = {"coordinate": layout.style.variables[node]}
+    layout.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, shapes, variables))
+
+
+def is_loose(layout: Layout, node: int) -> bool:
+    """Return whether a node is the right end of something, with nothing there."""
+    return not layout.leaves(node) and not layout.strip.on[node]
+
+
+def coordinate_below(layout: Layout, node: int, end: End, thick: float) -> None:
+    """A reference line and an arrow below a body."""
+    ref = _reference((0, thick + 3), (0, thick + 26))
+    shapes = (ref, Label(layout.style.coordinates[node], (0, ARROW + 5, thick + 19), "start"))
+    variables = {"coordinate": layout.style.variables[node]}
+    tail, tip = (0.0, thick + 19), (ARROW, thick + 19)
+    layout.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, shapes, variables))
+
+
+def frame(layout: Layout, element: Element, base: int, flange: int) -> None:
+    """A coordinate counted from another body: from its middle to that of the moving frame's point."""
+    text = layout.style.coordinates.get(-flange - 1, layout.names.called(element))
+    lift = min(layout.rows.span[base][0], layout.rows.span[flange][0]) * layout.pitch - THICK - 46
+    if layout.upright:
+        lift -= 24
+    a, b = layout.end(base, 0, lift), layout.end(flange, 0, lift)
+    shapes = [Path(((0, 0, 0), (1, 0, 0)), width=1.2), symbols.head((1, 0, 0), (1, 0))]
+    shapes += [Path(((f, 0, -5), (f, 0, 20)), False, "", "muted", 1.0, (4, 3)) for f in (0, 1)]
+    variables = {"coordinate": f"{element.name}.q"}
+    layout.labels.append(Item("coordinate", element.name, (a, b), tuple(shapes), Turn(), variables))
+    centre = middle(a, b)
+    dx, dy = (-8, 0) if layout.upright else (0, -11)
+    layout.labels.append(symbols.label(text, centre, dx, dy, "end" if layout.upright else "middle", element.name))
+
+
+def _reference(a: Point, b: Point) -> Path:
+    """A reference line, from which a coordinate counts."""
+    return symbols.path(a, b, colour="muted", width=1.0, dash=(4, 3))

@@ -1,0 +1,63 @@
+"""What stands on one node of a strip: bodies, walls, parts that have no symbol."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lmoc.view.scene import symbols
+from lmoc.view.scene.block import Corners
+from lmoc.view.scene.elements import Element
+from lmoc.view.scene.layout import Layout
+from lmoc.view.scene.strip import THICK
+from lmoc.view.scene.text import width
+
+
+def rectangle(layout: Layout, half: float, low: float, high: float) -> Corners:
+    """Return the corners of a box: `half` to both sides along the line, from `low` to `high` across."""
+    corners = [layout.place(s * half, t) for s in (-1, 1) for t in (low, high)]
+    xs, ys = [x for x, _ in corners], [y for _, y in corners]
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def body(layout: Layout, node: int, low: float, high: float) -> None:
+    """Draw the bodies of a node as one box with their names."""
+    title, tall = layout.title(node), (high - low) / 2
+    thick = max(THICK, width(title, 13) / 2 + 9 - tall) if layout.upright else THICK
+    corners = rectangle(layout, layout.half[node], -tall - thick, tall + thick)
+    variables = {"coordinate": layout.style.variables[node]}
+    part = layout.strip.bodies(node)[0].name
+    layout.items.append(symbols.box("mass", part, layout.end(node), corners, title, variables))
+
+
+def hub(layout: Layout, node: int, low: float, high: float) -> None:
+    """Draw a part with three ports or more as a box with its name."""
+    element, tall = layout.strip.hubs[node], (high - low) / 2 + 16
+    corners = rectangle(layout, layout.half[node], -tall, tall)
+    layout.items.append(symbols.box("box", element.name, layout.end(node), corners, layout.names.called(element)))
+
+
+def wall(layout: Layout, node: int, held: Element, low: float, high: float) -> None:
+    """Draw a wall on the side where nothing is connected, or the bar of a prescribed motion."""
+    sign = -1.0 if layout.leaves(node) or not layout.parts else 1.0
+    outwards = layout.direction[0] * sign, layout.direction[1] * sign
+    middle = (low + high) / 2
+    reach = 24.0 if layout.strip.shaft else 20.0 if high == low else 16.0
+    at = layout.end(node, -sign * layout.half[node]) if layout.strip.shaft else layout.end(node)
+    if held.symbol in ("wall", "fixed-shaft"):
+        ends = low - reach - middle, high + reach - middle
+        layout.items.append(symbols.wall(held.name, at, outwards, *ends, held.symbol))
+    else:
+        a, b = layout.end(node, 0, low - reach), layout.end(node, 0, high + reach)
+        layout.items.append(symbols.line("motion", held.name, a, b, 5.0))
+
+
+def other(layout: Layout, node: int, element: Element, high: float) -> None:
+    """Draw a part that has no symbol and one port here: a box, or its own drawing, on a stem."""
+    text = layout.names.called(element)
+    half = width(text, 13) / 2 + 8
+    at = layout.end(node, 0, high + (THICK if layout.strip.bodies(node) else 0.0))
+    made = symbols.box("box", element.name, at, (-half, 14, half, 38), text)
+    shapes = made.shapes
+    if element.look.drawing:
+        shapes = tuple(symbols.lowered(s, 36.0) for s in symbols.icon(element.look.drawing, 22, 22, text))
+    layout.items.append(replace(made, shapes=(symbols.path((0, 0), (0, 14)), *shapes)))
