@@ -108,6 +108,7 @@ class _Run:
         self.longest = np.inf if options.max_step is None else options.max_step
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
+        self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.tolerances: tuple[Plan, np.ndarray] | None = None
         self.lookout: Lookout | None = None
 
@@ -168,7 +169,7 @@ class _Run:
             seed_blocks(plan, stretch.base, wanted)
 
             def states(base: np.ndarray) -> np.ndarray:
-                return initial_state(plan, base, signals, observer.values, span.start, wanted, report)
+                return initial_state(plan, base, signals, observer.values, span.start, wanted, report, self.impacts)
 
         if plan.reduced.switched is None and plan.reduced.flat.events is None:
             x = states(stretch.base)
@@ -236,7 +237,7 @@ class _Run:
         return x
 
     def _records(self) -> tuple[Event, ...]:
-        return () if self.happenings is None else tuple(self.happenings.records)
+        return (*self.impacts, *(() if self.happenings is None else self.happenings.records))
 
     def _check_start(self, x: np.ndarray) -> None:
         """All derivatives must be finite at the start, else the run says what is not.

@@ -87,6 +87,13 @@ NUMERICS: dict[str, Entry] = {
         "(a division by zero, the logarithm of a negative number); a variable is so at the reported time and "
         "perhaps at others. The run continues; everything computed from the value is meaningless as well.",
     ),
+    "W0538": Entry(
+        "fixed velocities of inertias that contradict each other",
+        "Wheels that turn at given speeds are brought into mesh, or moving masses are joined: a plastic impact makes "
+        "their velocities agree at the start, and keeps what momentum the constraints allow. It is the first event of "
+        "the run. Contradicting positions are an error (E0531), and velocities are where a body that moves along has "
+        "none of its own.",
+    ),
     "E0540": Entry(
         "a solver that does not exist or does not suit",
         "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits. `verlet` asks for forces that do "

@@ -14,6 +14,7 @@ import numpy as np
 
 from lmoc.ir.program import Solve, walk
 from lmoc.messages.diagnostics import Report
+from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.start.targets import Targets
 
@@ -26,6 +27,7 @@ def initial_state(
     time: float,
     wanted: Targets,
     report: Report,
+    events: list[Event],
 ) -> np.ndarray:
     """States and quadratures at the start.
 
@@ -33,6 +35,7 @@ def initial_state(
     ----------
     base : registers that do not change during the run (`Plan.base`)
     wanted : from `targets`
+    events : gets the impacts by which contradicting velocities of inertias come to agree
 
     Returns
     -------
@@ -62,8 +65,10 @@ def initial_state(
     kept = Targets(*(column[open_] for column in (wanted.variable, wanted.value, wanted.hard, wanted.given)))
     system = StartSystem(plan, base, signals, values, time, kept, report)
     if not report.errors:
-        solve(system, x, _guess(plan, x, at[direct]), report)
-        own = direct & wanted.hard
+        impacts = solve(system, x, _guess(plan, x, at[direct]), report)
+        events += [impact.event(system) for impact in impacts]
+        overruled = np.isin(at, np.concatenate([impact.states for impact in impacts])) if impacts else False
+        own = direct & wanted.hard & ~np.broadcast_to(overruled, direct.shape)
         x[at[own]] = wanted.value[own]  # to the last digit
     return x
 

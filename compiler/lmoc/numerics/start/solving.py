@@ -8,17 +8,22 @@ from lmoc.messages.diagnostics import Report
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.start.gauss_newton import Start, descend, elsewhere, straight_rows
 from lmoc.numerics.start.lexicographic import split
+from lmoc.numerics.start.plastic import PlasticImpact, plastic_impact
 from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import SHOWN, listed
 
 
-def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report) -> None:
+def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report) -> list[PlasticImpact]:
     """Put the states into x that meet what is wanted, and say what they do not meet.
 
     Parameters
     ----------
     guess : (n,) where to begin instead, where x leads nowhere or to a place at which something is missed
+
+    Returns
+    -------
+    The impacts by which contradicting velocities of inertias have come to agree.
     """
     _, jacobian = system.evaluate(x)
     components = split(jacobian, system.hard, len(x))
@@ -52,7 +57,14 @@ def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report)
     groups, found = components.connected(np.flatnonzero(start.hard)), Report()
     order = np.argsort(start.jacobian[0], kind="stable")
     by_row = tuple(column[order] for column in start.jacobian)
+    impacts: list[PlasticImpact] = []
     for group in groups[:LOOKED_AT]:
+        impact = plastic_impact(system, group, start)
+        if impact is not None:
+            x[impact.states] = impact.value
+            impact.report(system, report)
+            impacts.append(impact)
+            continue
         first, end = (np.searchsorted(by_row[0], group, side) for side in ("left", "right"))
         own = np.concatenate([np.arange(a, b) for a, b in zip(first, end, strict=True)])
         certain = components.excluded(tuple(column[own] for column in by_row), start.residual, group, straight)
@@ -60,6 +72,7 @@ def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report)
     report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))  # type: ignore[attr-defined]
     if not start.hard.any():
         _report_missed(system, np.flatnonzero(start.soft), start, report)
+    return impacts
 
 
 def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
