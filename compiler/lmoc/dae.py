@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import Functions, StartValues
     from lmoc.run import Run
     from lmoc.studies.chart import Chart
+    from lmoc.studies.economy import Economy
     from lmoc.studies.sweep import Sweep
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
@@ -313,6 +314,25 @@ class DAE:
 
         request = Request(RunOptions(start, stop, points), parameters, initial, inputs)
         return chart(self._session, request, solvers, formulations, rtols, quick, progress)
+
+    def economy(
+        self,
+        rtol: float | None = None,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+        parameters: Mapping[str, Value] | None = None,
+        initial: Point | str | None = None,
+        inputs: Mapping[str, object] | None = None,
+    ) -> tuple[Economy, ...]:
+        """Return what reduction saves: the scene with all its equations, with dummy derivatives, and reduced.
+
+        Parameters and errors as of `simulate` and `lmoc.studies.economy.economy`.
+        """
+        from lmoc.numerics.options import RunOptions
+        from lmoc.studies.economy import economy
+
+        return economy(self._session, Request(RunOptions(start, stop, rtol=rtol), parameters, initial, inputs))
 
     def live(
         self,

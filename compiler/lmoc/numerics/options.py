@@ -53,9 +53,9 @@ def checked_formulation(text: str, solver: str) -> Requested:
         known = ", ".join(TABLE)
         raise ModelError([Diagnostic("E0626", f"there is no formulation '{text}'", expected=known, hint=hint)])
     allowed = found.form.solvers
-    if allowed and solver not in allowed and solver in SOLVERS:
+    if not found.form.goes_with(solver) and solver in SOLVERS:
         message = f"formulation '{text}' cannot be used with solver '{solver}'"
-        others = [name for name, form in TABLE.items() if not form.solvers or solver in form.solvers]
+        others = [name for name, form in TABLE.items() if form.goes_with(solver)]
         hint = f"formulations that go with {solver}: {', '.join(others)}"
         raise ModelError([Diagnostic("E0626", message, expected=", ".join(allowed), hint=hint)])
     return found

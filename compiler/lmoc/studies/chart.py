@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.numerics.formulations.table import TABLE
 from lmoc.numerics.options import FIXED_STEP, FORMULATIONS, SOLVERS, solver_hint
 from lmoc.session import Session
 from lmoc.simulation import Request
@@ -137,6 +138,7 @@ def chart(
         _settings(solver, formulation, tolerances, first, quick)
         for formulation in formulations or _formulations(session, quick)
         for solver in chosen
+        if TABLE[formulation].goes_with(solver)
     ]
     measurement = Measurement(runner, reference.signals, budget.run, until, told)
     measurement.measure(settings, budget.repeats)

@@ -42,11 +42,13 @@ class IndexOne(Protocol):
     Attributes
     ----------
     differential : (n,) which components of y have derivatives
+    algebraic_size : least size of z for the test of Newton's method
     """
 
     n: int
     description: str
     differential: np.ndarray
+    algebraic_size: float
 
     def start(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (x, z) with z consistent."""

@@ -124,6 +124,7 @@ class OpenedSystem(VectorSystem):
     """
 
     description = "numpy, index 1"
+    algebraic_size = 1.0
 
     def __init__(self, plan: Plan, smallest: int = LARGE) -> None:
         self.closed = VectorSystem(plan)

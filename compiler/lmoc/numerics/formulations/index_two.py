@@ -58,6 +58,8 @@ class Closed:
     As `IndexOne`, although its index is 2 or 3: the solver need not know.
     """
 
+    algebraic_size = 1e30  # Newton's method shall not wait for the multipliers
+
     def __init__(self, plan: Plan, stabilized: bool) -> None:
         self.plan, self.stabilized = plan, stabilized
         self.system: System = make_system(plan.once(with_multipliers))

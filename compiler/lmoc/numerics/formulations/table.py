@@ -30,6 +30,10 @@ class Formulation:
     implicit: bool = False
     most_steps: int = 5_000_000
 
+    def goes_with(self, solver: str) -> bool:
+        """Return whether it can be integrated by a solver."""
+        return not self.solvers or solver in self.solvers
+
 
 _ALL = (
     Formulation("reduced", "minimal coordinates, changed along the motion where others are better"),

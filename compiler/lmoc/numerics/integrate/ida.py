@@ -9,8 +9,6 @@ from lmoc.numerics.integrate.cvode import Multistep
 
 PROPERTIES = Properties("ida", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
 
-_UNTESTED = 1e30  # size of the multipliers of closures for the test of Newton's method, which shall not wait for them
-
 
 def begin(problem: Problem) -> Integration:
     """Return the method at the beginning of a problem.
@@ -34,8 +32,7 @@ class Ida(Multistep):
         atol, mass = problem.atol, np.ones(problem.system.n)
         y = self._whole(problem.x)
         if self.opened is not None:
-            least = 1.0 if problem.index_one is None else _UNTESTED
-            atol = np.concatenate([atol, problem.rtol * np.maximum(least, np.abs(y[len(mass) :]))])
+            atol = np.concatenate([atol, problem.rtol * np.maximum(self.opened.algebraic_size, np.abs(y[len(mass) :]))])
             mass = self.opened.differential.astype(float)
             self.evaluation = self.opened.description
         self.mass = self.arrange(mass)
