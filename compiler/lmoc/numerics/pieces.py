@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.formulations.watch import LoopWatch
 
 _FINER = 0.1  # factor on the tolerances of pieces behind a change of coordinates
+_SAME = 1e-14  # of the time: roots behind a jump are found a few digits of the last place behind it
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
 
@@ -184,7 +185,7 @@ class _Run:
     def _record_start(self, x: np.ndarray) -> None:
         """Keep the state where a piece begins, if that is asked for: at an event, the one behind it."""
         recorder, begin = self.stretch.recorder, self.stretch.begin
-        if len(recorder.times) and recorder.times[0] == begin:
+        if len(recorder.times) and _is_same(recorder.times[0], begin):
             recorder(0, x[None])
 
     # ------------------------------------------------------------------ events
@@ -229,7 +230,7 @@ class _Run:
         if x is None:
             return None
         recorder = stretch.recorder
-        if recorder.reached and recorder.times[recorder.reached - 1] == time:
+        if recorder.reached and _is_same(recorder.times[recorder.reached - 1], time):
             recorder.reached -= 1  # the value at an event is the one behind it
         self.pieces.append(stretch.piece())
         self._begin(time)
@@ -515,6 +516,11 @@ class _Run:
         detail = f": {found}" if found else ""
         return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
 
+
+
+def _is_same(time: float, event: float) -> bool:
+    """Return whether an output time is that of an event."""
+    return 0 <= event - time <= _SAME * abs(event)
 
 
 def _ledger_names(observer: Observer) -> tuple[str, ...]:
