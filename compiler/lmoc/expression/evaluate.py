@@ -29,10 +29,17 @@ def evaluate(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):
     """
     if not root.args:  # the most frequent shapes: a variable, a number
         return _leaf(root, column, time)
-    values: list = []
     with np.errstate(all="ignore"):  # a NaN or infinity is found, with its place, by whoever asked
-        for node, operation, places in _steps(root):
-            values.append(_leaf(node, column, time) if operation is None else operation(*[values[k] for k in places]))
+        return evaluate_quietly(root, column, time)
+
+
+def evaluate_quietly(root: Expr, column: Callable[[int, int], np.ndarray], time=np.nan):
+    """`evaluate` where numpy has been told already to keep its warnings to itself."""
+    if not root.args:
+        return _leaf(root, column, time)
+    values: list = []
+    for node, operation, places in _steps(root):
+        values.append(_leaf(node, column, time) if operation is None else operation(*[values[k] for k in places]))
     return values[-1]
 
 

@@ -20,6 +20,7 @@ from lmoc.numerics.signals.tables import Table
 Made = TypeVar("Made")
 
 LARGE_BLOCK = 40  # unknowns
+_SMALL = 10_000  # registers up to which the last values are kept, for another run with the same parameters
 LEDGER = ("ledger.work", "ledger.heat")
 
 
@@ -134,7 +135,13 @@ class Plan:
         w[self.known[0]] = values[self.known[1]]
         for register, variable in self.constants:
             w[register] = signals[variable].value if variable >= 0 else 0.0
+        given = w.tobytes() if self.count <= _SMALL else b""
+        before = self._made.get(Plan.base)
+        if given and before is not None and before[0] == given:
+            return before[1].copy()
         Interpreter(self.reduced.parameter_program, self.count).run(w, np.nan)
+        if given:
+            self._made[Plan.base] = given, w.copy()
         return w
 
     def nominal(self, values: np.ndarray) -> np.ndarray:

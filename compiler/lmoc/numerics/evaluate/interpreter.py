@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.expression.evaluate import evaluate
+from lmoc.expression.evaluate import evaluate_quietly
 from lmoc.ir.program import Apply, Program, Solve, Total
 from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.jacobian import Jacobian
@@ -70,7 +70,7 @@ class Interpreter:
 
 
 def run_apply(step: Apply, w: np.ndarray, time: float | np.ndarray) -> None:
-    w[step.out] = evaluate(step.shape, lambda k, _: w[step.slots[:, k]], time)
+    w[step.out] = evaluate_quietly(step.shape, lambda k, _: w[step.slots[:, k]], time)
 
 
 def run_total(step: Total, w: np.ndarray) -> None:
