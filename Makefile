@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 DEMO := models/notes/ex05_suspension.lmo
 PICTURE := out/suspension.png
 
-.PHONY: help demo test test-random fuzz lint grammar docs bench-quick clean
+.PHONY: help demo test test-random fuzz lint grammar docs charts bench-quick clean
 
 help:
 	@echo "make demo         run the suspension of the notes and draw a picture of it"
@@ -17,6 +17,7 @@ help:
 	@echo "make lint         check the style and the types of the code"
 	@echo "make grammar      write the parser's tables that come with the package"
 	@echo "make docs         write the pages that are made from the program and the library"
+	@echo "make charts       chart speed against accuracy and run the failures of docs/stability.md (some minutes)"
 	@echo "make bench-quick  start-up, scaling and other tools, in under 3 minutes"
 	@echo "make clean        remove the environment and everything made"
 
@@ -46,6 +47,9 @@ docs: $(VENV)/.installed
 	@$(BIN)/lmoc run $(DEMO) --quiet --plot docs/suspension.png
 	@$(BIN)/python docs/make_pictures.py
 	@$(BIN)/python docs/make_notes.py
+
+charts: $(VENV)/.installed-test
+	@nice $(BIN)/python docs/make_charts.py
 
 bench-quick: $(VENV)/.installed-test
 	@$(BIN)/python -m benchmarks.startup --runs 7

@@ -300,6 +300,7 @@ class DAE:
         parameters: Mapping[str, Value] | None = None,
         initial: Point | str | None = None,
         inputs: Mapping[str, object] | None = None,
+        seconds: float | None = None,
         progress: Callable[[str, float], None] | None = None,
     ) -> Chart:
         """Return a chart of speed against accuracy; parameters and errors as of `lmoc.studies.chart.chart`.
@@ -307,13 +308,14 @@ class DAE:
         Parameters
         ----------
         start, stop, points, parameters, initial, inputs : of the run, as in `simulate`
+        seconds : that the chart may take, about; 300 by default
         progress : called with what is being done and the share of the work behind it
         """
         from lmoc.numerics.options import RunOptions
         from lmoc.studies.chart import chart
 
         request = Request(RunOptions(start, stop, points), parameters, initial, inputs)
-        return chart(self._session, request, solvers, formulations, rtols, quick, progress)
+        return chart(self._session, request, solvers, formulations, rtols, quick, seconds, progress)
 
     def economy(
         self,

@@ -87,3 +87,12 @@ def test_bdf_is_given_tolerances_for_what_it_loses_in_each_period(rtol):
     run = lmoc.compile_text(text).simulate(stop=300, points=301, rtol=rtol)
     assert run.stats["solver"] == "dop853, cvode"
     assert np.abs(run["x"] - np.cos(run.time)).max() < 30 * rtol
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10, 1e-12])
+def test_a_series_does_not_take_over_what_is_stiff_behind_its_transient(rtol):
+    """x relaxes to cos(t) with a time constant of 1 µs, from beside it: short steps, whose number tells nothing."""
+    text = "model M Real x(start = 0, fixed = true); equation der(x) = -1e6*(x - cos(time)) - sin(time); end M;"
+    run = lmoc.compile_text(text).simulate(rtol=rtol)
+    assert run.stats["solver"] == "dop853, cvode" and run.stats["evaluations"] < 30_000
+    assert np.abs(run["x"] - np.cos(run.time))[1:].max() < 30 * rtol + 1e-11

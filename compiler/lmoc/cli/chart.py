@@ -8,7 +8,15 @@ import math
 from pathlib import Path
 
 from lmoc.cli import process, terminal
-from lmoc.cli.arguments import Parser, add_model_arguments, add_run_arguments, add_states_argument, initial, number
+from lmoc.cli.arguments import (
+    Parser,
+    add_model_arguments,
+    add_run_arguments,
+    add_states_argument,
+    initial,
+    number,
+    positive,
+)
 
 
 def configure(parser: Parser) -> None:
@@ -20,6 +28,7 @@ def configure(parser: Parser) -> None:
     add("--rtol", type=tolerances, metavar="TOL:TOL",
         help="from one tolerance to another in decades, or a list TOL,TOL,… (1e-3:1e-10)")  # fmt: skip
     add("--quick", action="store_true", help="few methods and tolerances, in less than 10 s")
+    add("--seconds", type=positive, metavar="S", help="that it may take, about (300)")
     add_run_arguments(parser)
     add("-o", "--output", metavar="FILE", type=Path, help="write the points: .csv or .json")
     add("--plot", metavar="FILE", type=Path, help="draw the chart: .png, .svg, .pdf")
@@ -63,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
         chart = dae.chart(
             arguments.solvers, arguments.formulations, arguments.rtol, arguments.quick,
             start=arguments.start, stop=arguments.stop, points=arguments.points, initial=initial(arguments.init),
-            inputs=dict(arguments.input), progress=progress.part,
+            inputs=dict(arguments.input), seconds=arguments.seconds, progress=progress.part,
         )  # fmt: skip
     written = []
     if arguments.output is not None:

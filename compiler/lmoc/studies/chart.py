@@ -97,6 +97,7 @@ def chart(
     formulations: Sequence[str] | None = None,
     rtols: Sequence[float] | None = None,
     quick: bool = False,
+    seconds: float | None = None,
     told: Told | None = None,
 ) -> Chart:
     """Chart speed against accuracy.
@@ -109,6 +110,7 @@ def chart(
     rtols : relative tolerances; a decade apart from 1e-3 to 1e-10 by default. Methods with fixed steps have a scan of
         step lengths instead
     quick : few methods and tolerances, in less than 10 s
+    seconds : that the chart may take, about; 300 by default
     told : called with what is being done and the share of the work behind it
 
     Raises
@@ -123,7 +125,7 @@ def chart(
     solvers = _checked("E0540", "solver", solvers, SOLVERS, solver_hint)
     formulations = _checked("E0626", "formulation", formulations, FORMULATIONS, lambda n: nearest(n, FORMULATIONS))
     tolerances = sorted(set(_QUICK_RTOLS if quick else _RTOLS) if rtols is None else _tolerances(rtols), reverse=True)
-    budget = _QUICK_BUDGET if quick else _BUDGET
+    budget = _budget(seconds, quick)
     until = clock.thread_time() + budget.total
     told("auto at rtol 1e-6", 0.0)
     first, note = probe(runner, budget.reference), ""
@@ -144,6 +146,17 @@ def chart(
     measurement.measure(settings, budget.repeats)
     points = (measurement.points.get(setting) for series in settings for setting in series)
     return Chart(session.flat.name, tuple(p for p in points if p is not None), reference, note, measurement.interrupted)
+
+
+def _budget(seconds: float | None, quick: bool) -> Budget:
+    """Return the time allowed, the parts in proportion to the whole."""
+    budget = _QUICK_BUDGET if quick else _BUDGET
+    if seconds is None:
+        return budget
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise ModelError([Diagnostic("E0541", f"the seconds of a chart are positive, found {seconds:g}")])
+    share = seconds / budget.total
+    return Budget(seconds, budget.reference * share, budget.run * share, budget.repeats)
 
 
 def _settings(

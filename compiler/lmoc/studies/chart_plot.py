@@ -140,7 +140,7 @@ def _chosen(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
         text = f"{p.setting.rtol:.0e}".replace("e-0", "e-")
         axis.annotate(text, (here, there), xytext=(0, 9), textcoords="offset points", fontsize=7, ha="center")
     axis.plot([], [], "o", markersize=9, markerfacecolor="none", markeredgecolor="#222222", label="auto, at its rtol")
-    axis.legend(loc="upper left", frameon=False)
+    axis.legend(loc="lower left", bbox_to_anchor=(-0.01, 0.99), frameon=False, borderaxespad=0, handletextpad=0.2)
 
 
 def _band(axis: Axes, chart: Findings) -> None:
@@ -185,5 +185,6 @@ def _rail(axis: Axes, failed: Sequence[Point], styles: dict[str, Style]) -> None
     axis.set_title("no result, at the tolerance or the step (s) asked for", fontsize=8, color=GREY, loc="left")
 
 
-def _short(reason: str, most: int = 95) -> str:
+def _short(reason: str, most: int = 78) -> str:
+    reason = reason.split(" cannot be used: ")[-1]
     return reason if len(reason) <= most else reason[: most - 1] + "…"

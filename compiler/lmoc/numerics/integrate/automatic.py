@@ -25,6 +25,7 @@ from lmoc.numerics.integrate.status import Status
 
 _TRIAL = 60  # steps after which the rest of a run is judged
 _ADDED = 100  # steps whose errors add up to what a tolerance promises
+_WORTHWHILE = 0.5  # factor on the tolerance
 _LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
 _LEAST_UNKNOWN = 0.1  # … this
 _FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
@@ -34,6 +35,8 @@ _MANY = 200  # … over so many steps at least
 _SHORT = (
     0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff
 )
+_LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
+_STIFF_STEPS = 2_000  # that long at that edge, and BDF is cheaper
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
 _EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
@@ -68,6 +71,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > _TRIAL:
         mean = (outcome.time - problem.t) / max(1, outcome.counts["steps"])
         factor = _refinement(problem, outcome, mean)
+        factor = factor if factor < _WORTHWHILE else 1.0
         outcome, reason = _long_way(way, factor, mean)
     if outcome.status not in _GIVEN_UP:
         return outcome, Used(tuple(way.solvers), reason)
@@ -85,7 +89,7 @@ def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
     reason = "not stiff"
     if factor < 1:
         reason += f"; {ahead:.2g} steps, each at {max(problem.rtol * factor, _FINEST):.1g}, since their errors add up"
-    if problem.rtol * factor <= _SERIES and ahead >= _MANY:
+    if problem.rtol * factor <= _SERIES and ahead >= _MANY and not _may_be_stiff(problem, way.outcome, ahead):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
         if outcome.status not in _GIVEN_UP:
             return outcome, reason
@@ -160,6 +164,21 @@ def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
     if slowest > 0:
         length = max(mean, min(length, _FORGOTTEN / slowest))
     return max(_LEAST_FACTOR, min(1.0, _ADDED * mean / length))
+
+
+def _may_be_stiff(problem: Problem, outcome: Outcome, ahead: float) -> bool:
+    """Return whether a decaying mode asks an explicit method for more steps than accuracy does.
+
+    The steps so far do not tell, since a transient may have kept them short.
+    """
+    jacobian = _jacobian(problem, outcome)
+    if jacobian is None:
+        return False
+    n = problem.system.plan.state_count
+    values = np.linalg.eigvals(jacobian[:n, :n])
+    decaying = np.abs(values.imag) <= 3 * np.abs(values.real)
+    fastest = float(np.abs(values[decaying]).max(initial=0.0))
+    return fastest * (problem.end - outcome.time) > _LIMIT * min(ahead, _STIFF_STEPS)
 
 
 def _bdf_factor(problem: Problem, outcome: Outcome) -> float:

@@ -86,6 +86,8 @@ def collocation(problem: Problem, scheme: str) -> Outcome | None:
         "interpolation_order": 3,
         "collocation_scheme": scheme,
         "show_eval_warnings": False,
+        "rootfinder": "fast_newton",
+        "rootfinder_options": {"show_eval_warnings": False},
     }
     return integrate(problem, "collocation", options)
 
@@ -95,7 +97,7 @@ def _solver(problem: Problem, times: np.ndarray, plugin: str, options: Options):
     import casadi as ca
 
     dae = problem.system.casadi_dae()
-    key = problem.t, times.tobytes(), plugin, tuple(sorted(options.items()))
+    key = problem.t, times.tobytes(), plugin, str(sorted(options.items()))
     kept = dae.kept
     if key not in kept:
         if len(kept) == _KEPT:

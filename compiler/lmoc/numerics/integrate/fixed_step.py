@@ -19,6 +19,8 @@ _CLOSE = 1e-9  # of a step: a remainder that is no step of its own
 class FixedStep(Integration):
     """A method at work. Between the steps: the cubic polynomial with the values and slopes at both ends.
 
+    Where a step is so long that these slopes lead far away, as in a transient that it jumps over, a straight line.
+
     Attributes
     ----------
     slope : (n,) the derivative at the current point, once somebody has asked for it
@@ -84,6 +86,9 @@ class FixedStep(Integration):
         s = ((times - self.before) / h)[:, None]
         rise = self.x - self.x_before
         bend_before, bend = h * self.slope_before - rise, rise - h * self.own_slope()
-        values = self.x_before + s * rise + s * (1 - s) * ((1 - s) * bend_before + s * bend)
+        values = self.x_before + s * rise
+        size = np.abs(rise) + np.abs(self.x) + self.problem.atol / self.problem.rtol
+        if (np.abs(bend_before) + np.abs(bend) < size).all():
+            values += s * (1 - s) * ((1 - s) * bend_before + s * bend)
         values[times == self.t] = self.x
         return values

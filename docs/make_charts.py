@@ -1,0 +1,150 @@
+"""Writes docs/charts/, docs/accuracy.md and docs/stability.md from runs: ``python docs/make_charts.py [SCENE …]``.
+
+Without names all scenes are charted anew; with names these alone. The pages are renewed from what is kept beside the
+pictures (`docs/charts/*.json`).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # benchmarks
+FOLDER = ROOT / "docs" / "charts"
+RTOLS = tuple(10.0**-k for k in range(3, 11))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene of the page, until a stop time, and what its chart teaches."""
+
+    name: str
+    title: str
+    model: str
+    teaches: str
+    stop: float | None = None
+
+
+SCENES = (
+    Scene("spring_mass_damper", "Spring, mass and damper", "notes/ex02_spring_mass_damper",
+          "On a small smooth scene every method is fast, and the fixed cost of a run counts more than its "
+          "tolerance: ten "
+          "digits cost hardly more than three with a Taylor series or DOP853. Low orders pay for each digit, "
+          "midpoint most."),
+    Scene("suspension", "Quarter car on a road with a step", "notes/ex05_suspension",
+          "The road restarts every method where it jumps, which costs multistep methods their history. One-step "
+          "methods of "
+          "high order keep their lead."),
+    Scene("stiffness_ratio", "Stiffness 1e8 beside 1, both modes at work (H13)", "hard/h13_stiffness_ratio",
+          "A fast mode that swings with an amplitude above the tolerance has to be followed, and no implicit "
+          "method helps: "
+          "the explicit ones of high order win. The error is many times the tolerance of a step unless a method "
+          "counts "
+          "periods, as auto does.", 0.3),
+    Scene("plucked_string", "A string of 100 masses (H14)", "hard/h14_plucked_string",
+          "Here a run is thousands of steps of 200 states, and the Taylor series needs the fewest of them. The "
+          "implicit "
+          "methods written in Python pay for their matrices.", 0.5),
+    Scene("andrews", "Andrews' squeezing mechanism", "classic/andrews",
+          "A closed mechanism of one degree of freedom: two states are left, and each evaluation solves its loops "
+          "in C. "
+          "What counts is the number of evaluations, so high orders win at all tolerances."),
+    Scene("double_pendulum", "Double pendulum", "planar/double_pendulum",
+          "Chaos stretches errors by a constant rate, so all curves are shifted to the left by the same factor. "
+          "They keep "
+          "their order: what is best for one step is best for the run."),
+    Scene("bungee", "A string that goes slack and taut (H06)", "laws/h06_bungee",
+          "Each event ends a piece, and its search costs more than the steps between. The error is that of the "
+          "instants, "
+          "which all methods locate on their dense output to the tolerance."),
+    Scene("prothero_robinson", "A fast relaxation (H28)", "hard/h28_prothero_robinson",
+          "The explicit methods fail: a time constant of a microsecond asks for ten million steps. BDF is the "
+          "fastest by "
+          "far, since the order of stages is reduced and a backward difference has none; auto finds it after a "
+          "few steps."),
+)  # fmt: skip
+
+ACCURACY = """\
+# Speed against accuracy
+
+Each chart shows what a scene costs by method and tolerance: to the right more digits, down less time. The error
+is the largest deviation from a reference, relative to each signal's largest value; the reference comes from two
+different methods, and the grey band is where they disagree. Rings are what `auto` does at the tolerance beside
+them. What gave no result stands on the rail above, with its reason. Times are those of the processor for whole
+runs of 501 output times, warm, the shortest of several that took turns, on {machine}.
+
+Of a scene of your own: `lmoc chart FILE --plot chart.png` (see [use.md](use.md#speed-against-accuracy)); how
+methods fail is told in [stability.md](stability.md). *This page is made from runs by `make charts`.*
+"""
+STABILITY = """\
+# How methods fail
+
+Each section shows a failure by numbers of runs, the command that makes them, and what lmoc does about it or offers.
+*This page is made from runs by `make charts`, and the tests make the runs again (`tests/docs/test_stability.py`).*
+"""
+
+
+def chart(scene: Scene) -> None:
+    """Chart a scene and keep its picture and its points."""
+    import lmoc
+
+    found = lmoc.compile(ROOT / "models" / f"{scene.model}.lmo").chart(rtols=RTOLS, stop=scene.stop, seconds=15.0)
+    FOLDER.mkdir(exist_ok=True)
+    found.plot(FOLDER / f"{scene.name}.png")
+    found.save(FOLDER / f"{scene.name}.json")
+    print(f"{scene.name}: {found.recommendation}; {found.reference.text}")
+
+
+def accuracy() -> str:
+    """The page of charts."""
+    from benchmarks.common import machine
+
+    parts = [ACCURACY.format(machine="a {processor} with {cores} cores".format(**machine()))]
+    for scene in SCENES:
+        data = json.loads((FOLDER / f"{scene.name}.json").read_text())
+        stop = "" if scene.stop is None else f" --stop {scene.stop:g}"
+        one, two = data["reference"]["methods"]
+        parts.append(
+            f"## {scene.title}\n\n![{scene.title}](charts/{scene.name}.png)\n\n{scene.teaches}\n\n"
+            f"`lmoc chart models/{scene.model}.lmo{stop}` recommends, {data['recommendation']}. The reference: "
+            f"{one} and "
+            f"{two} agree to {data['reference']['uncertainty']:.0e}. {_auto(data['points'])}\n"
+        )
+    return "\n".join(parts)
+
+
+def _auto(points: list[dict]) -> str:
+    """What `auto` has reached at 1e-6."""
+    own = [p for p in points if p["solver"] == "auto" and p["status"] == "ok" and abs(p["rtol"] / 1e-6 - 1) < 1e-6]
+    if not own:
+        return ""
+    p = own[0]
+    return f"At 1e-6 `auto` uses {p['note'] or 'auto'}: error {p['error']:.0e} in {p['seconds'] * 1e3:.2g} ms."
+
+
+def stability() -> str:
+    """The page of failures."""
+    from benchmarks.stability import ALL
+
+    parts = [STABILITY]
+    for make in ALL:
+        failure = make()
+        commands = "\n".join(failure.commands)
+        parts.append(f"## {failure.title}\n\n```\n{commands}\n```\n\n{failure.seen}\n\n{failure.remedy}\n")
+    return "\n".join(parts)
+
+
+def main() -> None:
+    names = sys.argv[1:]
+    for scene in SCENES:
+        if not names or scene.name in names:
+            chart(scene)
+    (ROOT / "docs" / "accuracy.md").write_text(accuracy(), encoding="utf-8")
+    (ROOT / "docs" / "stability.md").write_text(stability(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
