@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lmoc.numerics.evaluate.newton import Newton
+from lmoc.numerics.evaluate.newton import Newton, iterate
 
 
 def solved(f, slope, guess: float) -> tuple[float, int]:
@@ -37,3 +37,9 @@ def test_multiple_roots(power):
 def test_no_solution_is_soon_known(beyond):
     found, calls = solved(lambda x: np.sin(x) - beyond, np.cos, 0.2)
     assert np.isnan(found) and calls < 2000
+
+
+def test_a_search_that_begins_far_behind_its_first_residual_is_not_given_up():
+    """One step from beside the flat place of a cube leads far away; from there a third of the way is left each time."""
+    u, good, _ = iterate(lambda u: 42 * u**3 - 3, lambda u: 126 * u[..., None] ** 2, np.array([[1e-4]]), 50)
+    assert good.all() and u == pytest.approx(np.cbrt(3 / 42))

@@ -84,8 +84,9 @@ class Slice:
                 if known is None:
                     run(w, t)
                 else:
-                    w[self.unknowns] = known[a : a + chunk].T
-                    _run_from(run, w, t, np.isfinite(known[a : a + chunk]).all(axis=1))
+                    given = np.isfinite(known[a : a + chunk])
+                    w[self.unknowns] = np.where(given, known[a : a + chunk], w[self.unknowns].T).T
+                    _run_from(run, w, t, given.all(axis=1))
                 result[a : a + chunk] = w[self.out].T
             return result
 
