@@ -88,7 +88,9 @@ def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
     ahead = (problem.end - way.outcome.time) / mean
     reason = "not stiff"
     if factor < 1:
-        reason += f"; {ahead:.2g} steps, each at {max(problem.rtol * factor, _FINEST):.1g}, since their errors add up"
+        finer = max(problem.rtol * factor, _FINEST)
+        since = f"since the errors of {ahead:.1g} steps add up"
+        reason += f"; at rtol {finer:.1g} from t = {way.outcome.time:.3g} s, {since}"
     if problem.rtol * factor <= _SERIES and ahead >= _MANY and not _may_be_stiff(problem, way.outcome, ahead):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
         if outcome.status not in _GIVEN_UP:
