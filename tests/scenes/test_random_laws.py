@@ -13,7 +13,7 @@ from oracles.random_laws import STOP, draw
 import lmoc
 
 
-@pytest.mark.parametrize("seed", [2, 8, 13, 14, 52, 76])
+@pytest.mark.parametrize("seed", [2, 8, 14, 52, 135])
 def test_laws_impacts_and_balances_hold(seed):
     drawn = draw(seed)
     dae = lmoc.compile_text(drawn.text)

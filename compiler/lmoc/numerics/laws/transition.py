@@ -20,6 +20,7 @@ from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
 TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero
+LOCATED = 1e-14  # s, or this share of the time: how exactly events are located
 TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
 LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap
@@ -92,19 +93,19 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
     sharing = striking | _rubbing(table, striking)
     impact, over, until = None, np.zeros(len(held), bool), -np.inf
-    scale = now.rate_scale
-    if (now.rate[striking] < -STILL * scale[striking]).any():
+    least = _least_rate(now)
+    if (now.rate[striking] < -least[striking]).any():
         impact = _impact(table, before, sharing, table.restitution)
         now = _behind(gauge, before, sharing, impact)
-        scale = np.maximum(scale, now.rate_scale)
-        over, until = _last_bounces(table, now, mode, striking & (now.rate > STILL * scale), trigger)
+        least = np.maximum(least, _least_rate(now))
+        over, until = _last_bounces(table, now, mode, striking & (now.rate > least), trigger)
         if over.any():
             impact = _impact(table, before, sharing, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
-        scale = np.maximum(scale, now.rate_scale)
+        least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
-        scale = np.where(mode.closed, np.inf, scale)
-    candidate = _candidates(table, now, touching, scale) & ~(trigger.opening & ~table.dry)
+        least = np.where(mode.closed, np.inf, least)
+    candidate = _candidates(table, now, touching, least) & ~(trigger.opening & ~table.dry)
     settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), trigger.opening)
     closed = settled.mode.closed
     now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
@@ -120,8 +121,16 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
 
 def _turning(now: Instant) -> Mask:
     """Return whose rates are what the location of a root leaves of zero."""
-    acceleration = np.abs(now.bias) + np.nan_to_num(np.diag(now.delassus) * now.stick)
-    return np.abs(now.rate) <= STILL * now.rate_scale + TURNING * acceleration
+    return np.abs(now.rate) <= STILL * now.rate_scale + TURNING * _acceleration(now)
+
+
+def _least_rate(now: Instant) -> Array:
+    """Return the rates below which a motion is at rest: rounding of the velocities, and of the time of the event."""
+    return STILL * now.rate_scale + LOCATED * max(1.0, abs(now.t)) * _acceleration(now)
+
+
+def _acceleration(now: Instant) -> Array:
+    return np.abs(now.bias) + np.nan_to_num(np.diag(now.delassus) * now.stick)
 
 
 # ---------------------------------------------------------------------- impulses
@@ -170,10 +179,10 @@ def _last_bounces(table: Table, now: Instant, mode: Mode, leaving: Mask, trigger
 # ---------------------------------------------------------------------- what could be closed
 
 
-def _candidates(table: Table, now: Instant, touching: Mask, scale: Array) -> Mask:
+def _candidates(table: Table, now: Instant, touching: Mask, least: Array) -> Mask:
     """Return the laws that could be closed without a jump."""
     reached = touching | ~table.unilateral
-    still = (np.abs(now.rate) <= STILL * scale) & reached
+    still = (np.abs(now.rate) <= least) & reached
     return (table.degree == 0) | ((table.degree == 1) & reached) | ((table.degree == 2) & still)
 
 
