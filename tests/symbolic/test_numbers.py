@@ -15,7 +15,9 @@ from lmoc.symbolic.numeric import NumericSystem, linearize_numerically
 from lmoc.symbolic.too_long import NoSymbolsError
 
 ROOT = Path(__file__).parents[2]
+WITH_LAWS = {"notes/fig6_slack_string", "notes/ex08_slack_cable"}  # solved mode by mode
 MODELS = sorted(f"{folder}/{p.stem}" for folder in ("notes", "hard") for p in (ROOT / "models" / folder).glob("*.lmo"))
+MODELS = [name for name in MODELS if name not in WITH_LAWS]
 MOST_STATES = 12
 every_model = pytest.mark.parametrize("name", MODELS)
 
