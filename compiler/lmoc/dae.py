@@ -410,6 +410,13 @@ class DAE:
         from lmoc.symbolic.system import symbolic_system
 
         prepared = self.prepare(parameters)
+        if prepared.flat.laws:
+            from lmoc.symbolic.system import refuse
+
+            raise refuse(
+                "a scene with laws has other equations in each of its modes",
+                hint="equations() gives those of each mode that the run meets, linearize(at=…) numbers in one of them",
+            )
         return symbolic_system(prepared.reduced, prepared.values, names_of(variables))
 
     def symbolic_ode(self, parameters: Point | None = None) -> dict[str, sympy.Expr]:
