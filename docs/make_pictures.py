@@ -26,6 +26,7 @@ BODIES = (
     "ex02_spring_mass_damper", "ex03_two_masses", "ex04_moving_frame", "ex05_suspension", "ex07_two_inertias",
     "ex08_cable_around_cylinder", "ex09_gear_pair_with_load", "ex10_lever_and_mass",
 )  # fmt: skip
+IN_PLANE = ("crane", "four_bar", "slider_crank")
 
 INTRODUCTION = """\
 # Gallery
@@ -45,6 +46,7 @@ def main() -> None:
         parts += [entry(path) for path in sorted((ROOT / "models" / folder).glob("*.lmo"))]
     parts.append("## Free-body diagrams\n\n`lmoc draw MODEL --free-body -o bodies.svg`")
     parts += [bodies(ROOT / "models/notes" / f"{name}.lmo") for name in BODIES]
+    parts += [bodies(ROOT / "models/planar" / f"{name}.lmo") for name in IN_PLANE]
     PAGE.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 

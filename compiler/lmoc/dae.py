@@ -548,7 +548,7 @@ class DAE:
         if free_body:
             from lmoc.view.bodies.compose import free_body_picture
 
-            drawing = Drawing(free_body_picture(prepared, run, time))
+            drawing = Drawing(free_body_picture(prepared, run, time, lambda: self.at_start(parameters)))
         else:
             from lmoc.view.scene.compose import picture_of
 

@@ -51,7 +51,8 @@ def _drawn(arguments: argparse.Namespace) -> Drawing:
         if arguments.free_body:
             from lmoc.view.bodies.compose import free_body_picture
 
-            picture = free_body_picture(DAE(scene, flat, clock).prepare())
+            dae = DAE(scene, flat, clock)
+            picture = free_body_picture(dae.prepare(), start=dae.at_start)
         else:
             from lmoc.view.scene.compose import picture_of
 

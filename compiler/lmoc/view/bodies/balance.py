@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.kinematics import Kinematics
@@ -113,8 +114,9 @@ def free_bodies(reduced: Reduced, values: np.ndarray, graph: Graph) -> FreeBodie
     """
     interpreter = Interpreter(reduced, values, MOST_TERMS)
     outline = interpreter.outline()
-    kinematics = Kinematics(interpreter, outline, [p for p, _ in ports_of_elements(reduced.flat)])
-    laws = _Laws(PartLaws(reduced.flat, kinematics))
+    # the scene as it was written: set-valued laws leave their forces open, which then stand as symbols
+    kinematics = Kinematics(interpreter, outline, [p for p, _ in ports_of_elements(graph.flat)])
+    laws = _Laws(PartLaws(graph.flat, kinematics))
     at: dict[int, list[tuple[Element, Port]]] = {}
     for element in graph.elements:
         for port in element.ports:
@@ -147,12 +149,16 @@ class _Laws:
         import sympy as sp
 
         self.laws = laws
+        # what stands for the argument of a law has the argument's text as its name
+        self._helpers = {laws.symbol(v) for v in laws.unknown if "(" in laws.flat.block_at(v).path[-1][0]}
         elimination, unknowns, right = laws.solve_relations(balances=True, massless=True)
         self.known: dict[sympy.Symbol, sympy.Expr] = {}
         for v, combination in elimination.solution.items():
             if elimination.by_free[v]:
                 continue
-            self.known[unknowns[v]] = sp.Add(*(c * right[j] for j, c in combination.items()))
+            value = sp.Add(*(c * right[j] for j, c in combination.items()))
+            if not self._foreign(value):
+                self.known[unknowns[v]] = value
         tied, _, plain = laws.solve_relations()
         self.tied: dict[sympy.Symbol, sympy.Expr] = {}
         for v, combination in tied.solution.items():
@@ -161,10 +167,43 @@ class _Laws:
                 free = sp.Add(*(c * laws.symbol(x) for x, c in tied.by_free[v].items()))
                 self.tied[symbol] = sp.Add(*(c * plain[j] for j, c in combination.items())) + free
 
-    def flow(self, port: Port) -> sympy.Expr:
+    def flow(self, element: Element, port: Port) -> sympy.Expr:
         """The flow into a part at a port."""
         value = self.laws.value(port.flows[0])
-        return value.xreplace(self.known).xreplace(self.tied).xreplace(self.known)
+        value = value.xreplace(self.known).xreplace(self.tied).xreplace(self.known)
+        value = value.xreplace(self._declared(element, value))
+        return self._by_name(element, port) if self._foreign(value) else value
+
+    def _foreign(self, value: sympy.Expr) -> bool:
+        """Return whether a symbol is no variable of the scene: the mode of a law, on which a massless point depends."""
+        bases = {base_of(s.name)[0] for s in value.free_symbols} - {"time"} - {s.name for s in self._helpers}
+        return any(self.laws.flat.find(name) is None for name in bases)
+
+    def _declared(self, element: Element, value: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
+        """A part's own variables in the place of what was made for the arguments of its laws."""
+        found = {}
+        for helper in value.free_symbols & self._helpers:
+            for variable in self._forces(element):
+                own = self.laws.value(variable).xreplace(self.tied)
+                factor = slope(own, helper)
+                if factor != 0 and not factor.has(helper) and own == factor * helper:
+                    found[helper] = self.laws.symbol(variable) / factor
+                    break
+        return found
+
+    def _forces(self, element: Element) -> list[int]:
+        """The variables in which a part declares its force or torque."""
+        names = (f"{element.name}.{name}" for name in ("f", "tau", "torque", "tm", "F"))
+        variables = [self.laws.flat.find(name) for name in names]
+        kinds = self.laws.flat.kind
+        return [int(v[0]) for v in variables if v is not None and len(v) == 1 and kinds[v[0]] == Kind.UNKNOWN]
+
+    def _by_name(self, element: Element, port: Port) -> sympy.Expr:
+        """A flow as a symbol: the part's tension where it has one."""
+        own = self._forces(element)
+        if element.symbol in TENSION and len(element.ports) == 2 and own:
+            return self.laws.symbol(own[0]) * (-1 if port.name == element.ports[0].name else 1)
+        return self.laws.symbol(port.flows[0])
 
     def parameter(self, graph: Graph, element: Element, name: str) -> sympy.Expr | None:
         """The expression of a part's parameter."""
@@ -176,14 +215,14 @@ def _balance(body: Element, around: list[tuple[Element, Port]], laws: _Laws, gra
     import sympy as sp
 
     port = body.ports[0]
-    own = sp.expand(laws.flow(port))
+    own = sp.expand(laws.flow(body, port))
     inertial = [t for t in sp.Add.make_args(own) if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
     forces = [Force(body.name, *_positive(-t)) for t in sp.Add.make_args(own) if t not in inertial and t != 0]
     for element, other in around:
         if element.name == body.name and other.name == port.name:
             continue
         if element.symbol in BODIES:  # two bodies at one place share what acts there
-            more = sp.expand(laws.flow(other))
+            more = sp.expand(laws.flow(element, other))
             inertial += [t for t in sp.Add.make_args(more) if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
             rest = [t for t in sp.Add.make_args(more) if t not in inertial and t != 0]
             forces += [Force(element.name, *_positive(-t)) for t in rest]
@@ -201,7 +240,7 @@ def _forces(element: Element, port: Port, laws: _Laws) -> list[Force]:
     """The forces of a part on the body at one of its ports, term by term."""
     import sympy as sp
 
-    on_body = -laws.flow(port)
+    on_body = -laws.flow(element, port)
     if element.symbol in TENSION and len(element.ports) == 2:
         first = element.ports[0].name == port.name
         tension = on_body if first else -on_body

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.view.bodies.balance import Balance, Force, FreeBodies, free_bodies
-from lmoc.view.bodies.diagram import Numbers, draw_bodies
+from lmoc.view.bodies.diagram import WIDTH, Numbers, draw_bodies
+from lmoc.view.bodies.plane import bodies_of, draw_plane_bodies
 from lmoc.view.scene.abbreviate import shown
 from lmoc.view.scene.arrange import strips_of
-from lmoc.view.scene.compose import finished
+from lmoc.view.scene.block import packed
+from lmoc.view.scene.compose import finished, world_gravity
 from lmoc.view.scene.elements import Graph
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import Picture
@@ -22,6 +25,8 @@ from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Direction
 
 if TYPE_CHECKING:
     import sympy
+
+ROUNDING = 1e-12  # of the largest force
 
 
 class Trajectory(Protocol):
@@ -37,34 +42,51 @@ class Trajectory(Protocol):
         ...
 
 
-def free_body_picture(prepared: Prepared, run: Trajectory | None = None, time: float | None = None) -> Picture:
+def free_body_picture(
+    prepared: Prepared,
+    run: Trajectory | None = None,
+    time: float | None = None,
+    start: Callable[[], Callable[[str], float]] | None = None,
+) -> Picture:
     """Return the free-body diagrams of a scene.
 
     Parameters
     ----------
+    start : returns what gives the value of a variable at the start; asked for bodies of the plane without a run
     run : for arrows to scale
     time : s, taken at the nearest output time of the run; by default its last
 
     Raises
     ------
     ModelError
-        E0660 where the scene is too large for symbols, or no body of it moves along a line or turns on a shaft.
+        E0660 where the scene is too large for symbols, or has no bodies.
     """
     flat, values = prepared.flat, prepared.values
     graph = shown(flat, values).graph
-    bodies = graph is not None and [e for e in graph.elements if e.symbol in BODIES and not is_planar(e)]
-    if not bodies:
-        why = "too many parts" if graph is None else "no body that moves along a line or turns on a shaft"
+    on_lines = [e for e in graph.elements if e.symbol in BODIES and not is_planar(e)] if graph is not None else []
+    in_plane = bodies_of(graph) if graph is not None else []
+    if not on_lines and not in_plane:
+        why = "too many parts" if graph is None else "no bodies"
         raise ModelError([Diagnostic("E0660", f"{flat.name} has {why} for free-body diagrams")])
-    found = free_bodies(prepared.reduced, values, graph)
     title = flat.description or flat.name
-    numbers = None
+    at = -1
     if run is not None:
         at = len(run.time) - 1 if time is None else int(np.argmin(np.abs(run.time - time)))
-        numbers = _numbers(found, prepared, graph, run, at)
         title = f"{title}: forces at t = {run.time[at]:g} s"
-    style = style_of(graph, Names(graph))
-    return finished(draw_bodies(found, style, _directions(graph), numbers), title)
+    blocks = []
+    if on_lines:
+        found = free_bodies(prepared.reduced, values, graph)
+        numbers = None if run is None else _numbers(found, prepared, graph, run, at)
+        blocks.append(draw_bodies(found, style_of(graph, Names(graph)), _directions(graph), numbers))
+    if in_plane:
+        value = _at(run, at) if run is not None else start()
+        blocks.append(draw_plane_bodies(graph, value, world_gravity(graph), run is not None))
+    return finished(packed(blocks, WIDTH, 40.0), title)
+
+
+def _at(run: Trajectory, at: int) -> Callable[[str], float]:
+    """What gives the value of a variable at one output time."""
+    return lambda name: float(run[name][at])
 
 
 def _directions(graph: Graph) -> dict[int, Direction]:
@@ -85,14 +107,17 @@ def _numbers(bodies: FreeBodies, prepared: Prepared, graph: Graph, run: Trajecto
             own = [f for f in balance.forces if f.part == part]
             table |= {id(f): v for f, v in zip(own, value.forces(balance, own))}
 
-    def of(_: Balance, force: Force) -> float:
-        return table[id(force)]
-
     def largest(turns: bool) -> float:
-        sizes = [abs(of(b, f)) for b in bodies.balances if b.turns == turns for f in b.forces]
+        sizes = [abs(table[id(f)]) for b in bodies.balances if b.turns == turns for f in b.forces]
         return max((s for s in sizes if np.isfinite(s)), default=0.0)
 
-    return Numbers(of, largest(False), largest(True))
+    force, torque = largest(False), largest(True)
+
+    def of(balance: Balance, f: Force) -> float:
+        value = table[id(f)]
+        return 0.0 if abs(value) < ROUNDING * (torque if balance.turns else force) else value
+
+    return Numbers(of, force, torque)
 
 
 class _Values:

@@ -69,12 +69,16 @@ def gravity_name(graph: Graph, names: Names) -> str:
     for element in graph.elements:
         if element.symbol in BODIES and graph.value(element, "g", 0.0):
             return names.parameter(element, "g") or symbol("g")
-    if any(e.symbol in ("particle", "body", "bar") and is_planar(e) for e in graph.elements):
-        for block in graph.flat.blocks:
-            world = graph.flat.parts[block.part].class_name.endswith("Planar.World")
-            if world and block.path[-1][0] == "g" and graph.values[block.offset] != 0:
-                return symbol("g")
-    return ""
+    planar = any(e.symbol in ("particle", "body", "bar") and is_planar(e) for e in graph.elements)
+    return symbol("g") if planar and world_gravity(graph) else ""
+
+
+def world_gravity(graph: Graph) -> float:
+    """Return the gravity that acts on bodies of the plane, m/s² downwards."""
+    for block in graph.flat.blocks:
+        if block.path[-1][0] == "g" and graph.flat.parts[block.part].class_name.endswith("Planar.World"):
+            return float(graph.values[block.offset])
+    return 0.0
 
 
 def finished(block: Block, title: str, notes: tuple[str, ...] = ()) -> Picture:
