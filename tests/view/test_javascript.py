@@ -84,7 +84,7 @@ def test_every_scene_of_the_notes_and_its_variables():
 def test_mechanisms_with_blocks_and_constraints():
     names = ["chain", "slider_crank", "scissor_lift", "four_bar"]
     files = [MODELS / "planar" / f"{name}.lmo" for name in names] + [MODELS / "hard" / "h27_car_axis.lmo"]
-    cases = scripts(files, rtol=1e-8, points=40)
+    cases = scripts(files, rtol=1e-10, points=40)
     for (run, _), again in zip(cases, repeat([(run, script, []) for run, script in cases]), strict=True):
         assert again.complete, (run.flat.name, again.reason)
         assert difference(run, again) < AGREE, run.flat.name

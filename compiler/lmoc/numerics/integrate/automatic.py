@@ -23,12 +23,12 @@ from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
 
-_TRIAL = 60  # steps after which the rest of a run is judged
-_ADDED = 100  # steps whose errors add up to what a tolerance promises
-_WORTHWHILE = 0.5  # factor on the tolerance
-_LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
-_LEAST_UNKNOWN = 0.1  # … this
-_FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
+TRIAL = 60  # steps after which the rest of a run is judged
+ADDED = 100  # steps whose errors add up to what a tolerance promises
+WORTHWHILE = 0.5  # factor on the tolerance
+LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
+LEAST_UNKNOWN = 0.1  # … this
+FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
 _FINEST = 1e-13  # relative tolerance
 _SERIES = 3e-8  # tolerance of the steps from which a Taylor series is better …
 _MANY = 200  # … over so many steps at least
@@ -39,7 +39,7 @@ _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit metho
 _STIFF_STEPS = 2_000  # that long at that edge, and BDF is cheaper
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
-_EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
+EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
 _PERIODS = 5.0  # of an undamped motion over which BDF then keeps the tolerance
@@ -66,12 +66,12 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     integrate : by the name of a method
     """
     way = _Way(replace(problem, patience=patience(problem.system)), integrate)
-    outcome = way.go("dop853", most=_TRIAL)
+    outcome = way.go("dop853", most=TRIAL)
     reason, factor = "not stiff", 1.0
-    if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > _TRIAL:
+    if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > TRIAL:
         mean = (outcome.time - problem.t) / max(1, outcome.counts["steps"])
         factor = _refinement(problem, outcome, mean)
-        factor = factor if factor < _WORTHWHILE else 1.0
+        factor = factor if factor < WORTHWHILE else 1.0
         outcome, reason = _long_way(way, factor, mean)
     if outcome.status not in _GIVEN_UP:
         return outcome, Used(tuple(way.solvers), reason)
@@ -160,12 +160,12 @@ def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
     """Return the factor on the tolerance of steps, `mean` s long, with which the run as a whole keeps the tolerance."""
     length, jacobian = problem.end - problem.t, _differences(problem, outcome)
     if jacobian is None:
-        return max(_LEAST_UNKNOWN, min(1.0, _ADDED * mean / length))
+        return max(LEAST_UNKNOWN, min(1.0, ADDED * mean / length))
     n = problem.system.plan.state_count
     slowest = -float(np.linalg.eigvals(jacobian[:n, :n]).real.max(initial=-np.inf))
     if slowest > 0:
-        length = max(mean, min(length, _FORGOTTEN / slowest))
-    return max(_LEAST_FACTOR, min(1.0, _ADDED * mean / length))
+        length = max(mean, min(length, FORGOTTEN / slowest))
+    return max(LEAST_FACTOR, min(1.0, ADDED * mean / length))
 
 
 def _may_be_stiff(problem: Problem, outcome: Outcome, ahead: float) -> bool:
@@ -191,7 +191,7 @@ def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
     n, length = problem.system.plan.state_count, problem.end - outcome.time
     values = np.linalg.eigvals(jacobian[:n, :n])
     with np.errstate(divide="ignore"):
-        memory = np.minimum(length, np.where(values.real < 0, -_FORGOTTEN / values.real, np.inf))
+        memory = np.minimum(length, np.where(values.real < 0, -FORGOTTEN / values.real, np.inf))
     periods = float((memory * np.abs(values.imag)).max(initial=0.0)) / (2 * np.pi)
     return _TIGHTER * min(1.0, _PERIODS / max(periods, 1.0))
 
@@ -202,7 +202,7 @@ def _differences(problem: Problem, outcome: Outcome) -> np.ndarray | None:
     It costs a few evaluations; the exact one is computed by numpy for many scenes, and takes as long as hundreds.
     """
     system, t, x = problem.system, outcome.time, outcome.x
-    if system.n > _EIGENVALUES:
+    if system.n > EIGENVALUES:
         return None
     shift = _SHIFT * np.maximum(np.abs(x), 1e3 * problem.atol / problem.rtol)  # of the states' sizes
     jacobian, spent = np.empty((system.n, system.n)), system.evaluations
@@ -221,7 +221,7 @@ def _differences(problem: Problem, outcome: Outcome) -> np.ndarray | None:
 
 def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
     """Return the Jacobian at a place, None where it is too large for its eigenvalues or not finite."""
-    if problem.system.n > _EIGENVALUES:
+    if problem.system.n > EIGENVALUES:
         return None
     with np.errstate(all="ignore"):
         jacobian = problem.system.jacobian(outcome.time, outcome.x)

@@ -6,6 +6,7 @@ the flat model that something is computed from. What is a number is data, so tha
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,18 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Solve, Step, read, walk, written
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.integrate import dop853_table
+from lmoc.numerics.integrate.automatic import (
+    ADDED,
+    EIGENVALUES,
+    FORGOTTEN,
+    LEAST_FACTOR,
+    LEAST_UNKNOWN,
+    TRIAL,
+    WORTHWHILE,
+)
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.plan import Plan
@@ -67,8 +79,8 @@ def write_script(trajectory: Trajectory, stop: float) -> Script:
     _check(trajectory)
     observer, piece = trajectory.observer, trajectory.pieces[0]
     times, states = piece.samples
-    if not len(times):
-        raise NotWritten("the run has no state to begin from")
+    if not len(times) or times[0] != piece.begin:
+        raise NotWritten("the start of the run is not among its output times")
     return _Scene(observer, piece.begin, stop, times[0], states[0], trajectory.stats).script()
 
 
@@ -98,6 +110,7 @@ class _Scene:
         self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
         self.flat: FlatDAE = observer.flat
         self.rtol = float(stats.get("rtol", 1e-6))
+        self.automatic = stats.get("reason") != "asked for"
         self.count = self.plan.count
         self.slots = np.full(self.flat.count, -1)
         self.base = list(observer.base)
@@ -151,6 +164,7 @@ class _Scene:
             "end": self.stop,
             "rtol": self.rtol,
             "atol": self._absolute_tolerances().tolist(),
+            "refine": self._refinement() if self.automatic else None,
             "curves": self._curves(),
             "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
             "checks": checks,
@@ -246,6 +260,32 @@ class _Scene:
             at_start = self.observer(stored, np.array([self.time]), self.x[None])[0]
             found[plan.ledger] = np.fmax(found[plan.ledger], self.rtol * np.abs(at_start))
         return found
+
+    def _refinement(self) -> dict[str, float | None]:
+        """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start."""
+        plan = self.plan
+        constants = {"trial": TRIAL, "added": ADDED, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
+        constants |= {"least": LEAST_FACTOR, "slowest": None}
+        jacobian = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
+        w = self._at_start(plan.program)
+        n = plan.state_count
+        matrix = np.zeros((len(plan.states), len(plan.states)))
+        matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, self.time)
+        if len(plan.states) > EIGENVALUES or not np.isfinite(matrix).all():
+            return constants | {"least": LEAST_UNKNOWN}
+        slowest = -float(np.linalg.eigvals(matrix[:n, :n]).real.max(initial=-np.inf))
+        return constants | {"slowest": min(slowest, sys.float_info.max)}  # nothing remembers anything
+
+    def _at_start(self, program: Program) -> np.ndarray:
+        """Return the registers at the start, where a program has filled its own."""
+        plan, w = self.plan, self.observer.base.copy()
+        w[plan.states] = self.x
+        for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
+            w[register] = self.observer.signals[variable].value(self.time, order)
+        for register, value in self._seeds():
+            w[int(register)] = value
+        Interpreter(program, plan.count).run(w, self.time)
+        return w
 
     def _seeds(self) -> list[list[float]]:
         """Return where the unknowns of nonlinear blocks stand at the start: the branch of the run."""

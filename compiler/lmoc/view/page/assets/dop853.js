@@ -22,9 +22,9 @@ function combine(weights, k, j) {
 export class Dop853 {
   /**
    * `system` has `rates(t, x, out)`, which writes the derivatives; what it remembers from one call to the next is kept
-   * by `keep()` where a step ends, and `restore()` is called before each try. `atol` is one number for each component.
+   * by `keep()` where a step ends, and `restore()` is called before each try. `atol` is one number for each component. Without a `firstStep` one is found.
    */
-  constructor(table, system, t, x, end, rtol, atol, maxStep) {
+  constructor(table, system, t, x, end, { rtol, atol, maxStep = Infinity, firstStep = null }) {
     Object.assign(this, { table, system, t, end, rtol, atol, maxStep, n: x.length, before: t });
     this.x = Float64Array.from(x);
     this.last = Float64Array.from(x); // where the last step began
@@ -39,7 +39,7 @@ export class Dop853 {
     this.terms = null;
     system.rates(t, this.x, this.f);
     system.keep();
-    this.stepSize = this.firstStep();
+    this.stepSize = firstStep ?? this.findFirstStep();
   }
 
   norm(v) {
@@ -48,7 +48,7 @@ export class Dop853 {
     return Math.sqrt(sum / this.n);
   }
 
-  firstStep() {
+  findFirstStep() {
     const span = this.end - this.t;
     const d0 = this.norm(this.x);
     const d1 = this.norm(this.f);

@@ -50,12 +50,16 @@ class Page {
       $("repeat").textContent = `The sliders are missing: ${script.reason}.`;
       return;
     }
-    this.repeater = new Repeater(script, make, this.data, () => performance.now());
-    const again = this.repeater.run(this.data.checkTimes, {});
+    const repeater = new Repeater(script, make, this.data, () => performance.now());
+    const again = repeater.run(this.data.checkTimes, {});
+    if (again.reason && this.data.complete) {
+      $("repeat").textContent = `The sliders are missing: repeated in this page, the run does not reach its end (${again.reason}).`;
+      return;
+    }
+    this.repeater = repeater;
     const missed = difference(again, this.data.check, this.unitOf);
-    const text = `Computed again by this page, the run differs by ${missed.toPrecision(1)} of the largest value of each unit`;
-    const stopped = again.reason && this.data.complete ? `; it ${again.reason}` : "";
-    $("repeat").textContent = `${text}${stopped}.`;
+    const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
+    $("repeat").textContent = `Computed again by this page, the run ${text}.`;
     $("repeat").classList.toggle("warning", !(missed <= AGREES));
     $("repeat").dataset.difference = String(missed);
     this.sliders = new Sliders($("sliders"), script.parameters, (final) => this.changed(final));

@@ -223,7 +223,9 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
   /** Integrate where nothing jumps; output times up to `until` belong to it. */
   function piece(begin, end, until) {
     const most = scene.longest(begin, end);
-    const method = new Dop853(data.method, scene, begin, x, end, data.rtol, data.atol, most);
+    const { rtol, atol } = data;
+    let method = new Dop853(data.method, scene, begin, x, end, { rtol, atol, maxStep: most });
+    let trying = data.refine !== null;
     const outputs = () => {
       while (run.reached < times.length && Math.min(Math.max(times[run.reached], begin), end) <= method.t) {
         const time = times[run.reached];
@@ -233,8 +235,20 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
         record(time, place);
       }
     };
+    /** Go on with tolerances such that the errors of all steps together keep the one that was asked for. */
+    const refine = () => {
+      const factor = refinement(data.refine, (method.t - begin) / Math.max(1, method.steps), end - begin);
+      const finer = { rtol: rtol * factor, atol: atol.map((a) => a * factor), maxStep: most, firstStep: method.stepSize };
+      count(run, method);
+      x.set(method.x);
+      method = new Dop853(data.method, scene, method.t, x, end, finer);
+    };
     outputs();
     while (method.t < end && run.reason === "") {
+      if (trying && method.steps + method.rejected >= data.refine.trial) {
+        trying = false;
+        refine();
+      }
       if (!method.step(times[run.reached])) run.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
       else if (turned(signs, signsOf(scene.blocks), data.watched)) {
         run.reason = `the coordinates would have to change at t = ${method.t.toPrecision(4)} s`;
@@ -243,10 +257,21 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
       if (run.steps + method.steps + method.rejected > mostSteps) run.reason = "it takes too many steps";
     }
     x.set(method.x);
-    run.steps += method.steps;
-    run.evaluations += method.evaluations;
+    count(run, method);
     return run.reason === "";
   }
+}
+
+/** The factor on the tolerance of steps of a mean length, such that a run as a whole keeps the tolerance. */
+export function refinement({ added, worthwhile, least, forgotten, slowest }, mean, length) {
+  const memory = slowest > 0 ? Math.max(mean, Math.min(length, forgotten / slowest)) : length;
+  const factor = Math.max(least, Math.min(1, (added * mean) / memory));
+  return factor < worthwhile ? factor : 1;
+}
+
+function count(run, method) {
+  run.steps += method.steps;
+  run.evaluations += method.evaluations;
 }
 
 /** Kinks, and where other bounds on the steps begin. */
