@@ -35,7 +35,8 @@ class Tableau:
 
     def worst(self, rows: np.ndarray) -> float:
         """Return the largest entry in some rows; infinity where the dependent coordinates do not follow at all."""
-        size = float(np.abs(self.table[rows]).max(initial=0.0))
+        table = self.table if rows.all() else self.table[rows]
+        size = float(np.abs(table).max(initial=0.0))
         return size if math.isfinite(size) and self.sign else np.inf
 
 
@@ -128,4 +129,5 @@ def stays_regular(change: np.ndarray, margins: float) -> bool:
     margins : the smallest singular values at both places, added
     """
     allowed = _SHARE * margins
-    return float(np.linalg.norm(change)) <= allowed or float(np.linalg.norm(change, 2)) <= allowed
+    entries = change.ravel()
+    return math.sqrt(float(entries @ entries)) <= allowed or float(np.linalg.norm(change, 2)) <= allowed

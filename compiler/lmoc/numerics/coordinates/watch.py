@@ -43,7 +43,7 @@ _FAR = 1.0  # way of a dependent coordinate between two looks, in equilibrated f
 # smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
 # is looked for, below the second they do where no step is short enough
 _ALERT, _DEPENDENT = 0.1, 1e-3
-_SURE = 0.2  # a lower bound of the smallest singular value with which it need not be computed
+_SURE = 0.12  # a lower bound of the smallest singular value with which it need not be computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +109,7 @@ class CoordinateWatch:
         self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
         self._size = self._sized = np.zeros((own.rows, len(own.variable)))
         self._scales: tuple[np.ndarray, np.ndarray] | None = None
+        self._factor = self._size  # of each entry, from these
         self._ranges = np.ones(len(own.variable))  # largest share of each coordinate in an equation, for the tableau
         self.accepted: Place
         self.last: Place
@@ -242,11 +243,12 @@ class CoordinateWatch:
             row = self._size.max(axis=1, keepdims=True)
             ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
             self._ranges = np.where(ranges > 0, ranges, 1.0)
+            self._factor = self._scales[0][:, None] * self._scales[1]
         return self._scales
 
     def _scaled(self, matrix: np.ndarray) -> np.ndarray:
-        row, column = self._factors()
-        return matrix * row[:, None] * column
+        self._factors()
+        return matrix * self._factor
 
     def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
         """Whether the constraints keep their rank between two places, by looks at what lies between if necessary."""

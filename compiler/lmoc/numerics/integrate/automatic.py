@@ -173,7 +173,7 @@ def _may_be_stiff(problem: Problem, outcome: Outcome, ahead: float) -> bool:
 
     The steps so far do not tell, since a transient may have kept them short.
     """
-    jacobian = _jacobian(problem, outcome)
+    jacobian = _differences(problem, outcome)
     if jacobian is None:
         return False
     n = problem.system.plan.state_count
@@ -197,7 +197,7 @@ def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
 
 
 def _differences(problem: Problem, outcome: Outcome) -> np.ndarray | None:
-    """Return the Jacobian of a problem that is not stiff by central differences, None as in `_jacobian`.
+    """Return the Jacobian by central differences, good for its large eigenvalues; None as in `_jacobian`.
 
     It costs a few evaluations; the exact one is computed by numpy for many scenes, and takes as long as hundreds.
     """
