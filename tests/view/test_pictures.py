@@ -17,6 +17,7 @@ from lmoc.view.scene.block import shape_corners
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import Label, Picture
+from lmoc.view.scene.placing import points_of
 from lmoc.view.scene.schematic import style_of
 from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.text import plain
@@ -54,6 +55,21 @@ def overlap(a, b) -> float:
 def test_no_label_overlaps_another(path):
     found = [(a, b) for (a, x), (b, y) in combinations(labels(picture(path)), 2) if overlap(x, y) > 0.5]
     assert found == []
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
+def test_no_line_passes_through_a_label(path):
+    p = picture(path)
+    points = [(q, item) for item in p.items for q in points_of(item)]
+    for item, shape, frame in p.placed():
+        if isinstance(shape, Label) and shape.text:
+            left, top, right, bottom = shape_corners(shape, frame)
+            inside = [
+                other.part or other.symbol
+                for (x, y), other in points
+                if left + 2 < x < right - 2 and top + 3 < y < bottom - 3 and other is not item
+            ]
+            assert (plain(shape.text), inside) == (plain(shape.text), [])
 
 
 @pytest.mark.parametrize("path", [p for p in SCENES if p.parent.name == "notes"], ids=lambda p: p.stem)

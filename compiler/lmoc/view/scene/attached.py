@@ -121,9 +121,8 @@ def _on(plane: Plane, element: Element, at: End, direction: Point) -> None:
     """A mass or a force at a point of a rail."""
     ux, uy = direction
     if element.symbol in BODIES:
-        text = plane.names.part(element, "m")
-        made = symbols.box("mass", element.name, at, (-24, -16, 24, 16), text)
-        plane.items.append(made)
+        plane.items.append(symbols.box("mass", element.name, at, (-24, -16, 24, 16), ""))
+        plane.wishes.append(Wish(plane.names.part(element, "m"), at, element.name, 20.0))
     elif element.symbol == "force":
         start, tip = (24 * ux, 24 * uy), (62 * ux, 62 * uy)
         force = plane.value(f"{element.name}.f")

@@ -9,6 +9,8 @@ from lmoc.view.scene.rows import Rows, Segment, lay_out
 from lmoc.view.scene.strip import IN_LINE, PITCH, PUSHED, Direction, Strip, Style
 from lmoc.view.scene.text import escaped, width
 
+CENTRED = 26.0  # px, widest label that stands below the middle of an arrow about a shaft
+
 
 class Layout:
     """Sizes and places of a strip, and what has been drawn of it.
@@ -54,11 +56,20 @@ class Layout:
         if node in self.strip.hubs:
             return width(self.strip.hubs[node].name, 13) / 2 + 10
         if self.strip.shaft:
-            turned = bool(self.strip.bodies(node) or any(e.symbol in PUSHED for e in self.strip.on[node]))
-            return 8.0 + (24.0 if turned else 0.0)
+            return max(8.0, *self._arrows(node))
         if not self.strip.bodies(node):
             return 4.0 if self.strip.held(node) else 2.0
         return 19.0 if self.upright else max(22.0, width(self.title(node), 13) / 2 + 9)
+
+    def _arrows(self, node: int) -> list[float]:
+        """What the arrows about a shaft need beside a disk: that of its angle, and those of torques."""
+        angle = self.style.coordinates.get(node, "")
+        texts = [self.names.signal(e, "tau") for e in self.strip.on[node] if e.symbol == "torque"]
+        needed = [32.0] if self.strip.bodies(node) or any(e.symbol in PUSHED for e in self.strip.on[node]) else [0.0]
+        for text in (angle, *texts) if needed[0] else ():
+            wide = width(text, 13)
+            needed.append(19.0 + (wide / 2 if wide <= CENTRED else wide) + 4.0)
+        return needed
 
     def _length(self, element: Element, kind: str) -> float:
         base = 30.0 if kind == "hub" else IN_LINE.get(kind, 0.0) or width(self.names.called(element), 13) + 50

@@ -28,7 +28,7 @@ class Wish:
 
 def placed_labels(items: Sequence[Item], wishes: Iterable[Wish]) -> list[Item]:
     """Return the labels, each where it covers the fewest other labels and lines."""
-    lines = [p for item in items for p in _points(item)]
+    lines = [p for item in items for p in points_of(item)]
     taken = [shape_corners(s, item.frame()) for item in items for s in item.shapes if isinstance(s, Label)]
     made = []
     for wish in wishes:
@@ -54,8 +54,8 @@ def _label(wish: Wish, dx: float, dy: float, distance: float) -> Label:
     return Label(wish.text, (0.0, x, y), anchor, colour=wish.colour)
 
 
-def _points(item: Item) -> Iterable[Point]:
-    """Points of the lines of an item, close to each other."""
+def points_of(item: Item) -> Iterable[Point]:
+    """Return points of the lines of an item, close to each other."""
     frame = item.frame()
     for shape in item.shapes:
         if isinstance(shape, Circle):

@@ -234,6 +234,10 @@ class Plane:
         nx, ny = nx / size, ny / size
         p, q = (-70 * nx - ny * 9, -70 * ny + nx * 9), (70 * nx - ny * 9, 70 * ny + nx * 9)
         self.back.append(Item("guide", element.name, (End(at.x, at.y),), tuple(symbols.hatching(p, q, 1))))
+        flange = element.port("flange")
+        masses = {e.ports[0].node for e in self.graph.elements if e.symbol == "mass"}
+        if flange is not None and flange.node in masses:
+            return  # the mass itself is on the line
         block = symbols.path((-16, -9), (16, -9), (16, 9), (-16, 9), closed=True, fill="paper")
         self.items.append(Item("slider", element.name, (at,), (block,), Turn(-atan2(ny, nx))))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.layout import Layout
+from lmoc.view.scene.layout import CENTRED, Layout
 from lmoc.view.scene.picture import End, Item, Path, Turn
 from lmoc.view.scene.standing import other, rectangle
 from lmoc.view.scene.strip import BODIES, HELD
@@ -78,7 +78,8 @@ def around(
     layout.items.append(Item(symbol, part, (end,), shapes, Turn(), variables))
     if text:
         dx, dy = (x + radius + 8, y) if layout.upright else (x, y + radius + 13)
-        anchor = "start" if layout.upright else "middle" if width(text, 13) <= 26 else "start" if along > 0 else "end"
+        beyond = "start" if along > 0 else "end"
+        anchor = "start" if layout.upright else "middle" if width(text, 13) <= CENTRED else beyond
         layout.labels.append(symbols.label(text, end, dx, dy, anchor, part, colour=colour))
 
 

@@ -96,6 +96,11 @@ def decorated(
             around(text, "torque", element.name, "force", window.torque, {"force": f"{element.name}.tau"})
         elif element.symbol == "rotation":
             around(names.signal(element, "theta"), "rotation", element.name, "ink", window.torque, {})
+        elif element.symbol == "brake":
+            x = -radius - 5.0
+            shoe = symbols.path((x - 9, -13), (x, -13), (x, 13), (x - 9, 13), closed=True, fill="ground")
+            items.append(Item("brake", element.name, (centre,), (shoe,)))
+            items.append(symbols.label(names.called(element), centre, x - 15, 14, "end", element.name))
         elif element.symbol not in BODIES:
             text = names.called(element)
             half = width(text, 13) / 2 + 7
