@@ -327,6 +327,8 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Entries:
     plan, kept = system.plan, system.registers is not None
     program, used, function = plan.once(_from_registers if kept else _from_states)
     out, sampled = np.empty(system.n), np.zeros(len(plan.sampled))
+    if not np.isin(used, plan.once(_at_hand)).all():
+        return _by_all_equations(system, base, own)
     if function is None:
         w, interpreter = np.zeros(own.count), Interpreter(program, own.count)
 
@@ -357,6 +359,37 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Entries:
         return values, (table.reshape(shape, order="F"), float(sign[0]))
 
     return entries
+
+
+def _by_all_equations(
+    system: System, base: np.ndarray, own: Constraints
+) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Return the same where coordinates that the motion does not need are watched as well."""
+    plan, out, sampled = system.plan, np.empty(system.n), np.zeros(len(system.plan.sampled))
+    w = np.concatenate([base, np.full(own.count - plan.count, np.nan)])
+    interpreter = Interpreter(needed_steps((*plan.full_program, *own.program), own.register, own.count), own.count)
+
+    def entries(t: float, x: np.ndarray) -> np.ndarray:
+        if system.registers is not None:
+            _evaluate(system, t, x, out)
+            found = system.registers[: plan.count]
+            w[: plan.count] = np.where(np.isfinite(found), found, w[: plan.count])
+        system.sample(t, sampled)
+        w[plan.states], w[plan.sampled] = x, sampled
+        interpreter.reset()  # blocks begin at the solutions that stand there
+        interpreter.run(w, t)
+        return w[own.register]
+
+    return entries
+
+
+def _at_hand(plan: Plan) -> np.ndarray:
+    """Return the registers that stand where the system has been evaluated."""
+    filled = np.zeros(plan.count, bool)
+    steps = (*plan.program, *plan.reduced.parameter_program)
+    for registers in (plan.states, plan.sampled, plan.parameters, plan.known[0], *map(written, steps)):
+        filled[registers] = True
+    return np.flatnonzero(filled)
 
 
 def _from_registers(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
