@@ -15,7 +15,7 @@ import numpy as np
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
-_NORMALIZATIONS = 30
+_NORMALIZATIONS, _NORMAL = 30, 1e-2
 _ROUNDING = 1e-12  # entries below this share of their row have never been there
 _SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
 
@@ -28,10 +28,12 @@ class Tableau:
     ----------
     table : (watched, states) T in the rows of the watched dependent coordinates, in units of the coordinates' scales
     sign : of the determinant of A
+    plain : (watched, states) T in the coordinates' own units
     """
 
     table: np.ndarray
     sign: float
+    plain: np.ndarray
 
     def worst(self, rows: np.ndarray) -> float:
         """Return the largest entry in some rows; infinity where the dependent coordinates do not follow at all."""
@@ -53,15 +55,16 @@ def tableau(matrix: np.ndarray, watched: np.ndarray, scale: np.ndarray) -> Table
     a, b = matrix[:, :rows], matrix[:, rows:]
     sign = float(np.linalg.slogdet(a)[0]) if np.isfinite(a).all() else 0.0
     if sign == 0.0:
-        return Tableau(np.full((len(watched), b.shape[1]), np.inf), 0.0)
+        return scaled(np.zeros((len(watched), b.shape[1])), 0.0, watched, scale)
     return scaled(np.linalg.solve(a, b)[watched], sign, watched, scale)
 
 
 def scaled(table: np.ndarray, sign: float, watched: np.ndarray, scale: np.ndarray) -> Tableau:
     """Return the tableau from T in its rows; all infinite where the sign is not 1 or -1."""
     if abs(sign) != 1.0:
-        return Tableau(np.full(table.shape, np.inf), 0.0)
-    return Tableau(table * scale[watched][:, None] / scale[len(scale) - table.shape[1] :], sign)
+        nothing = np.full(table.shape, np.inf)
+        return Tableau(nothing, 0.0, nothing)
+    return Tableau(table * scale[watched][:, None] / scale[len(scale) - table.shape[1] :], sign, table.copy())
 
 
 def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
@@ -98,7 +101,7 @@ def equilibrated(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return factors of the rows and columns with which a matrix of these sizes has rows and columns of one length.
 
     They make what is measured in the scaled matrix independent of the units of equations and coordinates. By
-    alternating normalization (Sinkhorn & Knopp, Pacific J. Math. 21, 1967), a fixed number of times.
+    alternating normalization (Sinkhorn & Knopp, Pacific J. Math. 21, 1967) until that changes little.
     """
     largest = size.max(axis=1, keepdims=True, initial=0.0)
     squares = np.where(np.isfinite(size) & (size > _ROUNDING * largest), size, 0.0) ** 2

@@ -39,7 +39,10 @@ if TYPE_CHECKING:
 _MARGIN, _TOLERATED = 2.0, 25.0
 _HALVINGS = 4  # of a step, for a look at what happens within
 _GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
-_FAR = 1.0  # way of a dependent coordinate between two looks, in equilibrated form: about a radian
+_ROUNDING = 1e-6  # way of a coordinate that is none
+# of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
+# within a step; and of that, what a sixteenth of the step may have at the most
+_UNEXPLAINED, _AT_ONCE = 0.5, 0.5
 # smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
 # is looked for, below the second they do where no step is short enough
 _ALERT, _DEPENDENT = 0.1, 1e-3
@@ -58,7 +61,7 @@ class Place:
     scaled : the matrix, in rows and columns of one length
     least : what its smallest singular value is not below
     solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
-    dependent : values of the dependent coordinates
+    coordinates : their values, by the columns of the constraints; none where the system does not tell
     """
 
     t: float
@@ -68,7 +71,7 @@ class Place:
     scaled: np.ndarray
     least: float
     solutions: np.ndarray
-    dependent: np.ndarray
+    coordinates: np.ndarray
 
     @cached_property
     def margin(self) -> float:
@@ -98,10 +101,9 @@ class CoordinateWatch:
         self.constraints: Constraints = system.plan.reduced.constraints
         self.barred = np.zeros(len(self.constraints.watched), bool)
         self.unknowns = system.plan.once(block_unknowns) if system.registers is not None else np.zeros(0, int)
-        self._dependent = np.zeros(0, int)
-        if len(self.unknowns):
-            own = system.plan.reduced.register_of[self.constraints.variable[: self.constraints.rows]]
-            self._dependent = own if (own >= 0).all() else self._dependent
+        own = system.plan.reduced.register_of[self.constraints.variable]
+        told = len(self.unknowns) > 0 and bool((own >= 0).all())
+        self._registers = own if told else np.zeros(0, int)
         self._entries = _entries(system, base, self.constraints)
         own = self.constraints
         self._place = own.row.astype(int) * len(own.variable) + own.column
@@ -133,7 +135,8 @@ class CoordinateWatch:
         if place.found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
             return Status.COORDINATES
         self._looked_inside = False
-        self.lost_rank = not self._stays_regular(self.accepted, place, _HALVINGS) or self._comes_near(place)
+        keeps = self._stays_regular(self.accepted, place, _HALVINGS) and self._keeps_on(place)
+        self.lost_rank = not keeps or self._comes_near(place)
         if self.lost_rank:
             return Status.COORDINATES
         if self._looked_inside:  # the system's blocks go on from the end of the step
@@ -224,9 +227,9 @@ class CoordinateWatch:
         watched, scale = self.constraints.watched, self._ranges
         made = self._unscaled
         found = tableau(matrix, watched, scale) if made is None else scaled(*made, watched, scale)
-        dependent = self.system.registers[self._dependent] if len(self._dependent) else np.zeros(0)
+        coordinates = self.system.registers[self._registers] if len(self._registers) else np.zeros(0)
         self._recent = even, self._least(even)
-        return Place(t, x.copy(), matrix, found, *self._recent, solutions, dependent)
+        return Place(t, x.copy(), matrix, found, *self._recent, solutions, coordinates)
 
     def _least(self, even: np.ndarray) -> float:
         """A lower bound of the smallest singular value, which changes by no more than the matrix does (Weyl)."""
@@ -253,11 +256,10 @@ class CoordinateWatch:
     def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
         """Whether the constraints keep their rank between two places, by looks at what lies between if necessary."""
         change = self._scaled(second.matrix - first.matrix)
-        regular = stays_regular(change, first.least + second.least) or (
+        if stays_regular(change, first.least + second.least) or (
             first.least + second.least < first.margin + second.margin
             and stays_regular(change, first.margin + second.margin)
-        )
-        if regular and not self._way(first, second) > _FAR:
+        ):
             return True
         if not halvings:
             both = first.margin + second.margin
@@ -267,10 +269,36 @@ class CoordinateWatch:
         middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
         return self._stays_regular(first, middle, halvings - 1) and self._stays_regular(middle, second, halvings - 1)
 
-    def _way(self, first: Place, second: Place) -> float:
-        """The longest way of a coordinate between two places, in equilibrated form: angles in about 1 rad."""
-        way = np.abs(second.dependent - first.dependent) / self._factors()[1][: len(second.dependent)]
-        return float(way.max(initial=0.0))
+    def _keeps_on(self, place: Place) -> bool:
+        """Whether the dependent coordinates have come by their velocities to where they are.
+
+        Constraints are the same after a whole turn of an angle, so that they do not tell if Newton's method has gone
+        over to another solution. What is unexplained by velocities becomes less with every half of a step, a jump does
+        not.
+        """
+        first, second = self.accepted, place
+        before = self._unexplained(first, second)
+        way = np.abs(second.coordinates - first.coordinates)[self.constraints.watched] if len(before) else before
+        row = int(np.argmax(before - _UNEXPLAINED * way)) if len(before) else 0
+        if not len(before) or not before[row] > _UNEXPLAINED * way[row] + _ROUNDING:
+            return True
+        for _ in range(_HALVINGS):
+            self._looked_inside = True
+            middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
+            halves = (first, middle), (middle, second)
+            first, second = max(halves, key=lambda half: self._unexplained(*half)[row])
+        if self._unexplained(first, second)[row] <= _AT_ONCE * before[row] + _ROUNDING:
+            return True
+        self.singular = (first.t + second.t) / 2
+        return False
+
+    def _unexplained(self, first: Place, second: Place) -> np.ndarray:
+        """(watched,) way of the dependent coordinates but for what their velocities tell; empty where not known."""
+        if not len(first.coordinates):
+            return np.zeros(0)
+        way, rows = second.coordinates - first.coordinates, self.constraints.rows
+        told = -(first.found.plain + second.found.plain) / 2 @ way[rows:]
+        return np.nan_to_num(np.abs(way[self.constraints.watched] - told))
 
     def _comes_near(self, place: Place) -> bool:
         """Whether the constraints are about to depend on each other, and when."""
@@ -361,15 +389,13 @@ def _entries(system: System, base: np.ndarray, own: Constraints) -> Entries:
     return entries
 
 
-def _by_all_equations(
-    system: System, base: np.ndarray, own: Constraints
-) -> Callable[[float, np.ndarray], np.ndarray]:
+def _by_all_equations(system: System, base: np.ndarray, own: Constraints) -> Entries:
     """Return the same where coordinates that the motion does not need are watched as well."""
     plan, out, sampled = system.plan, np.empty(system.n), np.zeros(len(system.plan.sampled))
     w = np.concatenate([base, np.full(own.count - plan.count, np.nan)])
     interpreter = Interpreter(needed_steps((*plan.full_program, *own.program), own.register, own.count), own.count)
 
-    def entries(t: float, x: np.ndarray) -> np.ndarray:
+    def entries(t: float, x: np.ndarray) -> tuple[np.ndarray, None]:
         if system.registers is not None:
             _evaluate(system, t, x, out)
             found = system.registers[: plan.count]
@@ -378,7 +404,7 @@ def _by_all_equations(
         w[plan.states], w[plan.sampled] = x, sampled
         interpreter.reset()  # blocks begin at the solutions that stand there
         interpreter.run(w, t)
-        return w[own.register]
+        return w[own.register], None
 
     return entries
 
