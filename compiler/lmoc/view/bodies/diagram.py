@@ -115,7 +115,9 @@ class _Diagram:
     # ------------------------------------------------------------------ arrows
 
     def _text(self, force: Force) -> str:
-        text = term_text(self.balance, force, force.label, self.formula)
+        negative = bool(force.label.as_coeff_Mul()[0] < 0)
+        text = term_text(self.balance, force, -force.label if negative else force.label, self.formula)
+        text = MARKED.sign + text if negative else text
         if self.numbers is None:
             return text
         value = self.numbers.of(self.balance, force)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
@@ -140,11 +140,11 @@ class Hanging:
         ends = [End(*a), End(*b)]
         variable = self.style.variables.get(node)
         if variable and moved >= 0:
-            direction = self._direction(node)
+            direction = self.direction(node)
             ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, *direction, None, GROUP),))
         return symbols.line("string", part, ends[0], ends[1], 1.4, "string")
 
-    def _direction(self, node: int) -> tuple[float, float]:
+    def direction(self, node: int) -> tuple[float, float]:
         strip = self.strips.get(node)
         gravity = self.weights(strip) if strip is not None else 0.0
         return DOWN if gravity > 0 else UP
@@ -194,7 +194,8 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
     block = Block(())
     for k, (joint, r) in enumerate(zip(joints, radius)):
         level = depth if joint.below else 0.0
-        block = block.beside(_joint(joint, r, ceiling, hanging).at(x[k] + r, level))
+        counted = _counted(joint, nodes[k], nodes[k + 1], hanging)
+        block = block.beside(_joint(counted, r, ceiling, hanging).at(x[k] + r, level))
     items: list[Item] = []
     for k, node in enumerate(nodes):
         if node is None:
@@ -217,7 +218,7 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         low = depth + max(r for _, r in own) + 12
         middle = sum(c for c, _ in own) / len(own)
         move = hanging.style.variables.get(axle)
-        moves = (Move(move, *hanging._direction(axle), None, GROUP),) if move else ()
+        moves = (Move(move, *hanging.direction(axle), None, GROUP),) if move else ()
         for centre, _ in own:
             items.append(symbols.line("rod", "", End(centre, depth, moves), End(centre, low, moves), 2.0))
         if len(own) > 1:
@@ -225,6 +226,19 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         items.append(symbols.line("rod", "", End(middle, low, moves), End(middle, low + 14, moves), 2.0))
         block = block.beside(load.at(middle, low + 14))
     return Block(tuple(items)).beside(block)
+
+
+def _counted(joint: Joint, left: int | None, right: int | None, hanging: Hanging) -> Joint:
+    """A wheel whose angle counts the way in which the ropes move: clockwise where the right one goes down with it."""
+    if joint.shaft is None:
+        return joint
+    graph = hanging.style.names.graph
+    for node, side in ((right, 1), (left, -1)):
+        drum = next((e for e in joint.elements if node is not None and e.port("flange").node == node), None)
+        if drum is not None:
+            down = side * hanging.direction(node)[1] * graph.value(drum, "r", 1.0)  # y points downwards
+            return replace(joint, shaft=replace(joint.shaft, sense=-1 if down > 0 else 1))
+    return joint
 
 
 def _content(node: int | None, k: int, rope: Rope, hanging: Hanging) -> Block:
@@ -283,7 +297,7 @@ def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging) -> Blo
         return Block((*legs, *wheel(joint.shaft, hanging.style, [radius], False), string, *items))
     if joint.below:
         variable = hanging.style.variables.get(joint.axle)
-        moves = (Move(variable, *hanging._direction(joint.axle), None, GROUP),) if variable else ()
+        moves = (Move(variable, *hanging.direction(joint.axle), None, GROUP),) if variable else ()
         made = symbols.pulley(part, End(0, 0, moves), radius)
         return Block((made, Item("string", part, (End(0, 0, moves),), string.shapes)))
     stem = Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (0, ceiling), width=2.0),))
