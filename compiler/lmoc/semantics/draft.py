@@ -129,6 +129,7 @@ class Drafts:
     reinits: list[ActionDraft] = field(default_factory=list)
     terminations: list[ActionDraft] = field(default_factory=list)
     helpers: Helpers = field(default_factory=Helpers)
+    assigned: dict[tuple, tuple[object, Span]] = field(default_factory=dict)  # at events: by which `when`, and where
 
 
 def compact(leaves: list[Leaf], *shapes: Expr) -> tuple[list[Leaf], tuple[Expr, ...]]:

@@ -297,3 +297,14 @@ def test_discrete_variables_start_where_they_are_told_to() -> None:
 def test_a_sample_needs_a_positive_interval() -> None:
     with pytest.raises(lmoc.ModelError, match="interval of 'sample"):
         run("model A parameter Real T = 0; Integer n; equation when sample(0, T) then n = 1; end when; end A;")
+
+
+@pytest.mark.parametrize(("body", "line"), [
+    ("when time > 0.2 then n = 1; end when;\nwhen time > 0.4 then n = 2; end when;", 5),
+    ("n = 1; when x > 0.5 then reinit(x, 0); end when;\nwhen x > 0.7 then reinit(x, 0.1); end when;", 5),
+])  # fmt: skip
+def test_a_variable_changes_in_one_when_only(body: str, line: int) -> None:
+    text = f"model M\nReal x(start = 0, fixed = true); Integer n(start = 0);\nequation der(x) = 1;\n{body}\nend M;"
+    with pytest.raises(lmoc.ModelError) as caught:
+        lmoc.compile_text(text)
+    assert [(d.code, d.span.line) for d in caught.value.diagnostics] == [("E0254", line)]

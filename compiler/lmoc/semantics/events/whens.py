@@ -11,10 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import prod
 
+import numpy as np
+
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
-from lmoc.messages.diagnostics import nearest
+from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.draft import ActionDraft, CheckDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.events.functions import phase, rises
@@ -22,6 +24,7 @@ from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
+from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import MAX_UNROLLED, changes, continuous, dims_text, sizes_differ
 from lmoc.semantics.values.value import Value, number
 from lmoc.semantics.wrong import Wrong
@@ -216,6 +219,7 @@ class WhenEquation:
                         where, hint=f"write {name} = pre({name})")  # fmt: skip
         context = self.context
         leaf = context.leaves[target.value.expr.value[0]]
+        self._claim("assigned", leaf, target.span)
         result = context.leaves.slot(self.drafts.helpers.pre(leaf.variable), leaf.index)
         for guard, value, _ in reversed(target.cases):
             result = dag.if_(guard, value.expr, result)
@@ -248,12 +252,22 @@ class WhenEquation:
             leaf = context.leaves[t.expr.value[0]] if t.expr.op == "slot" and not t.expr.value[1] else None
             if leaf is None or leaf.variable is None or leaf.variable.kind != Kind.UNKNOWN or t.type != "Real":
                 raise Wrong("E0256", f"'{place.text}' is no continuous variable: 'reinit' sets states", place)
+            self._claim("given a new value by 'reinit'", leaf, place)
             shape = context.space.shape + t.dims
             active = self._guard(context, guard, e.span)
             leaves, (expr,) = compact(context.leaves.items, v.expr)
             columns = {"guard": flat_column(context.leaves[active.value[0]], shape), "target": flat_column(leaf, shape)}
             slots = tuple(flat_column(one, shape) for one in leaves)
             self.drafts.reinits.append(ActionDraft(columns, expr, slots, prod(shape), e.span, self.node))
+
+    def _claim(self, what: str, leaf: Leaf, span: Span) -> None:
+        """A variable changes in one `when` only (8.3.5.3, 8.3.6)."""
+        index = np.asarray(leaf.index)
+        key = what, id(leaf.variable), index.shape, index.tobytes()
+        owner, earlier = self.drafts.assigned.setdefault(key, (self.e, span))
+        if owner is not self.e:
+            raise Wrong("E0254", f"'{span.text}' is {what} in two 'when's", span, labels=(Label(earlier, "also here"),),
+                        hint="one 'when' with 'elsewhen' says which of them counts where both happen")  # fmt: skip
 
     def _guard(self, context: Context, guard: Expr, span: Span) -> Expr:
         return guard if guard.op == "slot" else self._helper(f"guard of {span.text}", guard, span)
