@@ -187,3 +187,36 @@ def test_json_tells_the_laws(tmp_path, capsys):
     assert main(["equilibria", str(file), "--json", "--input", "load=1"]) == 0
     (data,) = json.loads(capsys.readouterr().out)
     assert data["laws"]["modes"] == {"d": "stick"} and data["laws"]["ranges"]["m.q"] == pytest.approx([-0.05, 0.07])
+
+
+def random_scene(seed: int) -> str:
+    """Return a scene of damped masses with springs to the ground, strings, stops and friction."""
+    generator = np.random.default_rng(seed)
+    number, count = generator.uniform, int(generator.integers(2, 4))
+    parts, joined, ends = ["Fixed g;"], [], ["g", *(f"m{i}" for i in range(count))]
+    for i in range(count):
+        weight = generator.choice([0, 9.81, -9.81])
+        parts += [f"Mass m{i}(m = {number(0.5, 3)}, g = {weight}, q(start = {number(-1, 1)}, fixed = true));"]
+        parts += [f"Damper d{i}(c = 30);", f"Spring k{i}(k = {number(20, 200)}, d0 = {number(-1, 1)});"]
+        joined += [f"connect(g.flange, {e}{i}.a); connect({e}{i}.b, m{i}.flange);" for e in "dk"]
+    for j, kind in enumerate(["Cable(L = {0})", "Stop(L = -{0})", "DryFriction(F = {1})"]):
+        a, b = generator.choice(len(ends), 2, replace=False)
+        name, values = kind.split("(")
+        parts.append(f"{name} l{j}({values.format(number(2.2, 3), number(0.1, 20))};")
+        joined.append(f"connect({ends[a]}.flange, l{j}.a); connect({ends[b]}.flange, l{j}.b);")
+    return f"model R\n{' '.join(parts)}\nequation\n{' '.join(joined)}\nend R;"
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_damped_scenes_come_to_rest_in_an_equilibrium(seed):
+    """Where a run ends is one of the states of rest that the complementarity problem gives, or in one of the sets."""
+    dae = lmoc.compile_text(random_scene(seed))
+    run = dae.simulate(stop=100, points=2, rtol=1e-8)
+    at = {name: float(run[name][-1]) for name in dae.states}
+
+    def reached(rest) -> bool:
+        known = {n: v.subs({s: at[s.name] for s in v.free_symbols if s.name in at}) for n, v in rest.items()}
+        inside = all(low - 1e-6 <= at[name] <= high + 1e-6 for name, (low, high) in rest.laws.range.items())
+        return inside and all(abs(number(dae, v) - at[name]) < 1e-5 for name, v in known.items())
+
+    assert any(reached(rest) for rest in dae.equilibria())
