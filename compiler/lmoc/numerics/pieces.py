@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -24,8 +24,6 @@ from lmoc.numerics.coordinates.change import (
     registers_at,
     with_solutions,
 )
-from lmoc.numerics.coordinates.changes import Changes, Way, singular_start
-from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
@@ -50,6 +48,7 @@ from lmoc.numerics.task import Cost, Stretch, Task
 from lmoc.support.distinct import distinct
 
 if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.changes import Changes, Way
     from lmoc.numerics.events.happenings import Happenings
     from lmoc.numerics.formulations.watch import LoopWatch
 
@@ -105,7 +104,6 @@ class _Run:
         self.pieces: list[Piece] = []
         self.ended: Status | None = None  # an event has ended the run
         self.cost = Cost()
-        self.changes = Changes(task, self.variables)
         self.longest = np.inf if options.max_step is None else options.max_step
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
@@ -360,11 +358,21 @@ class _Run:
         self.happenings.records += steps.records
         return self.cost.add(outcome, stretch.system, MOREAU, "asked for")
 
+    @cached_property
+    def changes(self) -> Changes:
+        """The changes of coordinates so far; most scenes have none, and do not import what they take."""
+        from lmoc.numerics.coordinates.changes import Changes
+
+        return Changes(self.task, self.variables)
+
     def _judge_the_beginning(self, begin: float, x: np.ndarray) -> Status:
         """Judge the coordinates where the piece begins, if what they divide by changes along the motion."""
         stretch = self.stretch
         if stretch.plan.reduced.constraints is None or stretch.watch is not None or not len(x):
             return Status.OK
+        from lmoc.numerics.coordinates.changes import singular_start
+        from lmoc.numerics.coordinates.watch import CoordinateWatch
+
         stretch.watch = CoordinateWatch(stretch.system, stretch.base)
         self.changes.bar(stretch)
         status = stretch.watch.begin(begin, x)
@@ -499,7 +507,7 @@ class _Run:
             often = "once" if changes == 1 else f"{changes} times"
             self.report.note("N0632", f"coordinates changed {often}, between {sets}")
             self.cost.stats["coordinate_changes"] = changes
-        passed = self.changes.passed
+        passed = self.changes.passed if "changes" in self.__dict__ else []
         if passed:
             often = "a singular position was" if len(passed) == 1 else f"{len(passed)} singular positions were"
             first = f"at t = {passed[0]:.6g} s" if len(passed) == 1 else f"the first at t = {passed[0]:.6g} s"

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.observe.observer import Observer
@@ -21,6 +20,7 @@ from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.sizes import Sizes
 
 if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.watch import CoordinateWatch
     from lmoc.numerics.formulations.watch import LoopWatch
     from lmoc.numerics.laws.mode import Mode
 
