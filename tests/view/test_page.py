@@ -125,6 +125,12 @@ def test_large_scenes_make_small_pages_that_say_what_is_left_out():
     assert "too large to be simulated in a page" in html and "left out" in html
 
 
+@pytest.mark.parametrize("file", ["lattice", "gear_tree"])
+def test_irregular_large_scenes_stay_below_the_limit(file):
+    dae = lmoc.compile(MODELS / "bench" / f"{file}.lmo")
+    assert len(dae.simulate(stop=0.01, points=5).view().html.encode()) < LIMIT
+
+
 def test_many_output_times_are_thinned_but_events_keep_theirs():
     dae = lmoc.compile(MODELS / "laws" / "h19_bouncing_ball.lmo")
     run = dae.simulate(points=200_001)

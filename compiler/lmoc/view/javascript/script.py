@@ -38,7 +38,7 @@ from lmoc.numerics.sizes import assumed_sizes
 from lmoc.view.javascript.code import Writer
 from lmoc.view.javascript.start import start_program
 
-MOST_ROWS = 20_000  # of all steps: more makes a large page, and a run that takes seconds
+MOST_ROWS = 5_000  # of all steps: more makes a large page, and a run that takes seconds
 
 
 class NotWritten(Exception):

@@ -34,16 +34,20 @@ class Slider:
     fixed: str = ""
 
 
-def sliders(observer: Observer, slots: np.ndarray) -> list[Slider]:
-    """Return the independent parameters, in the order of the model.
+def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slider]:
+    """Return independent parameters in the order of the model, those that are zero behind the others.
 
     Parameters
     ----------
     slots : (flat.count,) as of `Script`
+    most : of them
     """
     flat, values = observer.flat, observer.values
-    found = []
-    for variable in independent(observer)[0].tolist():
+    found: list[Slider] = []
+    variables = independent(observer)[0]
+    for variable in variables[np.argsort(values[variables] == 0, kind="stable")].tolist():
+        if len(found) == most:
+            break
         block = flat.block_at(variable)
         numeric = block.quantity == "Real" and np.isfinite(values[variable])
         if slots[variable] < 0 or not numeric or block.protected or block.final:

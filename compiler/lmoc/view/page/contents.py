@@ -6,6 +6,7 @@ variables; `missing` says so.
 
 from __future__ import annotations
 
+import json
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -26,13 +27,14 @@ from lmoc.view.javascript.sliders import sliders
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
 
-MOST_VALUES = 140_000  # numbers of 32 bits: 0.75 MB of text
+MOST_VALUES = 100_000  # numbers of 32 bits: 0.53 MB of text
 LEAST_TIMES = 201  # output times that are left in any case
 MOST_VARIABLES = 4000
 MOST_SHOWN = 6  # variables that are plotted at first
 MOST_SLIDERS = 60
+MOST_SCRIPT = 500_000  # characters of the page's own simulation
 MOST_EVENTS = 500
-MOST_PARTS = 500  # of a scene whose picture moves
+MOST_ITEMS = 3000  # of a picture that moves
 CHECKED, CHECK_TIMES = 40, 101  # variables and times at which the page compares its own run
 
 
@@ -239,16 +241,15 @@ def _picture(run: Result, missing: list[str]) -> Picture | None:
     def at_start():
         return lambda name: float(run[name][0])
 
-    parts = run.reduced.counts["parts"]
-    if parts > MOST_PARTS:
-        missing.append(f"The picture is left out: the scene has {parts} parts.")
-        return None
     try:
         picture = picture_of(run.flat, run.trajectory.observer.values, at_start)
     except ModelError as error:
         missing.append(f"The scene cannot be drawn: {error.diagnostics[0].message}.")
         return None
     missing += picture.notes
+    if len(picture.items) > MOST_ITEMS:
+        missing.append(f"The picture is left out: it has {len(picture.items)} items.")
+        return None
     return picture
 
 
@@ -309,17 +310,21 @@ def _script(run: Result) -> tuple[Script | None, str]:
         return None, "the run has no two output times"
     stop = run.time[-1] if run.complete else max(run.time[-1], run.broke_off)
     try:
-        return write_script(run.trajectory, float(stop)), ""
+        script = write_script(run.trajectory, float(stop))
     except NotWritten as error:
         return None, str(error)
+    size = len(script.text) + len(json.dumps(script.data))
+    if size > MOST_SCRIPT:
+        return None, f"the scene is too large to be simulated in a page (its equations take {size / 1e6:.1f} MB)"
+    return script, ""
 
 
 def _script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:
     if script is None:
         return {"reason": reason, "parameters": [], "held": []}
-    found = sliders(run.trajectory.observer, script.slots)
-    order = sorted(found, key=lambda s: (bool(s.fixed), s.value == 0))  # stable: the model's order otherwise
-    parameters = [asdict(s) | {"unit": unit_text(s.unit) if s.unit else ""} for s in order[:MOST_SLIDERS]]
+    found = sliders(run.trajectory.observer, script.slots, MOST_SLIDERS)
+    order = sorted(found, key=lambda s: bool(s.fixed))
+    parameters = [asdict(s) | {"unit": unit_text(s.unit) if s.unit else ""} for s in order]
     return script.data | {"reason": "", "parameters": parameters}
 
 
