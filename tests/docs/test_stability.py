@@ -10,6 +10,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
 EXPECTED = {
     stability.damping_of_bdf: lambda n: n["cvode"] > 5e-3 and n["auto"] < 1e-4 and n["gauss"] < 1e-9,
     stability.drift: lambda n: n["1e-06"] > 1e-4 and n["0.0001"] > 0.01 and n["reduced"] < 1e-9,
+    stability.formulations: lambda n: n["index3"] < 20 and n["index1"] > 1e-4 and n["projected"] + n["reduced"] < 1e-12,
     stability.beyond_the_stability_limit: lambda n: n["rk4"] > 1e3 and n["verlet"] > 1e3 and n["midpoint"] < 2,
     stability.stiffness: lambda n: n["dop853"] > 50 * n["auto"],
     stability.ringing: lambda n: n["midpoint"] > 0.5 and n["generalized-alpha"] < 0.1 and n["radau"] < 1e-4,

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _RTOLS = tuple(10.0**-k for k in range(3, 11))
 _QUICK_RTOLS = 1e-3, 1e-5, 1e-7, 1e-9
 _QUICK = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
+_ELSEWHERE = "auto", "dop853", "taylor", "ida", "radau", "gauss"  # in other formulations, unless somebody asks
 _STEPS, _QUICK_STEPS = 6, 3  # lengths of fixed steps
 _QUICK_RUN = 0.04  # s, that a run by `auto` may take in a quick chart; of a longer one only the beginning is charted
 
@@ -135,11 +136,10 @@ def chart(
         note = f"to be quick, only until {runner.span.end:.3g} s of {first.end:g} s"
         first = probe(runner, budget.reference)
     reference = make_reference(runner, first, budget.reference, told)
-    chosen = solvers or (_QUICK if quick else SOLVERS)
     settings = [
         _settings(solver, formulation, tolerances, first, quick)
         for formulation in formulations or _formulations(session, quick)
-        for solver in chosen
+        for solver in solvers or (_QUICK if quick else SOLVERS if formulation == "reduced" else _ELSEWHERE)
         if TABLE[formulation].goes_with(solver)
     ]
     measurement = Measurement(runner, reference.signals, budget.run, until, told)
@@ -159,9 +159,7 @@ def _budget(seconds: float | None, quick: bool) -> Budget:
     return Budget(seconds, budget.reference * share, budget.run * share, budget.repeats)
 
 
-def _settings(
-    solver: str, formulation: str, tolerances: Sequence[float], first: Probe, quick: bool
-) -> list[Setting]:
+def _settings(solver: str, formulation: str, tolerances: Sequence[float], first: Probe, quick: bool) -> list[Setting]:
     """Return the points of one method, the coarsest first."""
     if solver not in FIXED_STEP:
         return [Setting(solver, formulation, rtol) for rtol in tolerances]

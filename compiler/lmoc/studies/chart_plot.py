@@ -12,6 +12,7 @@ import numpy as np
 from lmoc.report.files import PICTURES, check_target
 from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
 from lmoc.studies.chart_text import by_method
+from lmoc.studies.points import NOT_RUN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _MARKERS = "os^DvP*Xp<>hd8"
 _APART = 0.038  # of the height, between two labels
+_MOST_NAMED = 16  # curves with colours and names
 _MARKED = 0.3  # of the width of the rail, for the marks; the reasons stand beside
 _LARGEST = 10.0  # error that is drawn; larger ones stand at the edge
 
@@ -45,10 +47,11 @@ def plot(chart: Findings, path: str | Path | None = None) -> Figure:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9, 6.4), dpi=150, layout="constrained")
+        failed = _by_reason([p for p in chart.points if not p.ok and not p.status.startswith(NOT_RUN)])
+        above = 0.35 + 0.19 * len(failed)  # inches
+        figure = Figure(figsize=(9, 6.0 + above), dpi=150, layout="constrained")
         FigureCanvasAgg(figure)
-        failed = [p for p in chart.points if not p.ok]
-        rail, axis = figure.subplots(2, 1, height_ratios=[0.03 + 0.045 * len(by_method(failed)), 1])
+        rail, axis = figure.subplots(2, 1, height_ratios=[above, 6.0])
         styles = _styles(chart)
         _frontiers(axis, chart, styles)
         _chosen(axis, chart, styles)
@@ -87,12 +90,15 @@ def _frontiers(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
     axis.set_xscale("log")
     axis.set_yscale("log")
     labels = []
-    for name, points in by_method(chart.points).items():
-        good = [p for p in points if p.ok and p.error > 0]
-        if not good or name == "auto":
-            continue
+    curves = {name: [p for p in points if p.ok and p.error > 0] for name, points in by_method(chart.points).items()}
+    curves = {n: points for n, points in curves.items() if points and points[0].setting.solver != "auto"}
+    named = _named(curves)
+    for name, good in curves.items():
         colour, marker, dashes = styles[name]
         x, y = [min(p.error, _LARGEST) for p in good], [p.seconds for p in good]
+        if name not in named:
+            axis.plot(x, y, color="#cccccc", linestyle=dashes, linewidth=0.8, zorder=1)
+            continue
         axis.plot(x, y, color=colour, marker=marker, linestyle=dashes, markersize=5, linewidth=1.2, alpha=0.9)
         labels.append((x[-1], y[-1], name, colour))
     good = [p for p in chart.points if p.ok and p.error > 0]
@@ -102,6 +108,19 @@ def _frontiers(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
     high = min(_LARGEST, max(p.error for p in good))
     axis.set_xlim(high * 2, low / 2)
     _labels(axis, labels)
+
+
+def _named(curves: dict[str, list[Point]]) -> set[str]:
+    """Return the methods that are named; of many, those that are the fastest at some error, the fastest first."""
+    if len(curves) <= _MOST_NAMED:
+        return set(curves)
+
+    def behind(name: str) -> float:
+        """How many times longer it takes than the fastest at the error where it is best."""
+        return min(p.seconds / min(q.seconds for q in every if q.error <= p.error) for p in curves[name])
+
+    every = [p for points in curves.values() for p in points]
+    return set(sorted(curves, key=behind)[:_MOST_NAMED])
 
 
 def _labels(axis: Axes, labels: Sequence[tuple[float, float, str, str]]) -> None:
@@ -132,6 +151,7 @@ def spread(heights: Sequence[float], apart: float) -> list[float]:
 def _chosen(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
     """Mark what `auto` has chosen by rings, with the tolerances asked for."""
     good = [p for p in chart.points if p.ok and p.setting.solver == "auto" and p.error > 0]
+    good = [p for p in good if p.setting.formulation == "reduced"] or good
     if not good:
         return
     x, y = [min(p.error, _LARGEST) for p in good], [p.seconds for p in good]
@@ -155,36 +175,53 @@ def _band(axis: Axes, chart: Findings) -> None:
     )  # fmt: skip
 
 
-def _rail(axis: Axes, failed: Sequence[Point], styles: dict[str, Style]) -> None:
-    """Draw what gave no result at the tolerance (or step) asked for, with the reason."""
+def _by_reason(failed: Sequence[Point]) -> dict[str, list[Point]]:
+    """Return what gave no result by its reason, the text of which leaves out the place and the name of the method."""
+    found: dict[str, list[Point]] = {}
+    for point in failed:
+        found.setdefault(_reason(point.status), []).append(point)
+    return found
+
+
+def _reason(status: str) -> str:
+    text = status.split(" cannot be used: ")[-1]
+    return text.split(": ", 1)[1] if text.startswith("the run stopped at") else text
+
+
+def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) -> None:
+    """Draw what gave no result at the tolerance (or step) asked for, with the reason and the methods."""
     axis.set_visible(bool(failed))
     if not failed:
         return
-    rows = by_method(failed)
-    asked = {n: [p.setting.step if p.setting.fixed else p.setting.rtol for p in own] for n, own in rows.items()}
-    for k, (name, points) in enumerate(rows.items()):
-        colour = styles[name][0]
-        axis.plot(asked[name], np.full(len(points), -k), linestyle="none", marker="x", color=colour, markersize=5)
-        reasons = list(dict.fromkeys(p.status for p in points))
-        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    every = sorted({_asked(p) for points in failed.values() for p in points}, reverse=True)
+    for k, (reason, points) in enumerate(failed.items()):
+        methods = by_method(points)
+        for name, own in methods.items():
+            asked = [_asked(p) for p in own]
+            axis.plot(asked, np.full(len(own), -k), linestyle="none", marker="x", color=styles[name][0], markersize=5)
+        names = (
+            ", ".join(methods) if len(methods) <= 3 else f"{', '.join(list(methods)[:3])} and {len(methods) - 3} more"
+        )
         axis.annotate(
-            f"{name}: {_short(reasons[0])}{more}", (_MARKED, -k), xycoords=("axes fraction", "data"), fontsize=7,
-            color=colour, va="center",
+            f"{names}: {_short(reason)}", (_MARKED, -k), xycoords=("axes fraction", "data"), fontsize=7,
+            color=GREY if len(methods) > 1 else styles[next(iter(methods))][0], va="center",
         )  # fmt: skip
-    every = sorted({value for values in asked.values() for value in values}, reverse=True)
     axis.set_xscale("log")
     high, low = every[0] * 3, every[-1] / 3
     axis.set_xlim(high, high * (low / high) ** (1 / _MARKED))
     shown = every if len(every) <= 4 else [every[0], every[-1]]
     axis.set_xticks(shown, [f"{value:.0e}".replace("e-0", "e-") for value in shown])
     axis.minorticks_off()
-    axis.set_ylim(-len(rows) + 0.4, 0.6)
+    axis.set_ylim(-len(failed) + 0.4, 0.6)
     axis.set_yticks([])
     axis.grid(False)
     axis.tick_params(labelsize=7)
     axis.set_title("no result, at the tolerance or the step (s) asked for", fontsize=8, color=GREY, loc="left")
 
 
+def _asked(point: Point) -> float:
+    return point.setting.step if point.setting.fixed else point.setting.rtol
+
+
 def _short(reason: str, most: int = 78) -> str:
-    reason = reason.split(" cannot be used: ")[-1]
     return reason if len(reason) <= most else reason[: most - 1] + "…"

@@ -150,4 +150,3 @@ def _open(form: str, make: Callable, prepared: Prepared, request: Request, compa
     place = {(int(v), int(n)): k for k, (v, n) in enumerate(zip(equations.variable, equations.order, strict=True))}
     columns = [place[int(flat.find(n)[0]), 0] for n in comparison.names]
     return Economy(form, "ida", equations.states, equations.n, best, comparison.error(table[:, columns]), steps)
-

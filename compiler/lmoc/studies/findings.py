@@ -12,7 +12,7 @@ from lmoc.studies.reference import Reference
 DIGITS = 6  # that a recommendation is made for
 COLUMNS = (
     "solver", "formulation", "rtol", "error", "seconds", "evaluations", "residual", "energy", "status", "note",
-    "step", "end_error", "steps", "jacobians", "events", "repeats",
+    "step", "end_error", "velocity_residual", "steps", "jacobians", "events", "repeats",
 )  # fmt: skip
 
 

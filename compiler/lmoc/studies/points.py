@@ -23,6 +23,7 @@ from lmoc.studies.deviation import Signals, deviation, signals_of
 from lmoc.studies.residual import constraint_residual
 
 _WITHOUT_DEADLINE = ("cvodes", "idas", "collocation", "collocation-radau")  # a run is one call, which nothing can stop
+NOT_RUN = "not run"  # what a status begins with where there was no time for a run
 _BUSY = 3.0  # wall time that a run may take for each second of the processor
 _SHORT = 1e-3  # of the span, a run that warms up
 
@@ -59,7 +60,7 @@ class Point:
     seconds : s, the shortest of several warm runs
     repeats : runs that count
     evaluations, jacobians, steps, events : of one run
-    residual : of the equations between positions
+    residual, velocity_residual : of the equations between positions, and of closed loops at the level of velocities
     energy : error of the balance; NaN where it is unknown
     status : "ok", or why there is no result
     note : what else there is to say; for "auto", the solvers it has chosen
@@ -75,6 +76,7 @@ class Point:
     steps: int = 0
     events: int = 0
     residual: float = np.nan
+    velocity_residual: float = np.nan
     energy: float = np.nan
     status: str = "ok"
     note: str = ""
@@ -205,14 +207,14 @@ class Measurement:
             return Point(setting, status=series.given_up)
         left = self.until - clock.thread_time()
         if left < 0:
-            return Point(setting, status="not run: the time for the chart is over")
+            return Point(setting, status=f"{NOT_RUN}: the time for the chart is over")
         expected = _expected(series.points)
         if expected > self.limit:
-            series.given_up = f"not run: it would take more than {self.limit:.2g} s"
+            series.given_up = f"{NOT_RUN}: it would take more than {self.limit:.2g} s"
             return Point(setting, status=series.given_up)
         point = self._measured(setting)
         if not point.ok and "is over" in point.status:
-            series.given_up = f"not run: a coarser one took more than {self.limit:.2g} s"
+            series.given_up = f"{NOT_RUN}: a coarser one took more than {self.limit:.2g} s"
         return point
 
     def _measured(self, setting: Setting) -> Point:
@@ -267,9 +269,15 @@ def _point(setting: Setting, run: Run, seconds: float, reference: Signals) -> Po
     finite = np.isfinite(apart.largest)
     return Point(
         setting, apart.largest, apart.end, seconds, 0, int(stats["evaluations"]), int(stats.get("jacobians", 0)),
-        int(stats.get("steps", 0)), len(run.events), constraint_residual(run), float(energy),
+        int(stats.get("steps", 0)), len(run.events), *_residuals(run), float(energy),
         "ok" if finite else "the signals have no finite values", "; ".join(filter(None, notes)),
     )  # fmt: skip
+
+
+def _residuals(run: Run) -> tuple[float, float]:
+    """Return the residuals of positions and of velocities; of these NaN where there are no closed loops."""
+    position, velocity = run.residual or (0.0, np.nan)
+    return max(position, constraint_residual(run)), velocity
 
 
 def steps_for(span: float, typical: float, count: int) -> list[float]:
