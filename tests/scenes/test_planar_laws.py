@@ -176,3 +176,19 @@ def test_a_closed_loop_hits_a_wall_on_its_own_branch():
     assert impact.energy_lost == pytest.approx(inertia * omega**2 / 2 * (1 - 0.25), rel=1e-9)
     assert np.abs(run["second.phi"] - run["first.phi"]).max() < 1e-12
     assert run["wall.gap"].min() > -1e-9
+
+
+def test_painleves_paradox_is_reported():
+    """A bar pushed ahead on a rough floor: no normal force holds its tip, as its friction turns the bar into it."""
+    angle, length = 1.2, 1.0
+    dae = compiled("Chalk", f"""  Bar bar(l = {length}, m = 1, x(start = 0, fixed = true), y(start = 0, fixed = true),
+    theta(start = {angle}, fixed = true), vx(start = -1, fixed = true), vy(start = 0, fixed = true),
+    omega(start = 0, fixed = true));
+  PointOf tip; Contact floor(mu = 2);""",
+        "  connect(bar.a, tip.frame); connect(tip.point, floor.point);")  # fmt: skip
+    dx, dy = length / 2 * np.cos(angle), length / 2 * np.sin(angle)
+    assert 1 + 12 * dx**2 - 2 * 12 * dx * dy < 0  # acceleration of the tip by a normal force with its friction
+    with pytest.raises(lmoc.ModelError, match="floor contradict each other"):
+        dae.simulate(stop=0.1)
+    run = dae.simulate(stop=0.05, points=2, initial={"bar.vx": 1})  # pulled behind, it slides
+    assert run["floor.fn"].min() > 0 and np.abs(run["floor.gap"]).max() < 1e-12

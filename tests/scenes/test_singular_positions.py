@@ -95,6 +95,13 @@ def test_isosceles_slider_crank_goes_beyond_its_pivot(rtol, solver, allowed):
     assert np.abs(run["rod.b.x"] - run["line.s"]).max() < 1e-12
 
 
+def test_long_steps_over_a_singular_place_become_shorter_without_a_compiler(monkeypatch):
+    monkeypatch.setenv("LMOC_CC", "")
+    run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=2, points=11, rtol=1e-3, solver="dop853")
+    assert np.abs(run["first.phi"] - np.pi / 2 + upright(1.2, -1, run.time)).max() < 0.1
+    assert np.abs(run["second.phi"] - run["first.phi"]).max() < 1e-12
+
+
 @pytest.mark.parametrize("more", [1e-10, 1e-4])
 def test_bars_that_almost_fit_turn_or_stop_but_never_jump(more):
     """With a coupler a little too long the two branches do not meet: the rocker turns sharply nearby."""

@@ -105,7 +105,7 @@ class Changes:
         if not (watch.lost_rank or watch.passed_a_singular_place):
             watch.tolerate()
             return Way(stretch, outcome.x)
-        until = max(watch.last.t, watch.singular)
+        until = max(watch.last.t, watch.singular) if watch.lost_rank else watch.last.t
         distance = (until - t) / 4  # the way up to it is gone in shorter steps
         shortest = _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start)
         if self._stalled < _STALLED and distance > shortest and not watch.cornered:
