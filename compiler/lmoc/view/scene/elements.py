@@ -67,7 +67,6 @@ class Graph:
     ----------
     values : (flat.count,) parameter values
     elements : in the order of their declaration
-    left_out : number of parts with ports that are too many to be listed
     """
 
     flat: FlatDAE

@@ -11,7 +11,6 @@ from math import ceil, cos, hypot, pi, sin
 
 from lmoc.ir.look import Drawn
 from lmoc.view.scene.picture import Circle, End, Item, Label, Path, Shape, Turn, Vertex
-from lmoc.view.scene.text import plain
 from lmoc.view.scene.text import width as text_width
 
 LEAD = 12.0  # least straight end of a spring or damper
@@ -387,8 +386,3 @@ def rounded(corners: Sequence[tuple[float, float]], radius: float) -> list[tuple
 def widest(texts: Sequence[str], size: float = FONT) -> float:
     """Return the width of the widest of some texts."""
     return max((text_width(t, size) for t in texts), default=0.0)
-
-
-def words(text: str) -> str:
-    """A label without its marks, for people who hear the picture."""
-    return plain(text)

@@ -28,6 +28,7 @@ class Window:
     torque: tuple[float, float]
 
 
+CENTRE = End(0.0, 0.0)  # of a wheel
 ALL_ROUND = Window((95, 142), (38, 85))
 FIRST, LAST, BETWEEN = Window((75, 118), (140, 190)), Window((45, 92), (-15, 30)), Window((70, 110), (250, 290))
 
@@ -59,7 +60,13 @@ def turning(strip: Strip, node: int, sense: int = 1) -> Turning:
 
 
 def decorated(
-    shaft: Turning, style: Style, radius: float, down: bool, title: bool = True, held: bool = False, window=None
+    shaft: Turning,
+    style: Style,
+    radius: float,
+    down: bool,
+    title: bool = True,
+    held: bool = False,
+    window: Window = ALL_ROUND,
 ) -> tuple[list[Item], list[Item]]:
     """Return the arrows about a wheel at (0, 0), and its legs to the ground.
 
@@ -71,47 +78,57 @@ def decorated(
     held : it has a bearing where nothing else holds it
     window : where there is room for arrows
     """
-    window = window or ALL_ROUND
-    centre = End(0.0, 0.0)
+    names = style.names
     items: list[Item] = []
-    names, s = style.names, shaft.sense
-
-    def around(
-        text: str, symbol: str, part: str, colour: str, angles: tuple[float, float], variables: Mapping
-    ) -> None:
-        r, (start, stop) = radius + 9, angles
-        a, b = (start, stop) if s > 0 else (stop, start)
-        items.append(symbols.turning_arrow(symbol, part, centre, r, radians(a), radians(b), colour, dict(variables)))
-        at = radians((start + stop) / 2)
-        anchor = "start" if cos(at) > 0.35 else "end" if cos(at) < -0.35 else "middle"
-        x, y = (r + 6) * cos(at), -(r + 11) * sin(at)
-        items.append(symbols.label(text, centre, x, y, anchor, part, colour=colour))
-
     if shaft.node in style.coordinates and not any(e.symbol == "rotation" for e in shaft.on):
-        variables = {"angle": style.variables[shaft.node]}
-        around(style.coordinates[shaft.node], "coordinate", "", "ink", window.coordinate, variables)
+        angle = {"angle": style.variables[shaft.node]}
+        items += _around(
+            shaft, radius, style.coordinates[shaft.node], "coordinate", "", "ink", window.coordinate, angle
+        )
     for element in shaft.on:
+        part = element.name
         if element.symbol == "torque":
-            text = names.signal(element, "tau")
-            around(text, "torque", element.name, "force", window.torque, {"force": f"{element.name}.tau"})
+            text, variables = names.signal(element, "tau"), {"force": f"{part}.tau"}
+            items += _around(shaft, radius, text, "torque", part, "force", window.torque, variables)
         elif element.symbol == "rotation":
-            around(names.signal(element, "theta"), "rotation", element.name, "ink", window.torque, {})
+            items += _around(shaft, radius, names.signal(element, "theta"), "rotation", part, "ink", window.torque, {})
         elif element.symbol == "brake":
-            x = -radius - 5.0
-            shoe = symbols.path((x - 9, -13), (x, -13), (x, 13), (x - 9, 13), closed=True, fill="ground")
-            items.append(Item("brake", element.name, (centre,), (shoe,)))
-            items.append(symbols.label(names.called(element), centre, x - 15, 14, "end", element.name))
+            items += _brake(part, names.called(element), radius)
         elif element.symbol not in BODIES:
-            text = names.called(element)
-            half = width(text, 13) / 2 + 7
-            y = (1 if not down else -1) * (radius + 34)
-            items.append(symbols.box("box", element.name, centre, (-half, y - 12, half, y + 12), text))
+            items.append(_box(part, names.called(element), (-1 if down else 1) * (radius + 34)))
     if title and (text := " + ".join(names.part(e, "J", "m") for e in shaft.on if e.symbol in BODIES)):
         inside = radius > 26 and width(text, 13) < 1.5 * radius
         x, y, anchor = (0, 0.52 * radius, "middle") if inside else (-8, radius + 14, "end")
         part = next(e.name for e in shaft.on if e.symbol in BODIES)
-        items.append(symbols.label(text, centre, x, y, anchor, part))
+        items.append(symbols.label(text, CENTRE, x, y, anchor, part))
     return items, _legs(shaft, style, radius, down, held)
+
+
+def _around(
+    shaft: Turning, radius: float, text: str, symbol: str, part: str, colour: str, angles: tuple[float, float],
+    variables: dict[str, str],
+) -> list[Item]:  # fmt: skip
+    """An arrow about a wheel between two angles (degrees), in the sense of the shaft, with a label outside of it."""
+    r, (start, stop) = radius + 9, angles
+    a, b = (start, stop) if shaft.sense > 0 else (stop, start)
+    arrow = symbols.turning_arrow(symbol, part, CENTRE, r, radians(a), radians(b), colour, variables)
+    at = radians((start + stop) / 2)
+    anchor = "start" if cos(at) > 0.35 else "end" if cos(at) < -0.35 else "middle"
+    x, y = (r + 6) * cos(at), -(r + 11) * sin(at)
+    return [arrow, symbols.label(text, CENTRE, x, y, anchor, part, colour=colour)]
+
+
+def _brake(part: str, name: str, radius: float) -> list[Item]:
+    """A shoe at the left of a wheel."""
+    x = -radius - 5.0
+    shoe = symbols.path((x - 9, -13), (x, -13), (x, 13), (x - 9, 13), closed=True, fill="ground")
+    return [Item("brake", part, (CENTRE,), (shoe,)), symbols.label(name, CENTRE, x - 15, 14, "end", part)]
+
+
+def _box(part: str, name: str, y: float) -> Item:
+    """A part without a symbol."""
+    half = width(name, 13) / 2 + 7
+    return symbols.box("box", part, CENTRE, (-half, y - 12, half, y + 12), name)
 
 
 def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -> list[Item]:
@@ -222,26 +239,37 @@ def gear_row(
         placed[b] = x
     block = Block(())
     for k, node in enumerate(order):
-        shaft = turning(strip, node, sense[node])
-        largest = max(radii[node])
         window = FIRST if k == 0 else LAST if k == len(order) - 1 else BETWEEN
-        items, legs = decorated(shaft, style, largest, True, window=window)
-        winding = [0.55 * largest] if drums.get(node) else []
-        own = Block((*legs, *wheel(shaft, style, radii[node] + winding, True), *items), {node: (0.0, 0.0)})
-        for drum, side in zip(drums.get(node, ()), (1.0, -1.0)):
-            x, y = side * winding[0], largest + 30.0
-            rope = symbols.line("string", drum.part, End(x, 0.0), End(x, y), 1.4, "string")
-            own = own.beside(Block((rope,)), drum.content.at(x, y))
+        own = _gear(turning(strip, node, sense[node]), style, radii[node], window, drums.get(node, ()))
         block = block.beside(own.at(placed[node], 0.0))
-    named = []
-    for (element, a, _), (ra, rb) in zip(meshes, size):
-        contact = Circle((0.0, 0.0, 0.0), 2.0, "ink")
-        named.append(Item("mesh", element.name, (End(placed[a] + ra, 0.0),), (contact,)))
-        text = style.names.part(element, "N", "ratio") if element.symbol == "gear" else ""
-        if text:  # in the wedge below the point of contact, below the name of a small wheel
-            low = min(ra, rb) + (14 if len(plain(text)) == 1 else 31)
-            named.append(symbols.label(text, End(placed[a] + ra, 0), -5, low, "end", element.name))
-    return Block((*block.items, *named), block.anchors)
+    contacts: list[Item] = []
+    for (element, a, _), pair in zip(meshes, size):
+        contacts += _contact(element, style, placed[a] + pair[0], min(pair))
+    return Block((*block.items, *contacts), block.anchors)
+
+
+def _gear(shaft: Turning, style: Style, radii: list[float], window: Window, drums: Sequence[Drum]) -> Block:
+    """The gears of one shaft about (0, 0), with what hangs on ropes there."""
+    largest = max(radii)
+    items, legs = decorated(shaft, style, largest, True, window=window)
+    winding = [0.55 * largest] if drums else []
+    own = Block((*legs, *wheel(shaft, style, radii + winding, True), *items), {shaft.node: (0.0, 0.0)})
+    for drum, side in zip(drums, (1.0, -1.0)):
+        x, y = side * winding[0], largest + 30.0
+        rope = symbols.line("string", drum.part, End(x, 0.0), End(x, y), 1.4, "string")
+        own = own.beside(Block((rope,)), drum.content.at(x, y))
+    return own
+
+
+def _contact(element: Element, style: Style, x: float, radius: float) -> list[Item]:
+    """The point where two gears touch; the ratio stands in the wedge below it, below the name of a small wheel."""
+    at = End(x, 0.0)
+    found = [Item("mesh", element.name, (at,), (Circle((0.0, 0.0, 0.0), 2.0, "ink"),))]
+    if element.symbol == "gear":
+        text = style.names.part(element, "N", "ratio")
+        low = radius + (14 if len(plain(text)) == 1 else 31)
+        found.append(symbols.label(text, at, -5, low, "end", element.name))
+    return found
 
 
 def _bounded(pair: tuple[float, float]) -> tuple[float, float]:
