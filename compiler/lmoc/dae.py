@@ -429,6 +429,8 @@ class DAE:
         """Return the equations of motion as a person writes them.
 
         Of a scene with laws these are the equations of each mode that the default run meets, and the laws between them.
+        Of closed loops without a short form in minimal coordinates, those in all coordinates of the loops, with a
+        multiplier for each closure.
 
         Parameters
         ----------
@@ -444,6 +446,8 @@ class DAE:
 
             modes = modes_met(self._session, parameters)
             return equations_of_modes(self._session.lawful(prepared), modes, forces, explicit)
+        if prepared.reduced.invariants is not None and not (forces or explicit):
+            return self._session.equations_of_loops(prepared)
         return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
 
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.signals.signals import Signal
     from lmoc.numerics.simulate import Simulator
     from lmoc.numerics.task import Progress
+    from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.laws.modes import Lawful
 
@@ -205,6 +206,29 @@ class Session:
         if key not in self._formulated:
             self._formulated[key] = minimal, pipeline.reduce_with_loops(minimal, self.scene.states, wanted.gain, clock)
         return replace(prepared, reduced=self._formulated[key][1], minimal=minimal)
+
+    def equations_of_loops(self, prepared: Prepared) -> EquationsOfMotion:
+        """Return the equations of motion of a scene with closed loops, in minimal coordinates where these are short.
+
+        Raises
+        ------
+        ModelError
+            E0660: there are none that could be read.
+        """
+        from lmoc.numerics.formulations.table import TABLE, Requested
+        from lmoc.symbolic.equations import equations_of_motion, equations_with_closures
+
+        try:
+            return equations_of_motion(prepared.reduced, prepared.values)
+        except ModelError as refused:
+            try:
+                released = self.formulated(prepared, Requested(TABLE["index1"]), Clock())
+            except ModelError:  # not all coordinates of the loops can be states
+                raise refused from None
+            found = equations_with_closures(released.reduced, prepared.values)
+            if found is None:
+                raise
+            return found
 
     # ------------------------------------------------------------------ runs
 

@@ -45,6 +45,8 @@ class EquationsOfMotion:
         What was taken for granted about parameter values.
     undetermined : tuple of str
         Internal forces that a redundant loop leaves open.
+    closures : tuple of Expr
+        What vanishes where loops are closed; each has a multiplier in the equations, a force.
     """
 
     name: str
@@ -54,6 +56,7 @@ class EquationsOfMotion:
     descriptions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
     undetermined: tuple[str, ...] = ()
+    closures: tuple[sympy.Expr, ...] = ()
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -70,6 +73,11 @@ class EquationsOfMotion:
     def lines(self, style: Style = UNICODE) -> list[str]:
         return [e.write(self.notation, style) for e in self.equations]
 
+    def closure_lines(self, style: Style = UNICODE) -> list[str]:
+        """Return the closures of loops, ``g(q) = 0``."""
+        formula = Formula(self.notation, style)
+        return [formula.sum(g) + style.equals + "0" for g in self.closures]
+
     def force_lines(self, style: Style = UNICODE) -> list[str]:
         formula = Formula(self.notation, style)
         return [self.notation.name(n, style) + style.equals + formula.sum(v) for n, v in self.forces.items()]
@@ -78,6 +86,8 @@ class EquationsOfMotion:
         """For a terminal: the equations, the forces, and the table of abbreviations."""
         style = ASCII if ascii else UNICODE
         lines = self.lines(style) or [NOTHING_MOVES]
+        if self.closures:
+            lines += ["", "closures of the loops:", *self.closure_lines(style)]
         if self.forces:
             lines += ["", "internal forces:", *self.force_lines(style)]
         if self.undetermined:
@@ -92,7 +102,7 @@ class EquationsOfMotion:
 
     def latex(self) -> str:
         """An `align*` environment."""
-        lines = [*self.lines(LATEX), *self.force_lines(LATEX)]
+        lines = [*self.lines(LATEX), *self.closure_lines(LATEX), *self.force_lines(LATEX)]
         rows = " \\\\\n".join("  " + line.replace(" = ", " &= ", 1) for line in lines)
         return f"\\begin{{align*}}\n{rows}\n\\end{{align*}}"
 
@@ -102,6 +112,8 @@ class EquationsOfMotion:
     def html(self) -> str:
         """The equations in MathML and the table of symbols, to be put into a page."""
         shown = _formulas(self.lines(MATHML)) or f"<p>{NOTHING_MOVES}</p>"
+        if self.closures:
+            shown += f"\n<h2>Closures of the loops</h2>\n{_formulas(self.closure_lines(MATHML))}"
         if self.forces:
             shown += f"\n<h2>Internal forces</h2>\n{_formulas(self.force_lines(MATHML))}"
         if self.undetermined:
@@ -129,6 +141,7 @@ class EquationsOfMotion:
                 }
                 for e in self.equations
             ],
+            "closures": [plain_text(g) for g in self.closures],
             "forces": {name: plain_text(value) for name, value in self.forces.items()},
             "abbreviations": self.notation.abbreviations,
             "undetermined": list(self.undetermined),
@@ -149,6 +162,9 @@ class EquationsOfMotion:
         """
         import sympy as sp
 
+        if self.closures:
+            hint = "`lmoc linearize` gives the linear model about it"
+            raise no_symbols("closed loops have no equations in deviations, since their closures are not linear", hint)
         shift: dict[sympy.Symbol, sympy.Expr] = {}
         rename: dict[str, str] = {}
         for e in self.equations:
@@ -286,6 +302,40 @@ def equations_of_motion(
         descriptions=_descriptions(flat, notation.short),
         assumptions=outline.assumptions,
         undetermined=tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else (),
+    )
+
+
+def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOfMotion | None:
+    """Return the equations of motion in all coordinates of closed loops, with a multiplier for each closure.
+
+    None where the scene has no such form, or a longer one than a person would read.
+
+    Parameters
+    ----------
+    reduced : with all these coordinates as states
+    values : (flat.count,) parameter values in force
+    """
+    from lmoc.symbolic.closed import derive_closed
+
+    found = derive_closed(reduced, values)
+    if found is None or max(r.count_ops() for r in found.motion.residuals) > MOST_OPERATIONS:
+        return None
+    motion, outline = found.motion, found.outline
+    multipliers = [m.name for m in found.multipliers]
+    late = [*(u.name for u in outline.inputs), *multipliers, *(q.name for q in motion.coordinates)]
+    equations = tuple(
+        sorted_equation(r, q, n, motion.coordinates, late)
+        for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
+    )
+    notation = Notation.of(*motion.residuals, *found.closures, names=(), late=late, given=outline.own_names)
+    return EquationsOfMotion(
+        name=outline.name,
+        equations=equations,
+        forces={},
+        notation=notation,
+        descriptions=_descriptions(reduced.flat, notation.short),
+        assumptions=outline.assumptions,
+        closures=found.closures,
     )
 
 

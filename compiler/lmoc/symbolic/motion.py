@@ -191,6 +191,17 @@ def _total(combination: Mapping[int, sympy.Expr], right: Sequence[sympy.Expr]) -
 
 def _virtual_power(kinematics: Kinematics, laws: PartLaws, ports: list, trial: Trial) -> Iterator[sympy.Expr]:
     """The power of all flows for a unit rate of each coordinate in turn, without those in which a reaction stays."""
+    power, reactions = power_by_coordinate(kinematics, laws, ports)
+    for total in power:
+        residual = _without(total, reactions, trial)
+        if residual is not None:
+            yield residual
+
+
+def power_by_coordinate(
+    kinematics: Kinematics, laws: PartLaws, ports: list
+) -> tuple[list[sympy.Expr], set[sympy.Symbol]]:
+    """Return the power of all flows for a unit rate of each coordinate, and the symbols of unknown reactions."""
     import sympy as sp
 
     elimination, unknowns, right = laws.solve_relations()
@@ -206,10 +217,7 @@ def _virtual_power(kinematics: Kinematics, laws: PartLaws, ports: list, trial: T
             weight = slope(rate, q)
             if weight != 0:
                 power[q].append(laws.value(flow).xreplace(tied) * weight)
-    for q in rates:
-        residual = _without(sp.Add(*power[q]), set(unknowns.values()), trial)
-        if residual is not None:
-            yield residual
+    return [sp.Add(*power[q]) for q in rates], set(unknowns.values())
 
 
 def ports_of_elements(flat) -> list[tuple[int, int]]:

@@ -6,7 +6,7 @@ An identity that holds at a random point holds everywhere, up to a set of measur
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,9 +30,16 @@ class Trial:
     interpreter : Interpreter
         Its parameters' symbols get the values in force.
     values : (flat.count,) parameter values
+    onto : (states, parameter values) -> states, where these have to satisfy something
     """
 
-    def __init__(self, interpreter: Interpreter, values: np.ndarray):
+    def __init__(
+        self,
+        interpreter: Interpreter,
+        values: np.ndarray,
+        onto: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+    ):
+        self._onto = onto
         self._interpreter = interpreter
         self._generator = np.random.default_rng(7)
         self._values = with_all_values(interpreter.reduced.flat, values, self._generator)
@@ -44,6 +51,8 @@ class Trial:
         reduced, flat = self._interpreter.reduced, self._interpreter.reduced.flat
         system = NumericSystem(reduced, self._values, ())
         x = self._generator.uniform(0.2, 0.9, len(reduced.states))
+        if self._onto is not None:
+            x = self._onto(x, self._values)
         jets = self._generator.uniform(0.2, 0.9, reduced.inputs.shape[1])
         rates = system.rates_with(x, jets, 0.4)
         point = {sp.Symbol("time"): 0.4}

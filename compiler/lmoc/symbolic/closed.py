@@ -1,0 +1,130 @@
+"""Equations of motion of closed loops: in all their coordinates, with a multiplier for each closure.
+
+An explicit form in one angle of a four-bar fills pages. The textbook's form is short: Lagrange's equations of the first
+kind, ``d/dt ∂L/∂q̇ − ∂L/∂q − Q = Σ λ·∂g/∂q`` beside the closures ``g(q) = 0``. The left sides are the virtual power for
+each coordinate, as in an open tree, without the reactions where the loops are cut: the multipliers stand for these.
+Along every motion that the closures allow the left sides must do no power, which is checked at a random point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.ir.program import read
+from lmoc.ir.reduced import Invariants, Reduced
+from lmoc.symbolic.elimination import MOST_TERMS
+from lmoc.symbolic.kinematics import Kinematics
+from lmoc.symbolic.local import NotLinearError, PartLaws
+from lmoc.symbolic.motion import Motion, ports_of_elements, power_by_coordinate
+from lmoc.symbolic.slope import slope
+from lmoc.symbolic.system import Interpreter, Outline
+from lmoc.symbolic.too_long import NoSymbolsError
+from lmoc.symbolic.trial import ROUNDING, Trial
+
+if TYPE_CHECKING:
+    import sympy
+
+_ITERATIONS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """Equations of the first kind.
+
+    Attributes
+    ----------
+    motion : with the multipliers in its residuals
+    closures : vanish along the motion
+    multipliers : one for each closure
+    """
+
+    motion: Motion
+    outline: Outline
+    closures: tuple[sympy.Expr, ...]
+    multipliers: tuple[sympy.Symbol, ...]
+
+
+def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
+    """Return the equations of a scene in all coordinates of its loops; None where there is no such form.
+
+    Parameters
+    ----------
+    reduced : with these coordinates as states, closures on positions among its invariants
+    """
+    import sympy as sp
+
+    own = reduced.invariants
+    if own is None or (own.lower[1] < 0).any():
+        return None
+    interpreter = Interpreter(reduced, values, MOST_TERMS)
+    outline = interpreter.outline()
+    ports = ports_of_elements(reduced.flat)
+    try:
+        kinematics = Kinematics(interpreter, outline, [p for p, _ in ports])
+        laws = PartLaws(reduced.flat, kinematics)
+        power, reactions = power_by_coordinate(kinematics, laws, ports)
+    except (NoSymbolsError, NotLinearError):
+        return None
+    left = [p.xreplace(dict.fromkeys(reactions, sp.S.Zero)) for p in power]
+    closures = _closures(interpreter, own)
+    rows = [[slope(g, q) for q in kinematics.coordinates] for g in closures]
+    place = _Place(interpreter, kinematics, closures)
+    if place.others or not _without_power(left, rows, Trial(interpreter, values, place)):
+        return None
+    multipliers = tuple(sp.Symbol(f"lambda{k + 1}" if len(closures) > 1 else "lambda") for k in range(len(closures)))
+    residuals = tuple(
+        p - sp.Add(*(m * row[i] for m, row in zip(multipliers, rows, strict=True))) for i, p in enumerate(left)
+    )
+    motion = Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, {}, True)
+    return Closed(motion, outline, closures, multipliers)
+
+
+def _closures(interpreter: Interpreter, own: Invariants) -> tuple[sympy.Expr, ...]:
+    import sympy as sp
+
+    interpreter.fill(np.unique(np.concatenate([read(step) for step in own.program])).tolist())
+    interpreter.run(own.program, again=False)
+    return tuple(sp.expand(interpreter.w[int(r)]) for r in own.lower[1])
+
+
+class _Place:
+    """Moves states onto the closures, positions before velocities, by the shortest steps of Newton's method."""
+
+    def __init__(self, interpreter: Interpreter, kinematics: Kinematics, closures: tuple[sympy.Expr, ...]) -> None:
+        import sympy as sp
+
+        self.parameters = interpreter.parameters.variable
+        coordinates = [q for q, n in zip(kinematics.coordinates, kinematics.orders, strict=True) if n == 2]
+        self.matrix = sp.Matrix([[slope(g, q) for q in coordinates] for g in closures])
+        self.closures, self.coordinates = sp.Matrix(closures), coordinates
+        self.place = [(q, v) for q, v in interpreter.outline().coordinates if v >= 0]
+        symbols = set().union(*(g.free_symbols for g in closures))
+        self.others = symbols - set(coordinates) - self.parameters.keys()
+
+    def __call__(self, x: np.ndarray, values: np.ndarray) -> np.ndarray:
+        import sympy as sp
+
+        symbols = self.closures.free_symbols & self.parameters.keys()
+        numbers = {s: sp.Float(float(values[self.parameters[s]]), 17) for s in symbols}
+        residual, matrix = (sp.lambdify(self.coordinates, e.xreplace(numbers)) for e in (self.closures, self.matrix))
+        at, rate = (np.array(part) for part in zip(*self.place, strict=True))
+        x = x.copy()
+        for _ in range(_ITERATIONS):
+            x[at] -= np.linalg.lstsq(matrix(*x[at]), residual(*x[at])[:, 0], rcond=None)[0]
+        slopes = matrix(*x[at])
+        x[rate] -= np.linalg.lstsq(slopes, slopes @ x[rate], rcond=None)[0]
+        return x if np.abs(residual(*x[at])).max() < ROUNDING else np.full_like(x, np.nan)
+
+
+def _without_power(left: list[sympy.Expr], rows: list[list[sympy.Expr]], trial: Trial) -> bool:
+    """Whether the left sides do no power in the directions that the closures allow, at a random point."""
+    terms = [np.array([trial.number(t) for t in p.as_ordered_terms()]) for p in left]
+    matrix = np.array([[trial.number(g) for g in row] for row in rows])
+    if not (np.isfinite(matrix).all() and all(np.isfinite(t).all() for t in terms)):
+        return False
+    size = sum(float(np.abs(t).sum()) for t in terms)
+    free = np.linalg.svd(matrix)[2][len(matrix) :]
+    return bool((np.abs(free @ [t.sum() for t in terms]) <= ROUNDING * size).all())
