@@ -21,7 +21,9 @@ def run(name, **options):
     "name, scene, variables",
     [
         ("h06_bungee", "H06", {"q1": "upper.q", "v1": "upper.v", "q2": "lower.q", "v2": "lower.v"}),
+        ("h07_ball_on_string", "H07", {"x": "x", "y": "y", "vx": "ball.vx", "vy": "ball.vy", "T": "string.f"}),
         ("h16_stick_slip", "H16", {"q": "mass.q", "v": "mass.v"}),
+        ("h17_backlash", "H17", {"theta1": "theta1", "theta2": "theta2", "w1": "first.omega", "w2": "second.omega"}),
         ("h18_freewheel", "H18", {"w1": "driver.omega", "w2": "load.omega"}),
         ("h19_bouncing_ball", "H19", {"y": "ball.q", "v": "ball.v"}),
         ("h34_slack_string", "H34", {"q": "mass.q", "v": "mass.v", "T": "pulley.f"}),

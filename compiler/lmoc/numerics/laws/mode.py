@@ -23,6 +23,7 @@ STILL = 1e-11  # rates below this share of the velocities that make them are zer
 ROUNDING = 1e-10  # by which a contact friction may pass its limit and still stick
 RESTING = 1e-9  # share of its terms below which an acceleration is zero
 AT_LIMIT = 1e-9  # share of the limits within which frictions give way together
+HELD = 0.1  # of the acceleration by this share of its limit: if it is less, others hold friction at its limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Settled:
 
 
 def settle(
-    table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64], released: Mask | None = None
+    table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64], at_limit: NDArray[np.int64]
 ) -> Settled:
     """Return the mode that holds from an instant on.
 
@@ -75,7 +76,7 @@ def settle(
     mode : the one before; where both sides of a law would do, it stays where it was
     candidate : (n,) laws that could be closed from here on
     sliding : (n,) direction of friction that is no candidate
-    released : (n,) dry friction that has just reached its sticking limit
+    at_limit : (n,) direction in which stuck friction begins to slide that has just reached its limit, else 0
 
     Raises
     ------
@@ -83,38 +84,42 @@ def settle(
         No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox.
     """
     stuck = candidate.copy()
-    released = np.zeros_like(candidate) if released is None else released & candidate & table.dry
+    released = np.zeros_like(candidate)
+    pinned = np.where(candidate & table.dry, at_limit, 0)  # at the limit: do others hold more?
     direction = np.where(stuck | table.complementary, 0, sliding)
     side = np.where(mode.closed | candidate, FREE, LOWER)
-    share = 1.0 - AT_LIMIT if released.any() else 1.0
+    share = 1.0 - AT_LIMIT if pinned.any() else 1.0
     while True:
         limit = share * np.where(released, np.minimum(now.slip, now.stick), now.stick)
-        force, side, unique = _forces(table, now, stuck, direction, side, limit)
+        bounds = _bounds(table, limit, np.where(released, 0, pinned))
+        force, side, unique = _forces(table, now, stuck, direction, side, bounds)
         level = now.bias + now.delassus @ force
-        passes = stuck & table.dry & (side != FREE) & ~released
-        weaker = passes & (now.slip < now.stick)
+        alone = np.diag(now.delassus) * AT_LIMIT * limit  # its acceleration, were there nobody else to hold more
+        spare = table.dry & ~released & (limit > 0.0) & (np.abs(level) <= HELD * alone)
+        passes = stuck & table.dry & (side != FREE) & ~released & ~spare
+        weaker = passes & ((now.slip < now.stick) | (pinned != 0))
         slips = stuck & table.contact & _beyond_cone(table, now, force)
         if not weaker.any() and not slips.any():
             break
         released |= passes
         direction[slips] = -np.sign(force[slips]).astype(int)
         stuck &= ~slips
-    slides = stuck & table.dry & (side != FREE)
+    closed = stuck & ((side == FREE) | spare)
+    slides = stuck & table.dry & ~closed
     onwards = np.where(level < 0.0, -1, 1)  # without a force, friction slides as it is moved
     direction[slides] = np.where(force == 0.0, onwards, -np.sign(force))[slides].astype(int)
-    closed = stuck & (side == FREE)
     terms = np.abs(now.bias) + np.abs(now.delassus) @ np.abs(force)
     resting = candidate & ~closed & (np.abs(level) <= RESTING * terms) & (table.degree == POSITION)
     resting |= (direction != 0) & candidate
     implied = np.zeros_like(closed)
-    if resting.any() or not unique[closed].all():
-        implied = _implied(table, now, direction, closed, resting)
-    push = np.where(closed & implied, force, 0.0)
+    if resting.any() or (closed & (side != FREE)).any() or not unique[closed].all():
+        implied = _implied(table, now, direction, closed, resting, side)
+    push = np.where(closed & implied, np.where(side == FREE, force, force / share), 0.0)
     return Settled(Mode(closed, direction, implied, push), force, level, unique)
 
 
 def _forces(
-    table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides, limit: Array
+    table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides, bounds: Array
 ) -> tuple[Array, Sides, Mask]:
     """Solve for the forces of the laws in `stuck`; those of sliding friction follow from them."""
     n = len(stuck)
@@ -123,25 +128,38 @@ def _forces(
     spread = np.eye(n)[:, active] + share[:, active]  # all forces from those that are sought
     matrix = now.delassus[active] @ spread
     q = now.bias[active] + now.delassus[active] @ constant
-    upper = np.where(table.dry, limit, np.inf)  # limits of contact friction follow from other forces: looked at later
-    lower = np.where(table.complementary, 0.0, -upper)
     with solving(active, "no forces keep them"):
-        found = solve(matrix, q, lower[active], upper[active], side[active])
+        found = solve(matrix, q, bounds[0, active], bounds[1, active], side[active])
     sides, unique = np.full(n, LOWER), np.ones(n, bool)
     sides[active], unique[active] = found.side, found.unique
     return constant + spread @ found.x, sides, unique
 
 
-def _implied(table: Table, now: Instant, direction: NDArray[np.int64], closed: Mask, resting: Mask) -> Mask:
+def _bounds(table: Table, limit: Array, pinned: NDArray[np.int64]) -> Array:
+    """Return the bounds (2, n) of forces; equal ones for friction that is pinned to its limit.
+
+    The limits of contact friction follow from other forces and are looked at afterwards.
+    """
+    upper = np.where(table.dry, limit, np.inf)
+    lower = np.where(table.complementary, 0.0, -upper)
+    at = -pinned * np.nan_to_num(limit)
+    return np.where(pinned != 0, at, np.stack([lower, upper]))
+
+
+def _implied(
+    table: Table, now: Instant, direction: NDArray[np.int64], closed: Mask, resting: Mask, side: Sides
+) -> Mask:
     """Return the closed and resting laws that depend on other closed ones, by Gaussian elimination.
 
-    Complementarities come first, so that friction rather than these is found to depend on others.
+    Complementarities come first, so that friction rather than these is found to depend on others, and friction at its
+    limit rather than friction that can hold more.
 
     Only the sum of what dependent laws do is determined. An implied one keeps the force that it has, and the others
     do the rest until one of them reaches its limit.
     """
     _, share = _sliding_forces(table, now, direction)
-    groups = closed & table.complementary, closed & ~table.complementary, resting
+    friction = closed & ~table.complementary
+    groups = closed & table.complementary, friction & (side == FREE), friction & (side != FREE), resting
     order = np.concatenate([np.flatnonzero(g) for g in groups])
     matrix = (now.delassus @ (np.eye(len(closed)) + share))[np.ix_(order, order)]
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))

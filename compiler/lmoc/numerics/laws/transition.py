@@ -106,7 +106,8 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     if impact is None:  # what has been closed is at rest, however slow the scene
         least = np.where(mode.closed, np.inf, least)
     candidate = _candidates(table, now, touching, least) & ~(trigger.opening & ~table.dry)
-    settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), trigger.opening)
+    at_limit = np.where(trigger.opening & mode.closed, trigger.direction, 0)
+    settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), at_limit)
     closed = settled.mode.closed
     now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
@@ -168,7 +169,7 @@ def _last_bounces(table: Table, now: Instant, mode: Mode, leaving: Mask, trigger
     if not leaving.any():
         return leaving, -np.inf
     resting = _candidates(table, now, table.impulsive & ~leaving, np.zeros(len(e)))
-    level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger)).level
+    level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger), np.zeros(len(e), int)).level
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(leaving & (level < 0.0), 2 * now.rate / (-level * (1.0 - e)), np.inf)
         low = now.rate**2 <= -2 * level * LEAST_HEIGHT * now.gap_scale
