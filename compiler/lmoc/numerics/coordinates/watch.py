@@ -282,12 +282,15 @@ class CoordinateWatch:
         row = int(np.argmax(before - _UNEXPLAINED * way)) if len(before) else 0
         if not len(before) or not before[row] > _UNEXPLAINED * way[row] + _ROUNDING:
             return True
+        most = last = before[row]
         for _ in range(_HALVINGS):
             self._looked_inside = True
             middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
             halves = (first, middle), (middle, second)
             first, second = max(halves, key=lambda half: self._unexplained(*half)[row])
-        if self._unexplained(first, second)[row] <= _AT_ONCE * before[row] + _ROUNDING:
+            last = self._unexplained(first, second)[row]
+            most = max(most, last)  # a prescribed motion that turns round within the step has hardly come on in all
+        if last <= _AT_ONCE * most + _ROUNDING:
             return True
         self.singular = (first.t + second.t) / 2
         return False
