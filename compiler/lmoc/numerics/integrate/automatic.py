@@ -36,7 +36,6 @@ _SHORT = (
     0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff
 )
 _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
-_STIFF_STEPS = 2_000  # that long at that edge, and BDF is cheaper
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
 EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
@@ -91,7 +90,7 @@ def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
         finer = max(problem.rtol * factor, _FINEST)
         since = f"since the errors of {ahead:.1g} steps add up"
         reason += f"; at rtol {finer:.1g} from t = {way.outcome.time:.3g} s, {since}"
-    if problem.rtol * factor <= _SERIES and ahead >= _MANY and not _may_be_stiff(problem, way.outcome, ahead):
+    if problem.rtol * factor <= _SERIES and ahead >= _MANY and not _may_be_stiff(problem, way.outcome):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
         if outcome.status not in _GIVEN_UP:
             return outcome, reason
@@ -168,8 +167,8 @@ def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
     return max(LEAST_FACTOR, min(1.0, ADDED * mean / length))
 
 
-def _may_be_stiff(problem: Problem, outcome: Outcome, ahead: float) -> bool:
-    """Return whether a decaying mode asks an explicit method for more steps than accuracy does.
+def _may_be_stiff(problem: Problem, outcome: Outcome) -> bool:
+    """Return whether a decaying mode will ask an explicit method for so many steps that a stiff one takes over.
 
     The steps so far do not tell, since a transient may have kept them short.
     """
@@ -180,7 +179,7 @@ def _may_be_stiff(problem: Problem, outcome: Outcome, ahead: float) -> bool:
     values = np.linalg.eigvals(jacobian[:n, :n])
     decaying = np.abs(values.imag) <= 3 * np.abs(values.real)
     fastest = float(np.abs(values[decaying]).max(initial=0.0))
-    return fastest * (problem.end - outcome.time) > _LIMIT * min(ahead, _STIFF_STEPS)
+    return fastest * (problem.end - outcome.time) > _LIMIT * problem.patience
 
 
 def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
