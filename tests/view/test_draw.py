@@ -154,9 +154,23 @@ def test_many_parts_by_name_give_a_table_of_their_kinds():
     assert "too many" in found.notes[0]
 
 
+def test_parts_of_a_circuit_are_named_in_a_note():
+    found = drawn("""
+      connector Pin Real v(unit = "V"); flow Real i(unit = "A"); end Pin;
+      model Resistor Pin p; equation p.v = 2*p.i; end Resistor;
+      model Scene Resistor r1, r2; Mass m(m = 1); equation connect(r1.p, r2.p); end Scene;""", model="Scene")
+    assert found.notes == ("not drawn, for their ports neither move nor turn: r1, r2",)
+    assert of(found, "m").symbol == "mass"
+
+
 def test_a_model_without_parts_says_so():
     found = drawn("model M Real x(start = 1); equation der(x) = -x; end M;")
     assert "no parts" in texts(found)[0] and found.notes
+    circuit = """
+      connector Pin Real v(unit = "V"); flow Real i(unit = "A"); end Pin;
+      model Resistor Pin p; equation p.v = 2*p.i; end Resistor;
+      model Scene Resistor r1, r2; equation connect(r1.p, r2.p); end Scene;"""
+    assert "no parts" in texts(drawn(circuit, model="Scene"))[0]
 
 
 def test_parts_that_are_connected_to_nothing_are_drawn(tmp_path):

@@ -22,6 +22,7 @@ from lmoc.view.scene.summary import summary
 Values = Callable[[str], float]  # from a dotted name
 
 MARGIN = 14.0
+MOST_NAMED = 6  # parts that are not drawn
 ROOM = 24.0  # px that a node may go
 
 
@@ -53,15 +54,26 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     if rest:
         blocks.append(Schematic(graph, rest, style).block())
     block = packed([b for b in blocks if b.items], WIDTH, GAP)
+    if not block.items:
+        return without_parts(flat)
     if gravity := gravity_name(graph, names):
         block = gravity_arrow(block, gravity)
-    return finished(block, flat.description or flat.name, found.notes)
+    return finished(block, flat.description or flat.name, (*found.notes, *not_drawn(graph)))
 
 
 def without_parts(flat: FlatDAE) -> Picture:
     """Return what stands in the place of a picture where there is nothing to draw."""
-    note = f"{flat.name} has no parts with ports to draw, only equations of its own: {flat.equation_count}"
+    note = f"{flat.name} has no parts that move or turn, only its {flat.equation_count} equations"
     return finished(Block((symbols.label(shortened(note, 90), End(0, 0)),)), flat.description or flat.name, (note,))
+
+
+def not_drawn(graph: Graph) -> tuple[str, ...]:
+    """Return a note that names the parts whose ports belong to no mechanics: those of a circuit, say."""
+    names = [e.name for e in graph.elements if all(p.domain == "other" for p in e.ports)]
+    if not names:
+        return ()
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return (f"not drawn, for their ports neither move nor turn: {', '.join(names[:MOST_NAMED])}{more}",)
 
 
 def gravity_name(graph: Graph, names: Names) -> str:

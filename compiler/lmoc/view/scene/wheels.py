@@ -98,7 +98,10 @@ def decorated(
             items.append(_box(part, names.called(element), (-1 if down else 1) * (radius + 34)))
     if title and (text := " + ".join(names.part(e, "J", "m") for e in shaft.on if e.symbol in BODIES)):
         inside = radius > 26 and width(text, 13) < 1.5 * radius
-        x, y, anchor = (0, 0.52 * radius, "middle") if inside else (-8, radius + 14, "end")
+        side = 1 if window is LAST else -1
+        x, y, anchor = side * (radius + 6), 0.9 * radius + 5, "start" if side > 0 else "end"
+        if inside:
+            x, y, anchor = 0, 0.52 * radius, "middle"
         part = next(e.name for e in shaft.on if e.symbol in BODIES)
         items.append(symbols.label(text, CENTRE, x, y, anchor, part))
     return items, _legs(shaft, style, radius, down, held)
@@ -244,7 +247,7 @@ def gear_row(
         block = block.beside(own.at(placed[node], 0.0))
     contacts: list[Item] = []
     for (element, a, _), pair in zip(meshes, size):
-        contacts += _contact(element, style, placed[a] + pair[0], min(pair))
+        contacts += _contact(element, style, placed[a] + pair[0], min(pair), -1 if pair[0] <= pair[1] else 1)
     return Block((*block.items, *contacts), block.anchors)
 
 
@@ -261,14 +264,14 @@ def _gear(shaft: Turning, style: Style, radii: list[float], window: Window, drum
     return own
 
 
-def _contact(element: Element, style: Style, x: float, radius: float) -> list[Item]:
-    """The point where two gears touch; the ratio stands in the wedge below it, below the name of a small wheel."""
+def _contact(element: Element, style: Style, x: float, radius: float, side: int) -> list[Item]:
+    """The point where two gears touch; the ratio stands below it, on the side of the smaller wheel."""
     at = End(x, 0.0)
     found = [Item("mesh", element.name, (at,), (Circle((0.0, 0.0, 0.0), 2.0, "ink"),))]
     if element.symbol == "gear":
         text = style.names.part(element, "N", "ratio")
         low = radius + (14 if len(plain(text)) == 1 else 31)
-        found.append(symbols.label(text, at, -5, low, "end", element.name))
+        found.append(symbols.label(text, at, side * 5, low, "start" if side > 0 else "end", element.name))
     return found
 
 
