@@ -53,6 +53,17 @@ def test_without_values_all_modes_of_few_laws():
     assert all(m.since is None for m in found.modes) and found.modes[1].equations.equations == ()
 
 
+def test_a_block_slides_on_a_rough_edge():
+    """The normal force is eliminated; nothing is divided by the sign of the sliding velocity."""
+    found = lmoc.compile_text("""model Slide import Planar.*; inner World world(g = 10);
+      PointMass b(m = 2, x(start = 0, fixed = true), y(start = 0, fixed = true)); Contact c(mu = 0.5);
+      Force f(fx = 12, fy = 0);
+    equation connect(b.point, c.point); connect(f.point, b.point); end Slide;""").equations()
+    (slide,) = residuals(found, 0)
+    assert dict(found.modes[0].mode) == {"c.fn": "contact", "c.ft": "slip"}
+    assert same(slide, "2*b_m*derderb_x - 24 + b_m*world_g*sign(derb_x)")
+
+
 def test_many_modes_are_counted():
     found = lmoc.compile(MODELS / "wagons.lmo", parameters={"N": 9}).equations()
     assert len(found.modes) == 6 and found.more == 3

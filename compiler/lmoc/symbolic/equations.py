@@ -277,6 +277,8 @@ def equations_of_motion(
 
     values = reduced.values if values is None else values
     motion, outline = derive(reduced, values, forces, solved)
+    if not solved:
+        motion = replace(motion, residuals=tuple(_without_divided_signs(r) for r in motion.residuals))
     if max((r.count_ops() for r in motion.residuals), default=0) > MOST_OPERATIONS:
         hint = "`lmoc linearize` works in numbers"
         raise no_symbols(f"the equations of motion of {outline.name} are too long to be read", hint)
@@ -337,6 +339,19 @@ def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOf
         assumptions=outline.assumptions,
         closures=found.closures,
     )
+
+
+def _without_divided_signs(residual: sympy.Expr) -> sympy.Expr:
+    """A residual with signs in its denominators, such as that of a sliding velocity, multiplied by them: sign² = 1."""
+    import sympy as sp
+
+    divided = {p.base for p in residual.atoms(sp.Pow) if p.base.func is sp.sign and p.exp.is_negative}
+    for sign in divided:
+        residual = sp.expand(residual * sign).replace(
+            lambda e, sign=sign: e.is_Pow and e.base == sign and e.exp.is_Integer,
+            lambda e, sign=sign: sign ** (e.exp % 2),
+        )
+    return residual
 
 
 def _drivers(flat: FlatDAE, motion: Motion) -> frozenset[str]:
