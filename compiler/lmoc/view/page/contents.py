@@ -87,6 +87,7 @@ def contents(run: Result, title: str) -> Contents:
         "picture": None if picture is None else picture_data(picture),
         "check": table.check(script),
         "checkTimes": table.check_times.tolist(),
+        "sizes": table.sizes(),
         "script": _script_data(run, script, reason),
     }
     return Contents(data, "null" if script is None else _function(script), missing)
@@ -137,6 +138,16 @@ class _Table:
     @property
     def check_times(self) -> np.ndarray:
         return self.time[_even(len(self.rows), CHECK_TIMES)]
+
+    def sizes(self) -> dict[str, float]:
+        """Return the largest magnitude for each unit."""
+        with np.errstate(all="ignore"):
+            largest = np.nanmax(np.abs(self.values), axis=0, initial=0.0)
+        found: dict[str, float] = {}
+        for variable, size in zip(self.variables, largest.tolist(), strict=True):
+            if np.isfinite(size):
+                found[variable["unit"]] = max(size, found.get(variable["unit"], 0.0))
+        return found
 
     def check(self, script: Script | None) -> list[list[str]]:
         """Return [name, values at `check_times` to the last digit] of what the page computes as well."""

@@ -68,22 +68,20 @@ export function givenAnswer(data) {
   return new Answer(time, columns, { complete: data.complete, reason: data.reason });
 }
 
-/** The largest difference between an answer and exact columns [[name, base64], …], by the largest value of each unit. */
-export function difference(answer, exact, unitOf) {
-  const largest = new Map();
-  const missed = new Map();
+/**
+ * The largest difference between an answer and exact columns [[name, base64], …], as a part of the `sizes` {unit: largest
+ * value}; infinite where the answer has no value.
+ */
+export function difference(answer, exact, sizes, unitOf) {
+  let most = 0;
   for (const [name, text] of exact) {
     const truth = decode(text, 64);
     const own = answer.of(name);
-    const unit = unitOf(name);
     for (let k = 0; k < truth.length; k++) {
       if (Number.isNaN(truth[k])) continue;
-      largest.set(unit, Math.max(largest.get(unit) ?? 0, Math.abs(truth[k])));
-      const miss = k < own.length ? Math.abs(own[k] - truth[k]) : NaN;
-      missed.set(unit, Number.isNaN(miss) ? Infinity : Math.max(missed.get(unit) ?? 0, miss));
+      const miss = k < own.length ? Math.abs(own[k] - truth[k]) / (sizes[unitOf(name)] || 1) : NaN;
+      most = Math.max(most, Number.isNaN(miss) ? Infinity : miss);
     }
   }
-  let most = 0;
-  for (const [unit, miss] of missed) most = Math.max(most, miss / (largest.get(unit) || 1));
   return most;
 }

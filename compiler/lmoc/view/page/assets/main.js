@@ -57,7 +57,7 @@ class Page {
       return;
     }
     this.repeater = repeater;
-    const missed = difference(again, this.data.check, this.unitOf);
+    const missed = difference(again, this.data.check, this.data.sizes, this.unitOf);
     const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
     $("repeat").textContent = `Computed again by this page, the run ${text}.`;
     $("repeat").classList.toggle("warning", !(missed <= AGREES));
