@@ -25,6 +25,7 @@ from lmoc.structure.linear.coefficients import INPUT
 from lmoc.support.indices import INDEX
 
 _HOWEVER_DEEP = 1 << 30
+_MOST = 300  # constraints of one mechanism that are torn; with more, all of them count as closures
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +63,31 @@ def closures(selection: Selection) -> Closures | None:
     own = watched[row] & watched[dependent[column]] & (tied.value[inner] != 0)
     if not own.any():
         return None
-    equations, place = np.unique(row[own], return_inverse=True)
-    found: list[tuple[set[int], set[int]]] = [(set(), set()) for _ in equations]
-    for i, j, fixed in zip(place.tolist(), column[own].tolist(), constant[own].tolist(), strict=True):
-        found[i][0].add(j)
-        if fixed:
-            found[i][1].add(j)
-    unknowns, safe = zip(*((frozenset(a), frozenset(b)) for a, b in found), strict=True)
-    torn = tear(unknowns, safe, frozenset(), _HOWEVER_DEEP)
-    formula = np.array([(equations[e], v) for e, v in torn.steps], np.int64).reshape(-1, 2).T
-    return Closures(equations[list(torn.residuals)], np.array(torn.torn, np.int64), formula)
+    row, column, constant = row[own], column[own], constant[own]
+    label = blocks_of(np.concatenate([row, dependent[column]]), np.concatenate([dependent[column], row]), rows).block
+    order = np.argsort(label[row], kind="stable")
+    cuts = np.flatnonzero(np.diff(label[row][order])) + 1
+    parts = [_torn(row[k].tolist(), column[k].tolist(), constant[k].tolist()) for k in np.split(order, cuts)]
+    closing, free, formula = (np.concatenate(found, axis=-1) for found in zip(*parts, strict=True))
+    place = np.argsort(closing)
+    return Closures(closing[place], free, formula)
+
+
+def _torn(row: list[int], column: list[int], constant: list[bool]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tear constraints that share coordinates: closures, coordinates that they would give, and what has a formula."""
+    unknowns: dict[int, set[int]] = {}
+    safe: dict[int, set[int]] = {}
+    for i, j, fixed in zip(row, column, constant, strict=True):
+        unknowns.setdefault(i, set()).add(j)
+        safe.setdefault(i, set()).update([j] if fixed else [])
+    equations = sorted(unknowns)
+    if len(equations) > _MOST:
+        return np.array(equations, np.int64), np.unique(column), np.zeros((2, 0), np.int64)
+    found = tear(
+        [frozenset(unknowns[e]) for e in equations], [frozenset(safe[e]) for e in equations], frozenset(), _HOWEVER_DEEP
+    )
+    formula = np.array([(equations[e], v) for e, v in found.steps], np.int64).reshape(-1, 2).T
+    return np.array([equations[e] for e in found.residuals], np.int64), np.array(found.torn, np.int64), formula
 
 
 def rows_to_watch(
