@@ -43,6 +43,7 @@ _ROUNDING = 1e-6  # way of a coordinate that is none
 # of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
 # within a step; and of that, what a sixteenth of the step may have at the most
 _UNEXPLAINED, _AT_ONCE = 0.5, 0.5
+_NEIGHBOURS = 0.02  # in equilibrated form, about radians: solutions nearer than that are so at singular places alone
 # smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
 # is looked for, below the second they do where no step is short enough
 _ALERT, _DEPENDENT = 0.1, 1e-3
@@ -281,6 +282,8 @@ class CoordinateWatch:
         way = np.abs(second.coordinates - first.coordinates)[self.constraints.watched] if len(before) else before
         row = int(np.argmax(before - _UNEXPLAINED * way)) if len(before) else 0
         if not len(before) or not before[row] > _UNEXPLAINED * way[row] + _ROUNDING:
+            return True
+        if before[row] < _NEIGHBOURS * self._factors()[1][self.constraints.watched[row]]:
             return True
         most = last = before[row]
         for _ in range(_HALVINGS):
