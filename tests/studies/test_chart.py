@@ -113,6 +113,11 @@ def test_impacts_that_come_a_little_late_do_not_count_as_errors_of_the_velocity(
     assert all(p.error < 1e-3 for p in chart.points)
 
 
+def test_a_scene_without_states_has_no_chart():
+    with pytest.raises(ModelError, match="the scene has no states to integrate"):
+        lmoc.compile_text("model N Real y = sin(time); end N;").chart(quick=True)
+
+
 def test_a_reference_takes_two_methods(monkeypatch):
     monkeypatch.setattr(reference, "_SMOOTH", (("dop853", 1e-13),))
     with pytest.raises(SimulationError, match="there is no reference to measure errors by"):

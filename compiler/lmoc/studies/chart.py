@@ -127,6 +127,8 @@ def chart(
     formulations = _checked("E0626", "formulation", formulations, FORMULATIONS, lambda n: nearest(n, FORMULATIONS))
     tolerances = sorted(set(_QUICK_RTOLS if quick else _RTOLS) if rtols is None else _tolerances(rtols), reverse=True)
     budget = _budget(seconds, quick)
+    if not len(session.reduced.states):
+        raise ModelError([Diagnostic("E0541", "there is nothing to chart: the scene has no states to integrate")])
     until = clock.thread_time() + budget.total
     told("auto at rtol 1e-6", 0.0)
     first, note = probe(runner, budget.reference), ""
