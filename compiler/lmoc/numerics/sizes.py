@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
+from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import Piece, Trajectory
 from lmoc.numerics.plan import Plan
 
@@ -17,6 +18,9 @@ Array = tuple[int, int]  # declared name (index of its block) and order of the d
 Sizes = Mapping[Array, float]
 
 _LOOSE = 1e-3  # of the size that was assumed: of a smaller motion the absolute tolerance is no small part
+_LOOKED_AT = 5  # places of a piece at which rounding of the rates is judged
+_EPSILON = 2e-16  # relative rounding of a number
+_MARGIN = 1e3  # so many times as much the stages of a step may make of it
 _REST = 1e-200  # what is smaller does not move: parts of it are zero in double precision
 _NOISE = 1e-6  # of the largest of the same unit: what is smaller is not followed for its own sake
 
@@ -45,7 +49,7 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
     """Return the sizes of a motion that was much smaller than what its tolerances had been chosen for, else None.
 
     Rounding in what should be at rest has no size: components are compared with the others of their unit, and with
-    what the forces of laws that hold them miss each other by.
+    what the forces that hold them miss each other by.
     """
     if not any(_is_small(piece, values, known) for piece in run.pieces):
         return None
@@ -68,18 +72,34 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
 
 
 def _drift(run: Trajectory) -> dict[Array, float]:
-    """Return how far rounding in the forces of closed laws may have moved each array, and the one it is the rate of."""
+    """Return how far rounding in the forces may have moved each array, and the one it is the rate of."""
     length, drift = run.last[0] - run.pieces[0].begin, {}
     for piece in run.pieces:
-        if piece.rounding is None:
-            continue
+        rounding = _rounding(piece)
+        if piece.rounding is not None:
+            rounding = np.fmax(rounding, piece.rounding)
         arrays, number = piece.observer.plan.once(_arrays)
-        for k, rounding in zip(number.tolist(), piece.rounding.tolist(), strict=True):
+        for k, rate in zip(number.tolist(), rounding.tolist(), strict=True):
             block, order = arrays[k]
             for lower in range(order + 1):
-                way = rounding * length ** (order - lower + 1)
+                way = rate * length ** (order - lower + 1)
                 drift[block, lower] = max(way, drift.get((block, lower), 0.0))
     return drift
+
+
+def _rounding(piece: Piece) -> np.ndarray:
+    """Return what rounding of the states makes of their rates (n,): forces in equilibrium cancel up to it."""
+    observer, (times, states) = piece.observer, piece.samples
+    plan = observer.plan
+    few = np.unique(np.linspace(0, len(times) - 1, _LOOKED_AT).astype(int)) if len(times) else np.zeros(0, int)
+    if not len(few):
+        return np.zeros(len(plan.states))
+    rates = slice_of(plan, plan.derivatives).bind(observer.base, observer.signals)
+    signs = np.where(np.arange(len(plan.states)) % 2, 1.0, -1.0)  # neighbours move against each other, or all alike
+    with np.errstate(all="ignore"):
+        middle = rates(times[few], states[few])
+        beside = [rates(times[few], states[few] * (1 + _EPSILON * s)) for s in (1.0, signs)]
+        return np.nan_to_num(_MARGIN * np.fmax.reduce([np.abs(b - middle).max(axis=0) for b in beside]))
 
 
 def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:
