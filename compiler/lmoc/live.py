@@ -112,8 +112,9 @@ class Live:
         Raises
         ------
         ModelError
-            E0621: it follows from several states, or from none.
+            E0621: it follows from several states, or from none; the value is not a finite number.
         """
+        value = _finite(name, value)
         x = np.array(self._smooth.run.x if self._smooth is not None else self._end.x, float)
         names = self._end.states
         if name in names:
@@ -180,7 +181,7 @@ class Inputs(MutableMapping):
         found = self._variables.get(name)
         if found is None:
             found = self._variables[name] = self._find(name)
-        self._live._give(name, found, float(value))
+        self._live._give(name, found, _finite(name, value))
 
     def _find(self, name: str) -> np.ndarray:
         flat = self._live._run.flat
@@ -262,9 +263,22 @@ class _Smooth:
         return True
 
 
+def _finite(name: str, value: float) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        message = f"'{name}' cannot be set to this value"
+        raise ModelError([Diagnostic("E0621", message, expected="a finite number", found=f"{value!r:.60}")])
+    return number
+
+
 def _variable(flat: FlatDAE, name: str) -> np.ndarray:
     found = flat.find(name)
     if found is None or len(found) != 1:
+        if name.startswith("der("):
+            raise UnknownNameError(name, "derivatives are not at hand here; ask for a variable of the model")
         raise UnknownNameError(name, hint_for(flat, name))
     return found
 

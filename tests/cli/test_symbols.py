@@ -105,7 +105,7 @@ def test_linearize_into_a_file(lmoc, scene, tmp_path):
         (["--at", "-1"], "the run starts at 0 s"),
         (["--at", "1", "--input", "f=2"], "its own inputs"),
         (["--at", "1", "--equilibrium", "1"], "exclude each other"),
-        (["--equilibrium", "2"], "no equilibrium 2: 1 were found"),
+        (["--equilibrium", "2"], "no equilibrium 2: one was found"),
         (["--equilibrium", "0"], "at least 1"),
         (["--states", "body.w"], "no variable 'body.w' to be a state"),
     ],

@@ -183,6 +183,13 @@ def test_wrong_options(options, code):
     assert wrong.value.diagnostics[0].code == code
 
 
+def test_only_the_tolerances_given_are_quoted():
+    with pytest.raises(ModelError, match="found rtol = 2$"):
+        simulate(oscillator().reduced(), options=RunOptions(rtol=2.0))
+    with pytest.raises(ModelError, match="found rtol = 1e-06, atol = 0$"):
+        simulate(oscillator().reduced(), options=RunOptions(atol=0.0))
+
+
 def test_a_parameter_without_value_is_named():
     s = oscillator()
     s.bindings = [b for b in s.bindings if b.target[0] != 1]

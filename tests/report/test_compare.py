@@ -55,6 +55,16 @@ def test_pictures_of_several_runs(dae, tmp_path):
         lmoc.compare([])
 
 
+def test_runs_of_different_scenes_are_compared_by_the_variables_they_share(dae):
+    other = lmoc.compile_text(SWING.replace("Real x = body.q", "Real y = body.q")).simulate(stop=1)
+    both = lmoc.compare({"x": dae.simulate(stop=1), "y": other})
+    with pytest.raises(ValueError, match="have none of x in common"):
+        both.plot()
+    assert both.differences("body.q")["largest"].iloc[0] == 0
+    with pytest.raises(TypeError, match="'b' is not a run but int"):
+        lmoc.compare({"a": other, "b": 3})
+
+
 def test_the_spectrum_of_a_sine_has_its_amplitude_at_its_frequency():
     time = np.linspace(0, 10, 2001)
     frequency, amplitude = amplitude_spectrum(time, 5 + 0.3 * np.sin(2 * np.pi * 4 * time))

@@ -56,6 +56,17 @@ def test_an_input_with_a_signal_of_its_own_takes_a_number(cart):
     assert live["rail.v"] > speed
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "sin(time)", None])
+def test_what_is_no_finite_number_is_refused_and_changes_nothing(cart, value):
+    live = cart.live(inputs={"F": 1.0})
+    for change in (lambda: live.inputs.update(F=value), lambda: live.set("rail.v", value)):
+        with pytest.raises(lmoc.ModelError, match="E0621.*cannot be set to this value"):
+            change()
+    assert dict(live.inputs) == {"F": 1.0} and live["rail.v"] == 0
+    with pytest.raises(UnknownNameError, match="derivatives are not at hand here"):
+        live["der(rail.v)"]
+
+
 def test_a_state_is_set_directly_or_through_what_follows_it(cart):
     live = cart.live()
     live.advance(0.2)

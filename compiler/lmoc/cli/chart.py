@@ -28,7 +28,7 @@ def configure(parser: Parser) -> None:
     add("--rtol", type=tolerances, metavar="TOL:TOL",
         help="from one tolerance to another in decades, or a list TOL,TOL,… (1e-3:1e-10)")  # fmt: skip
     add("--quick", action="store_true", help="few methods and tolerances, in less than 10 s")
-    add("--seconds", type=positive, metavar="S", help="that it may take, about (300)")
+    add("--seconds", type=positive, metavar="S", help="time that the chart may take, approximately (300)")
     add_run_arguments(parser)
     add("-o", "--output", metavar="FILE", type=Path, help="write the points: .csv or .json")
     add("--plot", metavar="FILE", type=Path, help="draw the chart: .png, .svg, .pdf")

@@ -111,7 +111,7 @@ def _overview() -> str:
     verbs = "\n".join(f"  {verb:<12}{text}" for verb, text in VERBS.items())
     return (
         "usage: lmoc VERB FILE [options]\n\nFrom a mechanical scene to its equations and its motion.\n\n"
-        f"verbs:\n{verbs}\n\n`lmoc VERB --help` tells the options of one; `lmoc --version` the version.\n"
+        f"verbs:\n{verbs}\n\n`lmoc VERB --help` lists the options of a verb, `lmoc --version` prints the version.\n"
         "A first step: lmoc run models/notes/ex05_suspension.lmo"
     )
 

@@ -55,7 +55,8 @@ def listed(dae: DAE, n: int, inputs: Mapping[str, float]) -> Mapping:
     """The n-th equilibrium for the inputs given, others at zero."""
     found = dae.equilibria(inputs={u: 0.0 for u in dae.inputs} | dict(inputs))
     if n > len(found):
-        raise UsageError([Diagnostic("E0663", f"there is no equilibrium {n}: {len(found)} were found")])
+        count = {0: "none was", 1: "one was"}.get(len(found), f"{len(found)} were")
+        raise UsageError([Diagnostic("E0663", f"there is no equilibrium {n}: {count} found")])
     return found[n - 1]
 
 

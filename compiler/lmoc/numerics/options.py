@@ -169,7 +169,8 @@ class RunOptions:
         if not _finite("max_step", _first(self.max_step, 1.0)) > 0:
             raise ValueError(f"the longest step is positive, found max_step = {self.max_step:g}")
         if not (1e-14 <= rtol < 1 and atol > 0):
-            raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found rtol = {rtol:g}, atol = {self.atol}")
+            found = f"rtol = {rtol:g}" if self.atol is None else f"rtol = {rtol:g}, atol = {atol:g}"
+            raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found {found}")
         self._check_step()
 
     def step_length(self, span: Span) -> float | None:

@@ -39,10 +39,21 @@ class Comparison:
         return next(iter(self.runs.values()))
 
     def names(self, names: str | Sequence[str] | None = None) -> list[str]:
-        """Return the variables to show: those given, else the defaults of the first run that all runs have."""
+        """Return the variables to show: those given, else the defaults of the first run that all runs have.
+
+        Raises
+        ------
+        ValueError
+            Nothing is given, and the runs share none of the defaults.
+        """
         if names is not None:
             return [n for given in names_of(names) for n in _members(self.first, given)]
-        return [n for n in choose(self.first) if all(r.flat.find(n) is not None for r in self.runs.values())]
+        defaults = choose(self.first)
+        shared = [n for n in defaults if all(r.flat.find(n) is not None for r in self.runs.values())]
+        if defaults and not shared:
+            scenes = ", ".join(dict.fromkeys(r.flat.name for r in self.runs.values()))
+            raise ValueError(f"the runs of {scenes} have none of {', '.join(defaults)} in common: give names")
+        return shared
 
     def differences(self, names: str | Sequence[str] | None = None) -> DataFrame:
         """Return the largest differences from the first run, at its output times within both runs.
@@ -107,10 +118,15 @@ def compare(runs: Mapping[str, Result] | Iterable[Result]) -> Comparison:
     ------
     ValueError
         There is none.
+    TypeError
+        Something else than a run is among them.
     """
     named = dict(runs) if isinstance(runs, Mapping) else {f"run {k}": r for k, r in enumerate(runs, 1)}
     if not named:
         raise ValueError("there are no runs to compare")
+    for name, run in named.items():
+        if not isinstance(run, Result):
+            raise TypeError(f"'{name}' is not a run but {type(run).__name__}")
     return Comparison(named)
 
 

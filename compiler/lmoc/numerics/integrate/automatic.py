@@ -88,7 +88,7 @@ def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
     reason = "not stiff"
     if factor < 1:
         finer = max(problem.rtol * factor, _FINEST)
-        since = f"since the errors of {ahead:.1g} steps add up"
+        since = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
         reason += f"; at rtol {finer:.1g} from t = {way.outcome.time:.3g} s, {since}"
     if problem.rtol * factor <= _SERIES and ahead >= _MANY and not _may_be_stiff(problem, way.outcome):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
