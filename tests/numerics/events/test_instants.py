@@ -308,3 +308,23 @@ def test_a_variable_changes_in_one_when_only(body: str, line: int) -> None:
     with pytest.raises(lmoc.ModelError) as caught:
         lmoc.compile_text(text)
     assert [(d.code, d.span.line) for d in caught.value.diagnostics] == [("E0254", line)]
+
+
+def test_energy_that_reinit_adds_is_supplied_and_energy_that_it_takes_is_lost() -> None:
+    result = run(
+        """model Kicked
+  Mass m(m = 2, q(start = 0, fixed = true), v(start = 1, fixed = true));
+equation
+  when time > 1 then
+    reinit(m.v, 3);
+  elsewhen time > 2 then
+    reinit(m.v, 2);
+  end when;
+end Kicked;""",
+        stop=3,
+        points=4,
+    )
+    assert result.energy.supplied == pytest.approx([0, 8, 8, 8], abs=1e-12)
+    assert result.energy.lost == pytest.approx([0, 0, 5, 5], abs=1e-12)
+    assert [e.energy_lost for e in result.events] == pytest.approx([0, 5], abs=1e-12)
+    assert result.energy.balance < 1e-12

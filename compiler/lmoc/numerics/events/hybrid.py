@@ -63,8 +63,7 @@ class Hybrid:
         self.next = np.inf
         self._last = span[0]
         self._times: dict[int, deque[float]] = {}  # when each zero function has last crossed zero
-        self._stored = self._ledger_row("ledger.stored")
-        self._lost = self._ledger_row("ledger.heat")
+        self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
 
     def _ledger_row(self, name: str) -> int:
         """Return the position of a ledger's variable among the states, or of its values among those seen; -1: none."""
@@ -81,7 +80,7 @@ class Hybrid:
         self.machine.adopt(self.layout, base)
         self.machine.push()
         self.machine.look(t, x)
-        self._stored, self._lost = self._ledger_row("ledger.stored"), self._ledger_row("ledger.heat")
+        self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
 
     # ------------------------------------------------------------------------ the start
 
@@ -253,8 +252,8 @@ class Hybrid:
         return happened.x
 
     def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
-        """Book the energy that the jump of states has cost as heat; return it."""
-        if happened.x is x or self._lost < 0:
+        """Book the energy that the jump of states has cost as heat, one that it has brought as work; return the loss."""
+        if happened.x is x or self._lost < 0 or self._work < 0:
             return 0.0
         layout, machine = self.layout, self.machine
         k = np.flatnonzero(layout.seen == layout.flat.find("ledger.stored")[0])
@@ -264,7 +263,8 @@ class Hybrid:
         machine.look(t, happened.x)
         lost = before - after
         if np.isfinite(lost):
-            happened.x[self._lost] += lost
+            happened.x[self._lost if lost > 0 else self._work] += abs(lost)
+            lost = max(lost, 0.0)
         return lost
 
     def _guarded(self, work, t: float):
