@@ -24,9 +24,11 @@ class FixedStep(Integration):
     Attributes
     ----------
     slope : (n,) the derivative at the current point, once somebody has asked for it
+    curved : whether the polynomial is used between the ends of the last step, once somebody has asked for it
     """
 
     slope: np.ndarray | None
+    curved: bool | None
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
@@ -38,7 +40,7 @@ class FixedStep(Integration):
 
     def _begin(self) -> None:
         self._origin, self._done = self.t, 0
-        self.slope = self.slope_before = None
+        self.slope = self.slope_before = self.curved = None
 
     def jump(self, x: np.ndarray) -> None:
         self.x, self.before = x.copy(), self.t
@@ -62,7 +64,7 @@ class FixedStep(Integration):
         if not math.isfinite(float(x.sum())):
             return Status.NOT_FINITE
         self.before, self.x_before, self.slope_before = self.t, self.x, self.slope
-        self.t, self.x, self.slope = t_new, x, None
+        self.t, self.x, self.slope, self.curved = t_new, x, None, None
         self._done += 1
         self.steps += 1
         return Status.OK
@@ -87,8 +89,25 @@ class FixedStep(Integration):
         rise = self.x - self.x_before
         bend_before, bend = h * self.slope_before - rise, rise - h * self.own_slope()
         values = self.x_before + s * rise
-        size = np.abs(rise) + np.abs(self.x) + self.problem.atol / self.problem.rtol
-        if (np.abs(bend_before) + np.abs(bend) < size).all():
+        if self.curved is None:
+            self.curved = self._is_curve(rise, bend_before, bend)
+        if self.curved:
             values += s * (1 - s) * ((1 - s) * bend_before + s * bend)
         values[times == self.t] = self.x
         return values
+
+    def _is_curve(self, rise: np.ndarray, bend_before: np.ndarray, bend: np.ndarray) -> bool:
+        """Return whether the slopes at the ends of the last step tell how the state has gone between them.
+
+        Where they change it by more than it has risen, it may have turned near zero, or they belong to a transient: the
+        derivative in the middle of the polynomial is the polynomial's own one, or it is not.
+        """
+        bends = np.abs(bend_before) + np.abs(bend)
+        small = bends < np.abs(rise) + np.abs(self.x) + self.problem.atol / self.problem.rtol
+        if small.all():
+            return True
+        h = self.t - self.before
+        middle = self.x_before + rise / 2 + (bend_before + bend) / 8
+        with np.errstate(all="ignore"):
+            missed = h * self.derivative(self.before + h / 2, middle) - rise - (bend - bend_before) / 4
+        return bool((small | (np.abs(missed) <= bends / 2)).all())
