@@ -1,5 +1,7 @@
 """Methods with steps of equal length: their orders, what they conserve, what they refuse, and events among steps."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from oracles.by_hand import oscillator
@@ -10,6 +12,8 @@ from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.numerics.integrate.choice import table
 from lmoc.numerics.options import EITHER, FIXED_STEP, RunOptions
 from lmoc.numerics.simulate import Simulator, simulate
+
+MODELS = Path(__file__).parents[2] / "models"
 
 WHOLE = ("collocation", "collocation-radau")  # casadi's, a run in one call
 METHODS = ("rk4", "midpoint", "verlet", "generalized-alpha")
@@ -144,3 +148,11 @@ def test_a_driven_scene(solver):
     exact = simulate(oscillator(c=0.5).reduced(), options=RunOptions(rtol=1e-10, stop=5), inputs={"f": driven})
     assert run["q"] == pytest.approx(exact["q"], abs=2e-4)
     assert run.energy.balance < 1e-2
+
+
+@pytest.mark.parametrize(("solver", "step"), [("midpoint", 0.058), ("verlet", 0.1), ("midpoint", 0.05)])
+def test_a_string_that_goes_slack_stays_so_between_long_steps(solver: str, step: float) -> None:
+    run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate(solver=solver, step=step)
+    assert [e.kind for e in run.events][:3] == ["taut", "slack", "taut"]
+    assert run.stats["steps"] < 150
+    assert run["string.gap"].min() > -0.01

@@ -25,6 +25,7 @@ from lmoc.numerics.coordinates.change import (
     with_solutions,
 )
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.failures.chatter import FRICTION_HINT, Jump, chatters, jumps
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.integrate import choice
@@ -319,6 +320,7 @@ class _Run:
             roots=roots,
             correction=None if stretch.loops is None else stretch.loops.correction,
             index_one=None if stretch.loops is None else stretch.loops.index_one,
+            held=self._held if self._jumps else None,
             step=options.step_length(span),
         )
         if not len(x):
@@ -357,6 +359,18 @@ class _Run:
         outcome = steps.march(problem)
         self.happenings.records += steps.records
         return self.cost.add(outcome, stretch.system, MOREAU, "asked for")
+
+    @cached_property
+    def _jumps(self) -> tuple[Jump, ...]:
+        return jumps(self.stretch.observer.flat)
+
+    def _chatter(self, t: float, x: np.ndarray) -> str:
+        """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
+        stretch, span = self.stretch, self.task.span
+        return chatters(self._jumps, stretch.observer, stretch.system, (t, x), span.end - span.start)
+
+    def _held(self, t: float, x: np.ndarray) -> bool:
+        return bool(self._chatter(t, x))
 
     @cached_property
     def changes(self) -> Changes:
@@ -516,7 +530,10 @@ class _Run:
     def _explain(self, outcome: Outcome) -> str:
         stretch, end = self.stretch, self.task.span.end
         found = ""
-        if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
+        if outcome.status in (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS) and self._jumps:
+            told = "" if self.lost else self._chatter(outcome.time, outcome.x)
+            self.lost = f"{told} ({FRICTION_HINT})" if told else self.lost
+        if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED) and not self.lost:
             found = lost_ahead(stretch.observer, stretch.system, outcome.time, outcome.x, end)
         if not found and outcome.status is Status.COLLAPSED and self.tolerances is not None and not self.lost:
             sizes, span = self.tolerances[1] / self.rtol, end - self.task.span.start

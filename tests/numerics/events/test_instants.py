@@ -328,3 +328,27 @@ end Kicked;""",
     assert result.energy.lost == pytest.approx([0, 0, 5, 5], abs=1e-12)
     assert [e.energy_lost for e in result.events] == pytest.approx([0, 5], abs=1e-12)
     assert result.energy.balance < 1e-12
+
+
+@pytest.mark.parametrize("solver", ["auto", "radau", "dop853", "cvode"])
+def test_a_jump_without_events_that_holds_the_motion_is_named(solver: str) -> None:
+    text = """model Slides
+  Mass m(m = 2, q(start = 0, fixed = true), v(start = 1, fixed = true));
+  Force f(f = 0.4 - 4*noEvent(sign(m.v)));
+equation
+  connect(f.flange, m.flange);
+end Slides;"""
+    told = r"0.4 - 4\*noEvent\(sign\(m.v\)\)' \(model.lmo, line 3\).*DryFriction"
+    with pytest.raises(lmoc.SimulationError, match=told):
+        run(text, stop=3, solver=solver)
+
+
+def test_jumps_without_events_that_the_motion_crosses_do_not_end_a_run() -> None:
+    text = """model Relay
+  Real x(start = 1, fixed = true), v(start = 0, fixed = true);
+equation
+  der(x) = v;
+  der(v) = -noEvent(if x > 0 then 1 else -1);
+end Relay;"""
+    result = run(text, stop=4 * sqrt(2), rtol=1e-8, points=3)
+    assert result["x"][-1] == pytest.approx(1, abs=1e-5)

@@ -226,9 +226,9 @@ class Happenings:
     def _renew_laws(self) -> None:
         """The laws are judged with the present discrete values."""
         if self.hybrid is not None:
-            mode = self.laws.mode
+            mode, idle = self.laws.mode, self.laws.idle
             self.laws = LawSwitching(self.plan, self.values, self._with_discrete(self.open), self.given)
-            self.laws.mode = mode
+            self.laws.mode, self.laws.idle = mode, idle
             self.laws.second = np.flatnonzero(mode.closed & ~self.laws.gauge.table.complementary)
             self._law_roots = len(mode.closed) + len(self.laws.second)
 

@@ -15,6 +15,7 @@ from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
+from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import Event
@@ -252,7 +253,7 @@ class Hybrid:
         return happened.x
 
     def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
-        """Book the energy that the jump of states has cost as heat, one that it has brought as work; return the loss."""
+        """Book what energy the jump of states has cost as heat, what it has brought as work; return the loss."""
         if happened.x is x or self._lost < 0 or self._work < 0:
             return 0.0
         layout, machine = self.layout, self.machine
@@ -333,8 +334,7 @@ class Hybrid:
         places = list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2]
         what, verb = " and ".join(places), "switches" if len(places) == 1 else "switch"
         many = f"{verb} back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
-        hint = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
-        raise Stopped(Status.CHATTERING, f"{what} {many} ({hint})")
+        raise Stopped(Status.CHATTERING, f"{what} {many} ({FRICTION_HINT})")
 
     def _unsettled(self, unsettled: Unsettled, t: float) -> Stopped:
         flat = self.layout.flat

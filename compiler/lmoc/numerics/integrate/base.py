@@ -45,6 +45,8 @@ class Problem:
     step : s, the length of all steps of a method with fixed steps; None where it chooses them
     correction : (t, x) -> x, moves the end of an accepted step; None where it stays as it is
     index_one : what IDA integrates in place of the system, with the states first among its components
+    held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
+        None where nothing jumps
     """
 
     system: System
@@ -69,6 +71,7 @@ class Problem:
     step: float | None = None
     correction: Callable[[float, np.ndarray], np.ndarray] | None = None
     index_one: IndexOne | None = None
+    held: Callable[[float, np.ndarray], bool] | None = None
 
     @property
     def needs_steps(self) -> bool:

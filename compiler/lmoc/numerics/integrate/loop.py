@@ -17,6 +17,8 @@ from lmoc.numerics.integrate.status import Status
 
 _BATCH = 200_000  # numbers collected before they are handed on
 _LOOK = 32  # steps between two looks at the clock
+_STALL = 10_000  # steps after which it is judged whether they get on …
+_PACE = 1e-8  # … by this part of what lies ahead on average
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
 
@@ -36,13 +38,15 @@ class _Loop:
         self.handed = self.reached = 0  # output times handed on, and reached
         self.most = max(1, _BATCH // max(1, len(problem.x)))
         self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
+        self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
         self.place: tuple[float, np.ndarray] | None = None  # where it ends within the last step
 
     def go(self) -> Outcome:
         run = self.run
         try:
             with run:
-                status = self.go_natively() if run.native and not self.problem.needs_steps else self.go_stepwise()
+                alone = run.native and not self.problem.needs_steps and self.problem.held is None
+                status = self.go_natively() if alone else self.go_stepwise()
         except Expired:
             status = Status.TOO_LONG
         except KeyboardInterrupt:
@@ -85,10 +89,21 @@ class _Loop:
                 looked = done + _LOOK
                 if self.watch.expired(run.t):
                     return Status.TOO_LONG
+                if problem.held is not None and self.is_held(done):
+                    return Status.CHATTERING
             status = step()
             if status is not _OK:
                 return status
         return Status.OK
+
+    def is_held(self, done: int) -> bool:
+        """Return whether the latest steps have hardly got on because a jump of the equations keeps the motion."""
+        if done - self.judged[0] < _STALL:
+            return False
+        (before, at), now = self.judged, self.run.t
+        self.judged = done, now
+        slow = now - at < (done - before) * _PACE * (self.problem.end - self.problem.t)
+        return slow and self.problem.held(now, self.run.x)
 
     def step_unwatched(self) -> Status:
         """One step and its output."""

@@ -24,6 +24,7 @@ from lmoc.numerics.signals.signals import Constant, Signal
 NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a piece …
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
 LEAVING = 1e-16  # … or by this one where they grow from zero at once
+COARSER = 10.0  # times these shares behind each root at which nothing has happened
 ROUNDING = 1e-13  # share of the forces that hold a body by which they may miss each other
 OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
 OVERLAP_ROUNDING = 1e-12  # … and by more than what start values may be wrong by that are differences
@@ -48,6 +49,7 @@ class LawSwitching:
         self.mode = free_mode(self.gauge.table)
         self.touched = np.zeros(self.gauge.form.count, bool)  # laws whose motion was zero there
         self.forces = np.zeros(self.gauge.form.count)  # of the laws, where the present mode has begun
+        self.idle = np.zeros(self.gauge.form.count)  # roots in sequence at which nothing has happened to a law
         self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.slice = slice_of(plan, _registers(self.gauge))
@@ -99,6 +101,9 @@ class LawSwitching:
 
         A gap that opens with a velocity begins at zero and grows. What has not been touched counts to the last digit:
         near the end of its bounces a body rises by less than any share of the lengths around.
+
+        Values between long steps of equal length are known less well: a gap that opens with the third power of time
+        seems to close at once. Where nothing happens at such a root, the next one has to be farther from zero.
         """
         now, table = self.now, self.gauge.table
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -106,10 +111,12 @@ class LawSwitching:
             leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
             motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
         scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
-        concerned = self.mode.closed | self.touched
-        scale, leaves, concerned = (np.concatenate([v, v[self.second]]) for v in (scale, leaves, concerned))
-        least = np.maximum(-value, 0.0) + np.where(leaves, LEAVING, APART) * scale
-        return np.where(concerned & (np.abs(value) <= NEAR * scale), least, 0.0)
+        coarser = COARSER**self.idle
+        concerned = self.mode.closed | self.touched | (self.idle > 0)
+        share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * scale
+        near = NEAR * coarser * scale
+        near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
+        return np.where(concerned & (np.abs(value) <= near), np.maximum(-value, 0.0) + share, 0.0)
 
     # ------------------------------------------------------------------ what happens
 
@@ -153,7 +160,10 @@ class LawSwitching:
         second[self.second] = which[len(closed) :]
         direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
         trigger = Trigger(first & ~closed, (first | second) & closed, direction)
-        return self._take(t, x, trigger)
+        found = self._take(t, x, trigger)
+        idle = (first | second) & (closed == self.mode.closed) & (not found[1])
+        self.idle = np.where(idle, self.idle + 1, 0.0 if found[1] else self.idle)
+        return found
 
     def names(self, which: NDArray[np.bool_]) -> list[str]:
         """Return the names of the parts whose root functions have vanished."""
