@@ -344,8 +344,9 @@ class FlatDAE:
 
     def told(self, check: Check, row: int) -> str:
         """Return the message of an assertion, with the part in which it does not hold."""
-        part = self.parts[check.part]
-        return check.message if check.part == 0 else f"{part.element(row, len(check.slots))}: {check.message}"
+        if check.part == 0:
+            return check.message
+        return f"{self.parts[check.part].element(row, len(check.slots))}: {check.message}"
 
     @cached_property
     def constant_checks(self) -> frozenset[Check]:
