@@ -32,7 +32,8 @@ from lmoc.structure.laws.reduce import reduce_with_laws
 
 ROOT = Path(__file__).parents[2] / "models"
 MODELS = sorted(ROOT.glob("*/*.lmo"))
-NOT_LONG = [p for p in MODELS if p.parent.name != "classic"]  # 0.2 s are many turns of a linkage
+# 0.2 s are many turns of a linkage, and friction by signs as written chatters
+NOT_LONG = [p for p in MODELS if p.parent.name not in ("classic", "failures")]
 SMALL = {"N": 20}  # the large scenes, short
 
 
@@ -41,10 +42,10 @@ def compiled(path: Path) -> lmoc.DAE:
 
 
 def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
-    """Every way in which the program of a scene can be evaluated here, ready to be called."""
-    report = Report()
-    signals = bind_signals(dae.reduced.flat, None, report)
-    plan, _ = Simulator(dae.reduced).system(signals, True, report)
+    """Every way in which the program of a scene can be evaluated here, ready to be called; its relations as written."""
+    report, prepared = Report(), dae.prepare()
+    signals = bind_signals(prepared.reduced.flat, None, report)
+    plan, _ = Simulator(prepared.reduced).system(signals, True, report)
     found: dict[str, System] = {"numpy": VectorSystem(plan)}
     if can_lower(plan.program):
         found["casadi"] = CasadiSystem(plan)
@@ -62,7 +63,7 @@ def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
         except Unsupported:
             pass
     for system in found.values():
-        system.prepare(seeded(plan, dae.values, signals), signals)
+        system.prepare(seeded(plan, prepared.values, signals), signals)
     return plan, found
 
 
@@ -96,7 +97,7 @@ def points(dae: lmoc.DAE, plan: Plan, count: int) -> list[np.ndarray]:
     random = np.random.default_rng(1)
     if all(not isinstance(s, Solve) or s.linear for s in walk(plan.program)):
         return [random.uniform(-0.5, 0.5, len(plan.states)) for _ in range(count)]
-    names = [dae.reduced.register_name(int(r)) for r in plan.states]
+    names = [plan.reduced.register_name(int(r)) for r in plan.states]
     run = dae.simulate(times=[0.0, 1e-6])
     start = np.array([run[name][0] if name in dae.states else 0.0 for name in names])
     return [start + random.uniform(-1e-3, 1e-3, len(start)) for _ in range(count)]
@@ -113,7 +114,7 @@ def test_casadi_numpy_and_c_agree(path: Path) -> None:
         for system in found.values():
             assert_entries_close(derivatives(system, t, x), reference, np.abs(jacobian) @ np.abs(x))
             if len(x):
-                row = np.abs(jacobian).max(axis=1, keepdims=True)
+                row = np.maximum(np.abs(jacobian).max(axis=1, keepdims=True), 0.1 * np.abs(jacobian).max())
                 assert_entries_close(system.jacobian(t, x), jacobian, row)
 
 
@@ -128,13 +129,14 @@ def one_row_a_group(flat: FlatDAE) -> FlatDAE:
 def test_shapes_and_scalars_agree(path: Path) -> None:
     dae = compiled(path)
     plan, found = systems(dae)
-    scalar = reduce_with_laws(one_row_a_group(dae.flat), dae.values, dae.states)
+    prepared = dae.prepare()
+    scalar = reduce_with_laws(one_row_a_group(prepared.flat), prepared.values, dae.states)
     assert sorted(scalar.state_names) == sorted(dae.states)
     report = Report()
     signals = bind_signals(scalar.flat, None, report)
     other, system = Simulator(scalar).system(signals, True, report)
-    system.prepare(seeded(other, dae.values, signals), signals)
-    names = [dae.reduced.register_name(int(r)) for r in plan.states]
+    system.prepare(seeded(other, prepared.values, signals), signals)
+    names = [plan.reduced.register_name(int(r)) for r in plan.states]
     place = {scalar.register_name(int(r)): k for k, r in enumerate(other.states)}
     order = [place[name] for name in names]
     (x,) = points(dae, plan, 1)
@@ -144,7 +146,7 @@ def test_shapes_and_scalars_agree(path: Path) -> None:
     jacobian = found["numpy"].jacobian(0.21, x) if len(x) else np.zeros((0, 0))
     assert_entries_close(derivatives(system, 0.21, y)[order], reference, np.abs(jacobian) @ np.abs(x))
     if len(x):
-        row = np.abs(jacobian).max(axis=1, keepdims=True)
+        row = np.maximum(np.abs(jacobian).max(axis=1, keepdims=True), 0.1 * np.abs(jacobian).max())
         assert_entries_close(system.jacobian(0.21, y)[np.ix_(order, order)], jacobian, row)
 
 

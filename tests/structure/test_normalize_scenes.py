@@ -26,6 +26,7 @@ from lmoc.syntax.parse import parse
 
 MODELS = Path(__file__).parents[2] / "models"
 SCENES = sorted([*MODELS.glob("notes/*.lmo"), *MODELS.glob("hard/*.lmo"), *MODELS.glob("bench/*.lmo")])
+SCENES = [p for p in SCENES if "slack" not in p.stem]  # those with laws are reduced in their modes
 SMALLER = {"chain": {"N": 20}, "drivetrain": {"N": 30}, "gear_tree": {"N": 40}, "lattice": {"N": 5}}
 ORDERS = 6
 

@@ -18,6 +18,7 @@ from lmoc.syntax.parse import parse
 
 MODELS = Path(__file__).parents[2] / "models"
 SCENES = sorted([*MODELS.glob("notes/*.lmo"), *MODELS.glob("hard/*.lmo"), *MODELS.glob("bench/*.lmo")])
+SCENES = [p for p in SCENES if "slack" not in p.stem]  # those with laws are reduced in their modes
 
 STATES = {  # degrees of freedom by hand: two for each coordinate, one for each spring in series with a damper
     "ex01_torsional_spring": 2, "ex02_spring_mass_damper": 2, "ex03_two_masses": 4, "ex04_moving_frame": 4,

@@ -20,7 +20,7 @@ from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.motion import Motion, ports_of_elements, power_by_coordinate
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, Outline
+from lmoc.symbolic.system import Interpreter, Outline, jet_symbol
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import ROUNDING, Trial
 
@@ -72,7 +72,9 @@ def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
     closures = _closures(interpreter, own)
     rows = [[slope(g, q) for q in kinematics.coordinates] for g in closures]
     place = _Place(interpreter, kinematics, closures)
-    if place.others or not _without_power(left, rows, Trial(interpreter, values, place)):
+    highest = [jet_symbol(q.name, n) for q, n in zip(kinematics.coordinates, kinematics.orders, strict=True)]
+    inertia = [[slope(p, a) for a in highest] for p in left]
+    if place.others or not _complete(left, rows, inertia, Trial(interpreter, values, place)):
         return None
     multipliers = tuple(sp.Symbol(f"lambda{k + 1}" if len(closures) > 1 else "lambda") for k in range(len(closures)))
     residuals = tuple(
@@ -119,12 +121,20 @@ class _Place:
         return x if np.abs(residual(*x[at])).max() < ROUNDING else np.full_like(x, np.nan)
 
 
-def _without_power(left: list[sympy.Expr], rows: list[list[sympy.Expr]], trial: Trial) -> bool:
-    """Whether the left sides do no power in the directions that the closures allow, at a random point."""
+def _complete(
+    left: list[sympy.Expr], rows: list[list[sympy.Expr]], inertia: list[list[sympy.Expr]], trial: Trial
+) -> bool:
+    """Return whether the left sides and the closures determine the motion, which agrees with the scene's.
+
+    At a random point on the closures: the left sides do no power in the directions that these allow, and resist every
+    acceleration in them. A mass that a user has written as equations is in no part: it resists nothing here.
+    """
     terms = [np.array([trial.number(t) for t in p.as_ordered_terms()]) for p in left]
     matrix = np.array([[trial.number(g) for g in row] for row in rows])
-    if not (np.isfinite(matrix).all() and all(np.isfinite(t).all() for t in terms)):
+    masses = np.array([[trial.number(m) for m in row] for row in inertia])
+    if not all(np.isfinite(numbers).all() for numbers in (matrix, masses, *terms)):
         return False
     size = sum(float(np.abs(t).sum()) for t in terms)
     free = np.linalg.svd(matrix)[2][len(matrix) :]
-    return bool((np.abs(free @ [t.sum() for t in terms]) <= ROUNDING * size).all())
+    resists = np.linalg.matrix_rank(free @ masses @ free.T, ROUNDING * np.abs(masses).max(initial=0.0)) == len(free)
+    return bool(resists and (np.abs(free @ [t.sum() for t in terms]) <= ROUNDING * size).all())

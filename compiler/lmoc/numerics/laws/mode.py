@@ -114,6 +114,8 @@ def settle(
     implied = np.zeros_like(closed)
     if resting.any() or (closed & (side != FREE)).any() or not unique[closed].all():
         implied = _implied(table, now, direction, closed, resting, side)
+        # where a motion turns, a force in its direction may do nothing for an instant: nobody holds it there
+        implied &= closed | (np.abs(level) <= RESTING * terms)
     push = np.where(closed & implied, np.where(side == FREE, force, force / share), 0.0)
     return Settled(Mode(closed, direction, implied, push), force, level, unique)
 
