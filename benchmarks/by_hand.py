@@ -1,7 +1,8 @@
-"""Index-1 right-hand sides of two mechanisms, written by hand in casadi as one who knows them would.
+"""Right-hand sides of six scenes, written by hand in casadi as one who knows them would.
 
-All coordinates and velocities are states; accelerations and multipliers come from one linear solve with the constraints
-on acceleration level. Andrews' squeezer and the car axis follow Mazzia and Magherini, Test Set for IVP Solvers, 2.4.
+Of the two mechanisms all coordinates and velocities are states; accelerations and multipliers come from one linear
+solve with the constraints on acceleration level. Andrews' squeezer, the car axis and Pleiades follow Mazzia and
+Magherini, Test Set for IVP Solvers, 2.4.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ def _index_one(q, v, mass, force, constraint, time=None):
     jacobian = ca.jacobian(constraint, q)
     rate = ca.mtimes(jacobian, v) + ca.jacobian(constraint, t)
     bias = ca.jtimes(rate, q, v) + ca.jacobian(rate, t)
-    matrix = ca.vertcat(ca.horzcat(mass, jacobian.T), ca.horzcat(jacobian, ca.SX(jacobian.size1(), jacobian.size1())))
-    solution = ca.solve(matrix, ca.vertcat(force, -bias))
-    return ca.Function("ode", [t, ca.vertcat(q, v)], [ca.densify(ca.vertcat(v, solution[: q.numel()]))])
+    factors = ca.ldl(ca.sparsify(mass))  # M first: the symbolic QR of the whole matrix loses half of the digits
+    free, response = ca.ldl_solve(force, *factors), ca.ldl_solve(ca.densify(jacobian.T), *factors)
+    schur = ca.ldl(ca.mtimes(jacobian, response))
+    multipliers = ca.ldl_solve(ca.mtimes(jacobian, free) + bias, *schur)
+    acceleration = free - ca.mtimes(response, multipliers)
+    return ca.Function("ode", [t, ca.vertcat(q, v)], [ca.densify(ca.vertcat(v, acceleration))])
 
 
 def andrews():
@@ -91,3 +95,55 @@ def car_axis():
     constraint = ca.vertcat(xl * xb + yl * yb, (xl - xr) ** 2 + (yl - yr) ** 2 - length**2)
     start = np.array([0, 0.5, 1, 0.5, -0.5, 0, -0.5, 0])
     return _index_one(q, v, k * ca.SX.eye(4), force, constraint, t), start, 3.0
+
+
+def pendulum():
+    """Return the function, the start (2,) and the stop time."""
+    import casadi as ca
+
+    t, x = ca.SX.sym("t"), ca.SX.sym("x", 2)
+    return ca.Function("ode", [t, x], [ca.vertcat(x[1], -9.81 * ca.sin(x[0]))]), np.array([1.5, 0.0]), 2000.0
+
+
+def pleiades():
+    """Return the function, the start (28,) with places before velocities, and the stop time."""
+    import casadi as ca
+
+    t, s = ca.SX.sym("t"), ca.SX.sym("s", 28)
+    x, y = ca.vertsplit(s[:7]), ca.vertsplit(s[7:14])
+    ax, ay = [0] * 7, [0] * 7
+    for i in range(7):
+        for j in range(i):
+            dx, dy = x[j] - x[i], y[j] - y[i]
+            square = dx**2 + dy**2
+            inverse_cube = 1 / (square * ca.sqrt(square))
+            px, py = dx * inverse_cube, dy * inverse_cube
+            ax[i], ay[i] = ax[i] + (j + 1) * px, ay[i] + (j + 1) * py
+            ax[j], ay[j] = ax[j] - (i + 1) * px, ay[j] - (i + 1) * py
+    start = [3, 3, -1, -3, 2, -2, 2, 3, -3, 2, 0, 0, -4, 4, 0, 0, 0, 0, 0, 1.75, -1.5, 0, 0, 0, -1.25, 1, 0, 0]
+    return ca.Function("ode", [t, s], [ca.vertcat(s[14:], *ax, *ay)]), np.array(start, float), 3.0
+
+
+def plucked_string():
+    """Return the function, the start (200,) and the stop time."""
+    import casadi as ca
+
+    n, m, k, at, height = 100, 0.01, 1e4, 30, 0.01
+    t, s = ca.SX.sym("t"), ca.SX.sym("s", 2 * n)
+    pull = k * (ca.vertcat(s[:n], 0) - ca.vertcat(0, s[:n]))
+    i = np.arange(1, n + 1)
+    shape = np.where(i <= at, height * i / at, height * (n + 1 - i) / (n + 1 - at))
+    ode = ca.vertcat(s[n:], (pull[1:] - pull[:-1]) / m)
+    return ca.Function("ode", [t, s], [ca.densify(ode)]), np.concatenate([shape, np.zeros(n)]), 1.0
+
+
+def quarter_car():
+    """Return the function, the start (4,) and the stop time."""
+    import casadi as ca
+
+    m1, m2, k1, k2, c1, c2, g = 50, 300, 160000, 16000, 100, 1200, 9.81
+    t, s = ca.SX.sym("t"), ca.SX.sym("s", 4)
+    q1, q2, v1, v2 = ca.vertsplit(s)
+    u, du = 0.05 * ca.sin(6 * t), 0.3 * ca.cos(6 * t)
+    tire, strut = k1 * (u - q1) + c1 * (du - v1), k2 * (q1 - q2) + c2 * (v1 - v2)
+    return ca.Function("ode", [t, s], [ca.vertcat(v1, v2, (tire - strut) / m1 - g, strut / m2 - g)]), np.zeros(4), 2.0
