@@ -220,7 +220,7 @@ class DAE:
         ----------
         start, stop : s; from the model's `experiment`, else 0 and 10
         points : number of output times, evenly spread; from the `experiment`, else 501
-        times : the output times themselves
+        times : the output times themselves, in place of `stop` and `points`
         rtol, atol : tolerances; 1e-6, and rtol·1e-3·nominal
         solver : one of `lmoc.numerics.options.SOLVERS`
         formulation : "reduced"
@@ -543,11 +543,17 @@ class DAE:
         ModelError
             E0623, E0624: the picture cannot be written. E0660: there are no free-body diagrams. A mechanism of the
             plane has no consistent start.
+        ValueError
+            The run is one of another scene.
         """
         from lmoc.view.drawing import Drawing
 
         if not free_body and (run is not None or time is not None):
             raise TypeError("`run` and `time` belong to free-body diagrams: free_body=True")
+        if run is None and time is not None:
+            raise TypeError("`time` is an instant of a run: give `run` as well")
+        if run is not None and run.flat.name != self.flat.name:
+            raise ValueError(f"the run is one of {run.flat.name}, not of {self.flat.name}")
         prepared = self.prepare(parameters)
         if free_body:
             from lmoc.view.bodies.compose import free_body_picture

@@ -46,7 +46,7 @@ def check_mappings(**given: object) -> None:
     """TypeError where something given by name is not a mapping."""
     for name, value in given.items():
         if value is not None and not isinstance(value, Mapping):
-            raise TypeError(f"{name} is a mapping such as {{'mass.m': 2.0}}, not {type(value).__name__}")
+            raise TypeError(f"{name} must be a mapping of names to values, not {type(value).__name__}")
 
 
 def check_initial(initial: Mapping[str, Value]) -> None:

@@ -115,7 +115,7 @@ def _run_until(session: Session, time: float, parameters: Point | None) -> Run:
     if time < start:
         from lmoc.symbolic.places import no_place
 
-        raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to be linear about")
+        raise no_place(f"the run starts at {start:g} s: there is no point at {time:g} s to linearize about")
     return simulate(session, Request(RunOptions(times=sorted({start, time})), parameters))
 
 

@@ -95,6 +95,7 @@ def test_linearize_into_a_file(lmoc, scene, tmp_path):
     [
         (["--at", "soon"], "neither a time"),
         (["--at", "body.x=1"], "neither a state nor an input"),
+        (["--at", "position=1"], "neither a state nor an input\n  = hint: there are body.q, body.v"),
         (["-o", "model.txt"], ".mat, .npz"),
         (["--output", "body.w"], "no variable 'body.w'"),
         (["--output", "body.m"], "is a parameter"),

@@ -153,7 +153,7 @@ def test_a_family_that_no_equation_shows():
 
 
 def test_an_output_that_is_nothing_by_nothing():
-    """A family of rests is one place to be linear about; a ratio of speeds has no value there."""
+    """A family of rests is one place to linearize about; a ratio of speeds has no value there."""
     text = """
 model Ratio
   Inertia a(J = 1), b(J = 2); TorsionDamper d(c = 3);

@@ -56,7 +56,7 @@ def test_with_other_parameters():
 
 def test_of_several_one_must_be_chosen():
     dae = lmoc.compile_text(PENDULUM)
-    with pytest.raises(ModelError, match="not one equilibrium to start from, but 2") as caught:
+    with pytest.raises(ModelError, match="not one equilibrium to start from but 2") as caught:
         dae.simulate(initial="equilibrium")
     assert "phi = pi" in str(caught.value) and "all states 0" in str(caught.value)
     upright = dae.simulate(initial=dae.equilibria()[1], stop=0.5)

@@ -175,3 +175,12 @@ def test_a_scene_without_bodies_is_refused():
         dae.draw(free_body=True)
     with pytest.raises(TypeError, match="free_body=True"):
         dae.draw(time=np.pi)
+
+
+def test_the_instant_and_the_run_of_a_diagram_must_fit_the_scene():
+    dae, _ = bodies("ex02_spring_mass_damper")
+    with pytest.raises(TypeError, match="give `run` as well"):
+        dae.draw(free_body=True, time=1.0)
+    other, _ = bodies("ex05_suspension")
+    with pytest.raises(ValueError, match="the run is one of Suspension, not of "):
+        dae.draw(free_body=True, run=other.simulate(stop=0.1))

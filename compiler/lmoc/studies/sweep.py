@@ -90,7 +90,7 @@ class Sweep:
         Raises
         ------
         ModelError
-            E0623, E0624: the picture cannot be written; the scene has no equilibrium to be linear about.
+            E0623, E0624: the picture cannot be written; the scene has no equilibrium to linearize about.
         """
         roots = self.eigenvalues
         title = f"eigenvalues for {self._label(self.points[0])} to {self._label(self.points[-1])}"

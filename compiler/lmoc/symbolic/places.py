@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 
 Point = Mapping[str, Any]
 HOW_TO_CHOOSE = "say where, as `--at name=value` or `at={name: value}`"
-LINEAR, START = "to be linear about", "to start from"
+LINEAR, START = "to linearize about", "to start from"
 HINTS = {
     LINEAR: f"choose one, `--equilibrium 1` or in Python `at=dae.equilibria()[0]`; or {HOW_TO_CHOOSE}",
     START: "choose one, in Python `initial=dae.equilibria()[0]`; or fix states, as `--init name=value`",
 }
+
+_LISTED = 12  # names told where none of them is like the one given
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ def check_names(given: Point, known: Sequence[str]) -> None:
     """Raise E0661 for a name that is not among the states and inputs."""
     for name in given:
         if name not in known:
-            hint = nearest(name, known)
+            few = f"there are {', '.join(known)}" if 0 < len(known) <= _LISTED else ""
+            hint = nearest(name, known) or few
             raise ModelError([Diagnostic("E0661", f"'{name}' is neither a state nor an input", hint=hint)])
 
 
@@ -114,7 +117,7 @@ def only(found: Sequence[Equilibrium], purpose: str = LINEAR) -> Equilibrium:
     if not found:
         raise no_place(f"there is no equilibrium {purpose}", hint=HOW_TO_CHOOSE if purpose == LINEAR else "")
     shown = "; ".join(f"({i}) {told(e)}" for i, e in enumerate(found, 1))
-    raise no_place(f"there is not one equilibrium {purpose}, but {len(found)}", found=shown, hint=HINTS[purpose])
+    raise no_place(f"there is not one equilibrium {purpose} but {len(found)}", found=shown, hint=HINTS[purpose])
 
 
 def told(e: Equilibrium) -> str:
