@@ -22,6 +22,12 @@ def test_laws_impacts_and_balances_hold(seed):
     assert judge_impacts(drawn, run, lambda times: dae.simulate(times=times, rtol=1e-10)) == []
 
 
+def test_rounding_of_what_laws_hold_at_rest_is_no_error_of_the_balance():
+    run = lmoc.compile_text(draw(128).text).simulate(stop=STOP, rtol=1e-10)
+    assert run.energy.balance < 1e-5
+    assert "W0553" not in [note.code for note in run.notes]
+
+
 @pytest.mark.parametrize("seed", [0, 2, 8, 12])
 def test_time_stepping_converges_to_the_run(seed):
     drawn = draw(seed, plastic=True)

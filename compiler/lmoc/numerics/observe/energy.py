@@ -15,6 +15,7 @@ from lmoc.support.distinct import distinct
 Observe = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 _SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at
 _ROUNDING = 1e-6  # of what is stored: less than this, nothing flows that could be judged
+_AT_REST = 1e-9  # of the work of the laws' forces over the lengths around, likewise
 _VALUES = 2_000_000  # values looked at, where that allows more than the least
 
 
@@ -31,13 +32,15 @@ class Energy:
         and out between the output times
     balance : the largest |supplied - lost - Δstored| as a fraction of the largest of supplied, lost, the range of
         stored, and what the stores have exchanged (an undamped oscillator is judged by the energy that swings); where
-        all these are mere rounding, of what is stored
+        all these are mere rounding, of what is stored, and of the work of the laws' forces over the lengths around
+    held : J, that work: what forces hold at rest supplies and loses nothing but rounding
     """
 
     stored: np.ndarray
     supplied: np.ndarray
     lost: np.ndarray
     exchanged: float
+    held: float = 0.0
 
     @property
     def residual(self) -> np.ndarray:
@@ -46,7 +49,7 @@ class Energy:
     @property
     def scale(self) -> float:
         sizes = (np.abs(self.supplied).max(), np.abs(self.lost).max(), np.ptp(self.stored), self.exchanged)
-        return float(max(*sizes, _ROUNDING * np.abs(self.stored).max()))
+        return float(max(*sizes, _ROUNDING * np.abs(self.stored).max(), _AT_REST * self.held))
 
     @property
     def balance(self) -> float:
@@ -68,9 +71,9 @@ class Energy:
         return f"<Energy: {self}>"
 
 
-def measure(stored: np.ndarray, work: np.ndarray, heat: np.ndarray, exchanged: float) -> Energy:
+def measure(stored: np.ndarray, work: np.ndarray, heat: np.ndarray, exchanged: float, held: float) -> Energy:
     """Return the ledger from the values of ``ledger.stored``, ``ledger.work`` and ``ledger.heat`` over time."""
-    return Energy(stored, work - work[0], heat - heat[0], exchanged)
+    return Energy(stored, work - work[0], heat - heat[0], exchanged, held)
 
 
 def exchanged_energy(flat: FlatDAE, pieces: Sequence[tuple[Observe, np.ndarray, np.ndarray]]) -> float:

@@ -270,7 +270,17 @@ class Trajectory:
                 return None
         sampled = [(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
         stored, work, heat = (self[f"ledger.{n}"] for n in ("stored", "work", "heat"))
-        return measure(stored, work, heat, exchanged_energy(self.flat, sampled))
+        held = max((_held_energy(*sample) for sample in sampled), default=0.0)
+        return measure(stored, work, heat, exchanged_energy(self.flat, sampled), held)
+
+
+def _held_energy(observer: Observer, times: np.ndarray, states: np.ndarray) -> float:
+    """Return the largest force of a law times the largest state, J: what rounding at rest is compared with."""
+    form = observer.plan.reduced.switched
+    if form is None:
+        return 0.0
+    forces = np.nan_to_num(np.abs(observer(form.force, times, states))).max(initial=0.0)
+    return float(forces * np.abs(states[:, ~observer.plan.ledger]).max(initial=0.0))
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
