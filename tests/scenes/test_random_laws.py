@@ -35,3 +35,26 @@ def test_time_stepping_converges_to_the_run(seed):
     found = np.array([run[coordinate] for coordinate, *_ in drawn.bodies]).T
     coarse, fine = (np.abs(march(drawn.scene, STOP, n)[0][:: n // 20] - found).max() for n in (500, 8000))
     assert fine < 0.25 * coarse and fine < 0.01 * np.ptp(found)
+
+
+@pytest.mark.parametrize("part", ["Stop s(L = 0)", "Cable s(L = 2)"])
+def test_a_mass_that_a_parameter_set_makes_zero_is_reduced_anew(part):
+    text = """model Massless
+  Fixed wall;
+  Mass m(m = 2);
+  Mass n(m = 2, q(start = 1.5, fixed = true), v(start = 0, fixed = true));
+  Spring k(k = 10);
+  Force f(f = -3*cos(time));
+  PART;
+equation
+  connect(wall.flange, s.a);
+  connect(s.b, m.flange);
+  connect(f.flange, m.flange);
+  connect(m.flange, k.a);
+  connect(k.b, n.flange);
+end Massless;""".replace("PART", part)
+    run = lmoc.compile_text(text).simulate(stop=2, rtol=1e-9, parameters={"m.m": 0})
+    written = lmoc.compile_text(text.replace("Mass m(m = 2)", "Mass m(m = 0)")).simulate(stop=2, rtol=1e-9)
+    assert run["n.q"] == pytest.approx(written["n.q"], abs=1e-12)
+    assert [(e.name, e.kind) for e in run.events] == [(e.name, e.kind) for e in written.events]
+    assert "N0631" in [note.code for note in run.notes]

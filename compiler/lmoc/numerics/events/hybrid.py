@@ -15,6 +15,7 @@ from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
+from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
@@ -232,7 +233,7 @@ class Hybrid:
 
     def _event(self, t: float, x: np.ndarray, kind: str, change: Callable[[], None] | None = None) -> np.ndarray:
         machine, events = self.machine, self.layout.events
-        held = machine.v[self._told].copy()
+        held, base = machine.v[self._told].copy(), machine.base.copy()
         machine.time = t
 
         def begin() -> None:
@@ -246,6 +247,7 @@ class Hybrid:
         happened = self._guarded(lambda: machine.event(t, x, begin), t)
         self.next = next_time(machine, t)
         lost = self._energy(t, x, happened)
+        self._step(t, happened.x, base)
         self._tell(t, kind, happened, held, lost)
         self._judge(t, happened)
         for k in happened.terminations:
@@ -267,6 +269,24 @@ class Hybrid:
             happened.x[self._lost if lost > 0 else self._work] += abs(lost)
             lost = max(lost, 0.0)
         return lost
+
+    def _step(self, t: float, x: np.ndarray, base: np.ndarray) -> None:
+        """Book the work of what steps at an instant, such as the end of a spring.
+
+        Raises `Stopped` where the motion needs the derivative of the step: that is an impulse.
+        """
+        machine, steps = self.machine, self.layout.plan.once(Steps)
+        if not len(steps.registers):
+            return
+        before, after = (steps.values(t, x, b, machine.signals) for b in (base, machine.base))
+        jumped = steps.jumped(before, after)
+        for k in np.flatnonzero(jumped & steps.moving)[:1].tolist():
+            name = self.layout.plan.reduced.register_name(int(steps.registers[k]))
+            what = f"'{name}' jumps from {before[k]:.6g} to {after[k]:.6g} at t = {t:.6g} s"
+            why = "the motion needs its derivative, which is an impulse there"
+            raise Stopped(Status.UNSETTLED, f"{what}, and {why} (give a ramp of finite length instead of a step)")
+        if jumped.any() and steps.stored and self._work >= 0:
+            x[self._work] += after[-1] - before[-1]
 
     def _guarded(self, work, t: float):
         try:

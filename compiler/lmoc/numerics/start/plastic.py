@@ -70,7 +70,7 @@ def plastic_impact(system: StartSystem, group: np.ndarray, start: Start) -> Plas
     group : rows that are missed and depend on each other
     """
     rows, states, jacobian = _involved(system, group, start)
-    if (rows >= len(system.targets)).any() or not system.hard[rows].all():
+    if not len(states) or (rows >= len(system.targets)).any() or not system.hard[rows].all():
         return None
     names = [f"{system.name(k).rpartition('.')[0]}.energy" for k in rows.tolist()]
     found = [system.flat.find(name) for name in (*names, "ledger.stored")]
