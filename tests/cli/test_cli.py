@@ -42,6 +42,7 @@ def test_version(lmoc):
         (["run", "a.lmo", "--formulation", "ggl", "--solver", "dop853"], "E0626", "expected: auto, ida"),
         (["run", "a.lmo", "--set", "k"], "E0621", "expected name=value"),
         (["run", "a.lmo", "--set", "k=stiff"], "E0621", "k: 'stiff' is not a number"),
+        (["check", "a.lmo", "--set", "k=1:1:3"], "E0621", "k: expected one value, found '1:1:3'"),
         (["run", "a.lmo", "-o", "out.xls"], "E0624", ".csv"),
         (["run", "a.lmo", "-o", "nowhere/out.csv"], "E0623", "no folder 'nowhere'"),
         (["run", "a.lmo", "--plot", "out.doc"], "E0624", ".png"),

@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 from oracles.symbolic_truth import TRUTH, by_hand, equal, matrix, names_of, read
 
+import lmoc
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.equilibria import equilibria
 from lmoc.symbolic.linearize import linearize
@@ -124,6 +125,13 @@ def test_cancelled_modes_are_named():
 def test_missing_value_is_named():
     with pytest.raises(ModelError, match="no value for c, k, m"):
         linearize(oscillator())
+
+
+def test_a_value_that_is_not_a_number_is_no_value():
+    text = """model M parameter Real k = sqrt(-1); Real x(start = 1), v;
+      equation der(x) = v; der(v) = -k*x; end M;"""
+    with pytest.raises(ModelError, match="no value for k\n.*what is not a number"):
+        lmoc.compile_text(text).linearize(at={"x": 0, "v": 0})
 
 
 def test_unknown_output_is_named():

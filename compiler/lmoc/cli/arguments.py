@@ -180,6 +180,8 @@ def value(text: str) -> float | bool | list[float]:
         return text == "true"
     if text.startswith("{") and text.endswith("}"):
         return [number(item.strip()) for item in text[1:-1].split(",")]
+    if ":" in text:
+        raise argparse.ArgumentTypeError(f"expected one value, found '{text}'; only `lmoc run` takes several")
     return number(text)
 
 

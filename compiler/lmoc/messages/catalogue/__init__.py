@@ -105,7 +105,8 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0662": Entry(
         "a parameter without a value",
-        "Numbers (poles, eigenvalues, a numeric linear model) need a value for every parameter that occurs.",
+        "Numbers (poles, eigenvalues, a numeric linear model) need a value for every parameter that occurs. The value\n"
+        "of a formula that is not a number, such as 0/0 or the root of a negative number, is none.",
     ),
     "N0630": Entry(
         "flattened again",
