@@ -1,7 +1,7 @@
 """Writes docs/charts/, docs/accuracy.md and docs/stability.md from runs: ``python docs/make_charts.py [SCENE …]``.
 
 Without names all scenes are charted anew; with names these alone. The pages are renewed from what is kept beside the
-pictures (`docs/charts/*.json`).
+pictures (`docs/charts/*.json`). The comparison with other tools is what `python -m benchmarks.peers --scenes` has kept.
 """
 
 from __future__ import annotations
@@ -105,6 +105,7 @@ def chart(scene: Scene) -> None:
 def accuracy() -> str:
     """The page of charts."""
     from benchmarks.common import machine
+    from benchmarks.frontier import page
 
     parts = [ACCURACY.format(machine="an {processor} with {cores} cores".format(**machine()))]
     for scene in SCENES:
@@ -117,6 +118,7 @@ def accuracy() -> str:
             f"{one} and "
             f"{two} agree to {data['reference']['uncertainty']:.0e}. {_auto(data['points'])}\n"
         )
+    parts.append(page(json.loads((FOLDER / "peers.json").read_text())))
     return "\n".join(parts)
 
 
