@@ -398,8 +398,14 @@ def page(data: dict) -> str:
         here = {r["tool"]: r for r in rows if (r["scene"], r["target"]) == (scene, target)}
         cells = [_cell(here[t]) if t in here else "–" for t in tools]
         others = [r["ms"] for t, r in here.items() if t != "lmoc"]
-        ratio = f"{here['lmoc']['ms'] / min(others):.2g}" if others and "lmoc" in here else "–"
-        lines.append("| " + " | ".join([scene, f"{target:.0e}", *cells, ratio]) + " |")
+        ratio = here["lmoc"]["ms"] / min(others) if others and "lmoc" in here else None
+        lines.append(
+            "| "
+            + " | ".join(
+                [scene, f"{target:.0e}", *cells, "–" if ratio is None else f"{ratio:.{0 if ratio >= 10 else 1}f}"]
+            )
+            + " |"
+        )
     return SECTION.format(table="\n".join(lines), **machine_)
 
 
