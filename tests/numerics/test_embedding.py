@@ -141,5 +141,5 @@ def test_tables_as_spreadsheets_write_them(tmp_path, text):
 @pytest.mark.parametrize("name", ["parameters", "initial", "inputs"])
 def test_what_is_given_by_name_is_a_mapping(name):
     dae = lmoc.compile_text("model M Mass m(m = 1); end M;")
-    with pytest.raises(TypeError, match=f"{name} is a mapping"):
+    with pytest.raises(TypeError, match=f"{name} must be a mapping"):
         dae.simulate(**{name: [1, 2]})
