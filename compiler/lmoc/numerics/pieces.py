@@ -287,11 +287,6 @@ class _Run:
         status = self._judge_the_beginning(begin, x)
         if status is not Status.OK:
             return Outcome(begin, x, 0, status)
-        breaks = kinks.break_times(stretch.plan, stretch.base, begin, end)
-        if len(breaks) == kinks.MOST:
-            self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {breaks[-1]:g} s, too")
-        more = break_times(self.task.signals, begin, end, kinks.MOST // 10)
-        breaks = distinct(np.concatenate([breaks, more]))
         whole = span.start, span.end
         self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
         self._watch_loops(begin, x)
@@ -315,7 +310,7 @@ class _Run:
             deadline=self.deadline,
             progress=self.progress,
             lookout=self.lookout if way is None else way.bounded(self.lookout),
-            breaks=breaks,
+            breaks=self._breaks(begin, end),
             guard=stretch.watch or stretch.loops,
             roots=roots,
             correction=None if stretch.loops is None else stretch.loops.correction,
@@ -333,6 +328,15 @@ class _Run:
             self.lost = stretch.loops.why(outcome.status)
         stretch.largest = None if roots is None else roots.largest
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
+
+    def _breaks(self, begin: float, end: float) -> np.ndarray:
+        """Return the times at which formulas of time and given signals have kinks or jumps."""
+        stretch = self.stretch
+        own = kinks.break_times(stretch.plan, stretch.base, begin, end)
+        if len(own) == kinks.MOST:
+            self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {own[-1]:g} s, too")
+        given = break_times(self.task.signals, begin, end, kinks.MOST // 10)
+        return distinct(np.concatenate([own, given]))
 
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
         """Go to the end by steps of equal length, in which the laws' impulses take the place of events."""
