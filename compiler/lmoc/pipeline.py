@@ -9,11 +9,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

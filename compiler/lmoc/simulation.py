@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from lmoc.parameters import Value, check_initial, check_mappings
 from lmoc.pipeline import Clock
 from lmoc.semantics.parameter_checks import check_parameters
 from lmoc.session import Session
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.observe.trajectory import Trajectory

@@ -7,10 +7,10 @@ import math
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NoReturn
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.support.records import dataclass
 
 MOST_VALUES = 1000  # of a range
 

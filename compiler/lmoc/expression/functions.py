@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
+
+from lmoc.support.records import dataclass
 
 Lowering = str | Callable
 

@@ -8,13 +8,14 @@ and again with ``pre(v) := v`` until nothing changes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from lmoc.expression.dag import Expr
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 from functools import cached_property
 from math import prod
@@ -23,6 +23,7 @@ from lmoc.ir.law import Laws
 from lmoc.ir.look import PLAIN, Look
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 
 class Kind(IntEnum):

@@ -11,12 +11,12 @@ A group of laws is like a group of equations: one row an instance, integers only
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 
 class LawKind(Enum):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from lmoc.support.records import dataclass
 
 # What `annotation(__lmoc(symbol = "…"))` may name; `lmoc.view` draws them.
 SYMBOLS = frozenset(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Assignments, FlatDAE
 from lmoc.ir.reduced import Guard
 from lmoc.messages.diagnostics import Diagnostic
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +10,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import Names
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

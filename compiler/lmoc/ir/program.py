@@ -9,12 +9,12 @@ steps, whatever its length. Casadi, numpy and C are three lowerings of the same 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
 from lmoc.expression.dag import Expr
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

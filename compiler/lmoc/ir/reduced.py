@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import Switched
 from lmoc.ir.program import Program, Registers
 from lmoc.messages.diagnostics import Diagnostic
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True)

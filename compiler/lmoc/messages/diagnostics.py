@@ -7,9 +7,10 @@ mistakes; `Report.check` raises one `ModelError` for all of them at the end of t
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 _LONGEST = 600  # characters of a message, or of what is expected, found or hinted at
 

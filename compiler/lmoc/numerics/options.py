@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.ir.flat import Experiment
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.numerics.formulations.table import GAIN, TABLE, Requested, requested
+from lmoc.support.records import dataclass
 
 ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss")
 MOREAU = "moreau"  # time stepping of scenes with laws

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TypeVar
 
@@ -16,6 +16,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, gives
 from lmoc.numerics.signals.tables import Table
+from lmoc.support.records import dataclass
 
 Made = TypeVar("Made")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -18,6 +18,7 @@ from lmoc.numerics.options import RunOptions, Span
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.sizes import Sizes
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.watch import CoordinateWatch

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from lmoc.ir.reduced import Reduced
 from lmoc.ir.text.columns import aligned
 from lmoc.ir.text.reduced import program_lines, register_patterns
@@ -13,6 +11,7 @@ from lmoc.numerics.integrate.matrices import layout_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import default_signals
 from lmoc.numerics.simulate import Simulator
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from lmoc.report.display import display
 from lmoc.report.events import mark_events
 from lmoc.report.plots import COLOURS, DASHES, choose, finished, group_by_unit, stacked
 from lmoc.report.result import Result
+from lmoc.support.records import dataclass
 from lmoc.symbolic.styles import unit_text
 
 if TYPE_CHECKING:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.support.records import dataclass
 
 # unit: the SI unit that it stands for, and its size in it
 UNITS = {

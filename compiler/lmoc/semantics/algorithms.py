@@ -8,7 +8,7 @@ values that its branch assigns and those before it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
@@ -24,6 +24,7 @@ from lmoc.semantics.values.reference import named_variable
 from lmoc.semantics.values.translate import choose, continuous, sizes_differ
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import Exhausted, Wrong
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, Gr
 from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import prod
 
 import numpy as np
@@ -19,6 +19,7 @@ from lmoc.semantics.values.rows import Index, Leaf, align, positions
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong
+from lmoc.support.records import dataclass
 
 Column = tuple[Variable | None, Index | float | np.ndarray]  # flat positions (or numbers), one a row or alike in all
 

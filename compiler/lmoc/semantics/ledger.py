@@ -8,7 +8,7 @@ of a scene states anything, these cancel in every connection, and the ledger is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,6 +17,7 @@ from lmoc.expression import dag
 from lmoc.ir.flat import Block, Group, Kind, Part, Sums
 from lmoc.semantics.values.units import UnitError, parse_unit
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 TOTALS = (("stored", "J"), ("lost", "W"), ("supplied", "W"), ("work", "J"), ("heat", "J"))
 STATED = {"energy": "stored", "loss": "lost", "power": "supplied"}

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 MAX_ELEMENTS = 50_000_000  # of one array of parts or numbers, or rounds of a loop
 

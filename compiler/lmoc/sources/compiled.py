@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
 
@@ -20,6 +20,7 @@ from lmoc.ir.reduced import Guard, Reduced
 from lmoc.ir.stored import NotStorable, restore, store
 from lmoc.sources.files import class_files, library_texts, read_source
 from lmoc.support import cache
+from lmoc.support.records import dataclass
 
 _ROOMS = ("", "support", "messages", "expression", "ir", "syntax", "grammar", "sources", "semantics", "structure")
 _LARGEST = 2_000_000  # bytes: what is larger does not depend on start-up times

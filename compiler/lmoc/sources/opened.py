@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.sources.files import SUFFIXES, read_source, refusal
 from lmoc.sources.packages import PACKAGE, Folder
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise
 

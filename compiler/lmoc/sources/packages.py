@@ -7,12 +7,13 @@ A class ``Name`` is in ``Name.lmo``, ``Name.mo`` or, with the classes inside of 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Diagnostic, Label, ModelError, Report, nearest
 from lmoc.messages.source import Span
 from lmoc.sources.files import PACKAGE, SUFFIXES, class_files, package_file, read_source, refusal
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise
 

@@ -7,8 +7,6 @@ Either the equations as they are written, whatever their index, or with the deri
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.expression.dag import sub
@@ -23,6 +21,7 @@ from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.registers.assemble import Solved, assemble
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.indices import INDEX, counted
+from lmoc.support.records import dataclass
 
 
 class SingularSystemError(Exception):

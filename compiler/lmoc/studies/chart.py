@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ from lmoc.studies.chart_text import save, table
 from lmoc.studies.findings import Findings
 from lmoc.studies.points import Measurement, Runner, Setting, steps_for
 from lmoc.studies.reference import Probe, make_reference, probe
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

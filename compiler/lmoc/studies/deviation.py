@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.numerics.observe.event import Event
 from lmoc.run import Run
+from lmoc.support.records import dataclass
 
 _LEAST_MARGIN = 1e-12  # of the span, about an instant at which two runs have the same event
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from lmoc.numerics.integrate.status import NotFound
 from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
+from lmoc.support.records import dataclass
 
 _REPEATS = 3
 

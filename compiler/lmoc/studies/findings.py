@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from lmoc.studies.points import Point
 from lmoc.studies.reference import Reference
+from lmoc.support.records import dataclass
 
 DIGITS = 6  # that a recommendation is made for
 COLUMNS = (

@@ -10,7 +10,7 @@ from __future__ import annotations
 import gc
 import time as clock
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from lmoc.session import Session
 from lmoc.simulation import Request, simulate
 from lmoc.studies.deviation import Signals, deviation, signals_of
 from lmoc.studies.residual import constraint_residual
+from lmoc.support.records import dataclass
 
 _WITHOUT_DEADLINE = ("cvodes", "idas", "collocation", "collocation-radau")  # a run is one call, which nothing can stop
 NOT_RUN = "not run"  # what a status begins with where there was no time for a run

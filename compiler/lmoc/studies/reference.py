@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
 from lmoc.numerics.integrate.status import Status
 from lmoc.studies.deviation import Signals, compared_names, deviation, signals_of
 from lmoc.studies.points import Runner, Setting
+from lmoc.support.records import dataclass
 
 # methods of different families, the most accurate first, with tolerances that double precision still allows
 _SMOOTH = (("dop853", 1e-13), ("taylor", 1e-13), ("gauss", 1e-13), ("adams", 1e-12), ("radau", 1e-12), ("cvode", 1e-12))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -15,6 +14,7 @@ from lmoc.messages.diagnostics import SimulationError
 from lmoc.report.compare import Comparison
 from lmoc.report.plots import COLOURS, GREY, stacked, write
 from lmoc.run import Run
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,13 +8,13 @@ Along every motion that the closures allow the left sides must do no power, whic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.program import read
 from lmoc.ir.reduced import Invariants, Reduced
+from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws

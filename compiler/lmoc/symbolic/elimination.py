@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.too_long import no_symbols
 
 if TYPE_CHECKING:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
+from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.notation import Formula, Notation, plain_text, told
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation

@@ -8,11 +8,12 @@ changes, in several by Newton's method from many starts. Each result says how it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
 from lmoc.symbolic.rational import cancelled

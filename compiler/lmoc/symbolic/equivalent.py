@@ -7,7 +7,6 @@ a single spring, damper or inertia does not do, and Z itself is the answer.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import Row, eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.slope import slope

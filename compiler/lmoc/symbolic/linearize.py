@@ -7,7 +7,7 @@ Where an input's derivative acts (a road u(t) under a damper), the model is a de
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.symbolic.notebook import MOST_SHOWN, matrices_html
 from lmoc.symbolic.rational import cancelled

@@ -7,9 +7,10 @@ dots, and what counts up comes before what is subtracted: ``(J + m·r²)·θ̈ +
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.names import base_of, short_names
 from lmoc.symbolic.styles import ASCII, UNICODE, Style
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from lmoc.numerics.options import RunOptions
 from lmoc.numerics.simulate import Simulator
 from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.messages.equations import listed
+from lmoc.support.records import dataclass
 from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.system import coordinates_of, refuse
 from lmoc.symbolic.values import no_value

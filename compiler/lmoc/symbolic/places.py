@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.support.records import dataclass
 from lmoc.symbolic.values import exactly, no_value
 
 if TYPE_CHECKING:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.search import REACH, plain, rests, values_at
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.values import no_value

@@ -8,10 +8,11 @@ those unknowns are free, and the family is represented by its member at which th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     import sympy

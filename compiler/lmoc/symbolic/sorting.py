@@ -8,9 +8,9 @@ where that is shorter. Nonlinear terms stay as the user factored them.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.names import base_of
 from lmoc.symbolic.notation import Formula, Notation, join_terms
 from lmoc.symbolic.rational import cancelled

@@ -9,9 +9,9 @@ soft one does not hide the soft one's motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+
+from lmoc.support.records import dataclass
 
 NEAR_AXIS = 1e-6  # |Re λ|/|λ| below which several equal eigenvalues may be one on the imaginary axis
 ON_AXIS = 1e-9  # and below which a single one is

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.rational import cancelled

@@ -7,12 +7,13 @@ free of fractions, so that everything happens in a ring of polynomials: nothing 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.determinant import TooLongError, determinant
 from lmoc.symbolic.linearize import LinearModel, python_control
 from lmoc.symbolic.notation import Notation

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from typing_extensions import dataclass_transform

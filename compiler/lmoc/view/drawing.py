@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.report.files import PICTURES, check_target
+from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.scene.picture import Picture
 from lmoc.view.scene.svg import svg

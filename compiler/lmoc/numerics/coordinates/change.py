@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
@@ -13,6 +11,7 @@ from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import sample
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from heapq import merge
 
 import numpy as np
@@ -19,6 +18,7 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.activity import Lookout
 from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.task import Stretch, Task
+from lmoc.support.records import dataclass
 
 _STALLED = 40  # attempts to come on from one place
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve

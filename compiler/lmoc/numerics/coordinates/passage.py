@@ -10,13 +10,13 @@ agree within the tolerances, and if the positions found lie on one smooth curve.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
 from lmoc.numerics.evaluate.system import System
+from lmoc.support.records import dataclass
 
 _STAGES, _FEWER = 8, 6  # even, so that none is in the middle
 _ITERATIONS = 40

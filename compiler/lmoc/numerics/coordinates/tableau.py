@@ -9,9 +9,10 @@ partitioning of coordinates is Wehage & Haug's, J. Mech. Design 104, 1982).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+
+from lmoc.support.records import dataclass
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -30,6 +29,7 @@ from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Path
 from lmoc.numerics.plan import Plan
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     import casadi

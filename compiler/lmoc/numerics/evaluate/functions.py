@@ -8,7 +8,6 @@ variables z of an index-1 system, as collocation, casadi's `idas` and SUNDIALS' 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from lmoc.ir.program import Program, Solve, needed_steps, program_rows
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.casadi_system import can_lower, lower_shape, lower_steps
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     import casadi

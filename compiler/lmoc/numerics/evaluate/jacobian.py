@@ -8,7 +8,6 @@ singular, the unknowns that it still determines have derivatives, the others hav
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +17,7 @@ from lmoc.expression.dag import ZERO, Expr, slot, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply, Program, Solve, Total
 from lmoc.numerics.evaluate.newton import dense_solve, shortest_solution
+from lmoc.support.records import dataclass
 
 
 @lru_cache(maxsize=4096)

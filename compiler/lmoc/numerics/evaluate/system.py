@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True)

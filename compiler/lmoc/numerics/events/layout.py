@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply
 from lmoc.numerics.events.readout import Readout
 from lmoc.numerics.plan import Plan
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

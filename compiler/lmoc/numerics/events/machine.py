@@ -8,7 +8,6 @@ again, until no event follows (Modelica specification 3.6, 8.6 and appendix B).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.signals.signals import Signal
+from lmoc.support.records import dataclass
 
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
 _ROUNDS = 100  # of solving at one instant, and of events that follow each other at it

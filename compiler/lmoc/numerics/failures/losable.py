@@ -6,7 +6,6 @@ Most of them depend on parameters alone, so that a look at the start is enough; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from lmoc.expression.dag import Expr, depends_on_time, lift, postorder, slot, slots, substitute
 from lmoc.expression.functions import FUNCTIONS
 from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, written
+from lmoc.support.records import dataclass
 
 
 def losable(program: Program, count: int) -> tuple[Program, np.ndarray, int]:

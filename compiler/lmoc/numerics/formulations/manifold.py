@@ -9,7 +9,6 @@ that share no coordinate are treated apart, equal ones together.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from lmoc.numerics.evaluate.newton import dense_solve
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
 from lmoc.structure.blocks.blocks import blocks_of
+from lmoc.support.records import dataclass
 
 _CHUNK = 2_000_000  # numbers held at once where many places are looked at
 _CORRECTIONS = 10

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from lmoc.support.records import dataclass
 
 GAIN = 10.0  # 1/s, of Baumgarte's stabilization
 

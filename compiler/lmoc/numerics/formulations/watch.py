@@ -7,7 +7,6 @@ space with more of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from lmoc.numerics.formulations.table import Formulation
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.options import Span
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.formulations.index_two import Closed

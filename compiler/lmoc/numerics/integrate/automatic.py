@@ -15,13 +15,14 @@ The bounds come from charts of speed against accuracy over the models (`benchmar
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
+from lmoc.support.records import dataclass
 
 TRIAL = 60  # steps after which the rest of a run is judged
 ADDED = 100  # steps whose errors add up to what a tolerance promises

@@ -8,7 +8,7 @@ import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.signals.activity import Lookout
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.plan import Plan
+from lmoc.support.records import dataclass
 
 _DENSE = 40  # states up to which dense matrices are as fast
 _BAND = 40  # widest band (both halves) for the band solver

@@ -19,10 +19,10 @@ they grow without bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
 Sides = NDArray[np.int64]

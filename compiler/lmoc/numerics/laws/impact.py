@@ -17,12 +17,11 @@ against it (Coulomb's law on impulses, J. J. Moreau, Unilateral contact and dry 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Solution, solve
+from lmoc.support.records import dataclass
 
 NEWTON, POISSON = "Newton", "Poisson"
 MOST_LIMITS = 50  # limits of friction tried one after the other

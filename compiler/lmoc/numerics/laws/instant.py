@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +15,7 @@ from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

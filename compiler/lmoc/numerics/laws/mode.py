@@ -8,8 +8,6 @@ at a limit slides. Several frictions on one motion share the load up to the sum 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +15,7 @@ from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.instant import Instant, Mask, Table
 from lmoc.structure.laws.switched import POSITION
+from lmoc.support.records import dataclass
 
 IMPLIED = 1e-9  # what elimination leaves of the diagonal of a law that depends on others
 STILL = 1e-11  # rates below this share of the velocities that make them are zero

@@ -15,7 +15,6 @@ close.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.options import MOREAU
 from lmoc.numerics.signals.signals import Function
 from lmoc.structure.laws.switched import POSITION
+from lmoc.support.records import dataclass
 
 THETA = 0.5
 _GENERIC = 2  # other points at which the effect of the forces is compared, to see whether it is constant

@@ -6,8 +6,6 @@ velocity, impulses change the velocities; then the forces decide which laws hold
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +15,7 @@ from lmoc.numerics.laws.impact import Friction, Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
+from lmoc.support.records import dataclass
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
 TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from lmoc.expression.dag import Expr, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import FlatDAE
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 Observe = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 _SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from lmoc.numerics.observe.slices import Slice, signal_values, slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from lmoc.numerics.observe.closures import residuals
 from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.plan import LEDGER
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.laws.mode import Mode

@@ -9,7 +9,6 @@ there by a few times the finest such scale, which is no shorter than what a meth
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply
 from lmoc.numerics.plan import Plan, walk
 from lmoc.numerics.signals.signals import Function, Signal, sample
+from lmoc.support.records import dataclass
 
 _FORMULA, _CALLABLE = 17, 14  # halvings of a run between two looks at a formula, and at a callable
 _CHUNKS = 4  # halvings into the parts in which callables are looked at

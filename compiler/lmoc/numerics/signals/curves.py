@@ -11,10 +11,11 @@ curve jumps.
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+
+from lmoc.support.records import dataclass
 
 _ALIKE = 0.9  # ratio of neighbouring second differences that belong to one smooth peak
 SMOOTHEST = 2  # continuous derivatives that a curve can have

@@ -7,7 +7,7 @@ the integrator at the times of its stages.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, nearest
 from lmoc.numerics.signals.tables import Points, Table, checked_table, read_csv
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 # where a formula with one of these is differentiated, the derivative lacks what happens at the kink itself
 _KINKED = frozenset("abs sign floor ceil integer min max mod rem div_integer if lt le gt ge eq ne".split())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Source, Span
 from lmoc.numerics.signals import curves
+from lmoc.support.records import dataclass
 
 _CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,]*?)\s*(,|$)')  # RFC 4180, within one line
 

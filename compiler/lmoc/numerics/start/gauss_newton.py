@@ -9,13 +9,12 @@ downhill to the solution nearby; next farther away.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.numerics.start.lexicographic import Components
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.linear.generic import spread
+from lmoc.support.records import dataclass
 
 _ITERATIONS = 40
 _HALVINGS = 8

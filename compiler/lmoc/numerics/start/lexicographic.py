@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.support.distinct import distinct, distinct_rows
+from lmoc.support.records import dataclass
 
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
 _DENSE = 1000  # states of a part up to which it is solved with dense matrices; rows looked at for contradictions

@@ -8,7 +8,6 @@ minimize the sum of m·(v⁺ − v⁻)² (Carnot's theorem), and half of that su
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.start.gauss_newton import Start
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import listed
+from lmoc.support.records import dataclass
 
 _ALIKE = 1e-9  # share of the kinetic energy by which sums may differ
 

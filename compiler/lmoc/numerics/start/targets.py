@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import hint_for
 from lmoc.messages.diagnostics import Report
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

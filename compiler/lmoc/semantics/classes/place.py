@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Protocol
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import Builtin
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
 

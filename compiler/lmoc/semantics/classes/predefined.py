@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from lmoc.support.records import dataclass
 
 ENUMERATIONS = {
     "StateSelect": ("never", "avoid", "default", "prefer", "always"),

@@ -7,7 +7,6 @@ stands in at most two sets, as seen from outside its part and from inside; the t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import prod
 
 import numpy as np
@@ -23,6 +22,7 @@ from lmoc.semantics.instances.instance import Broken, Instance, InstanceNode, Va
 from lmoc.semantics.values.unit_check import unit_of
 from lmoc.semantics.wrong import Wrong
 from lmoc.support.distinct import first_of_each, numbered
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

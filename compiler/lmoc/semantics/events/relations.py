@@ -8,7 +8,7 @@ becomes two relations; ``floor`` and its kin one discrete number.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from lmoc.expression.text import to_text
 from lmoc.ir.events import Relations
 from lmoc.ir.flat import Block, Group, Kind
 from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
 
 
 @dataclass(eq=False)

@@ -8,7 +8,7 @@ variable that the branches assign is then one discrete equation,
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import prod
 
 import numpy as np
@@ -28,6 +28,7 @@ from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import MAX_UNROLLED, changes, continuous, dims_text, sizes_differ
 from lmoc.semantics.values.value import Value, number
 from lmoc.semantics.wrong import Wrong
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
 CONDITION, ASSIGNED = "condition", "when"  # origins of the equations made here

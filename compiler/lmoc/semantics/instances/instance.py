@@ -6,7 +6,7 @@ path. A chain of 10⁵ masses has one node `m`, and one for each variable inside
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import prod
 from typing import Any
 
@@ -16,6 +16,7 @@ from lmoc.ir.flat import Kind, StateSelect
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
 Path = tuple[tuple[str, tuple[int, ...]], ...]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
@@ -21,6 +20,7 @@ from lmoc.semantics.values.reference import length
 from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk
 

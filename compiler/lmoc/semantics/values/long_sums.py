@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import prod
 
 import numpy as np
@@ -15,6 +14,7 @@ from lmoc.semantics.instances.instance import NOTHING, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import align, positions
 from lmoc.semantics.values.value import Value
+from lmoc.support.records import dataclass
 
 LONG = 64  # terms from which a sum gets a variable of its own
 

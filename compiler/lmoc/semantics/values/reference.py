@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import Index, align, positions
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import NotAlike, Wrong
+from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
 

@@ -8,7 +8,6 @@ one variable's array. All arrays align at their first axes: one with fewer axes 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
 
@@ -17,6 +16,7 @@ import numpy as np
 from lmoc.expression.dag import Expr, slot
 from lmoc.ir.flat import Kind
 from lmoc.semantics.instances.instance import Variable
+from lmoc.support.records import dataclass
 
 Index = int | np.ndarray
 

@@ -8,11 +8,11 @@ units: nothing is converted, so the factor is kept and compared.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 from lmoc.messages.diagnostics import nearest
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from fractions import Fraction

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from lmoc.structure.index.incidence import Incidence, ranges
 from lmoc.structure.index.system import EquationBatch, SumBatch
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX, counted
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

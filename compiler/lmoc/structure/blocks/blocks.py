@@ -6,13 +6,12 @@ large; levels by peeling the graph of blocks from its sources (Kahn 1962), all b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.structure.index.incidence import pointers, ranges
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 from lmoc.support.sizes import WITHOUT_SCIPY
 
 

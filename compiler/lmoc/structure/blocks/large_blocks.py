@@ -7,7 +7,6 @@ its rows at once or not at all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -20,6 +19,7 @@ from lmoc.structure.blocks.explicit import as_formula, jointly_linear, pivot, so
 from lmoc.structure.blocks.small_blocks import NOTHING, Surroundings
 from lmoc.structure.linear.coefficients import is_constant
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -17,6 +16,7 @@ from lmoc.structure.blocks.tearing import Tearing, tear
 from lmoc.structure.linear.coefficients import Kinds, is_constant
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 # what is still written as a formula: equations of the block, nodes of the formulas
 FORMULA_EQUATIONS, FORMULA_NODES = 24, 400

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from lmoc.structure.blocks import large_blocks, small_blocks
 from lmoc.structure.blocks.block_equations import BatchRows, SquareSystem, SumRows
 from lmoc.structure.blocks.explicit import as_formula, pivot, solved
 from lmoc.structure.linear.substitution import partition
+from lmoc.support.records import dataclass
 
 # equations up to which blocks are sorted into classes and torn one equation at a time
 SMALL_BLOCK = 60

@@ -9,7 +9,8 @@ equations. Substitution is kept shallow: along a chain it multiplies errors in e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from lmoc.support.records import dataclass
 
 DEEPEST = 6
 

@@ -9,7 +9,7 @@ Wanner, Solving Ordinary Differential Equations II, VII.1). The closures themsel
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ from lmoc.structure.coordinates.selection import Selection, finished
 from lmoc.structure.index.system import EquationBatch
 from lmoc.structure.linear.coefficients import INPUT
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 _HOWEVER_DEEP = 1 << 30
 _MOST = 300  # constraints of one mechanism that are torn; with more, all of them count as closures

@@ -8,7 +8,6 @@ choice is the best one (Edmonds 1971).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -17,6 +16,7 @@ from lmoc.structure.coordinates.tied import Tied, largest_in_row
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 # The share of the largest entry in its row that an entry which changes along the motion must have at the start to be
 # divided by without care, and to be divided by at all if there is another; one that never changes must only be there.

@@ -6,7 +6,6 @@ What vanishes at the generic point vanishes everywhere; what vanishes at the sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from lmoc.ir.flat import Assignments
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, KNOWN
 from lmoc.structure.linear.generic import spread_at
+from lmoc.support.records import dataclass
 
 # a time at which nothing special happens
 GENERIC_TIME = 0.1234

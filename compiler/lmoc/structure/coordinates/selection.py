@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

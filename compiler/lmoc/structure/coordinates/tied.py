@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from lmoc.structure.coordinates.closure import start_point
 from lmoc.structure.coordinates.sample import Sample
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import is_constant
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

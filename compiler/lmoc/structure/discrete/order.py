@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from lmoc.ir.reduced import DiscreteStep
 from lmoc.messages.diagnostics import Label, Report
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

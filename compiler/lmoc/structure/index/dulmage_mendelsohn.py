@@ -6,13 +6,13 @@ C.-J. Fan, "Computing the block triangular form of a sparse matrix", ACM TOMS 16
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from lmoc.structure.index.incidence import Incidence, pointers, ranges
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

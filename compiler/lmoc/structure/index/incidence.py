@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 
 def ranges(start: np.ndarray, items: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from lmoc.ir.normalized import LongSums, Normalized
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN, Kinds, kinds_of, leaves_of
 from lmoc.support.indices import INDEX, counted, positions
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.structure.linear.derived import NONE, DerivedParameters
 from lmoc.support.indices import INDEX, counted
+from lmoc.support.records import dataclass
 
 # bits of Affine.code: how a jet of the variable looks once its root stands in its place
 NEGATIVE, FACTOR, OFFSET, OFFSET_NEGATIVE, ZERO_ROOT, ELSEWHERE = 1, 2, 4, 8, 16, 32

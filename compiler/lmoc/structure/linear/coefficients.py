@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 
@@ -12,6 +11,7 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, ZERO, Expr, add, const, div, mul, neg, postorder, rebuild, slot, slots
 from lmoc.expression.evaluate import OPERATIONS
 from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.support.records import dataclass
 
 # Kinds of a group's columns; constants, parameters and derived parameters are one kind here.
 KNOWN, INPUT, UNKNOWN = 0, int(Kind.INPUT), int(Kind.UNKNOWN)

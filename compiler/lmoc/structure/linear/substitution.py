@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -29,6 +28,7 @@ from lmoc.structure.linear.coefficients import (
     linear_sum,
     renumbered,
 )
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -12,6 +11,7 @@ from lmoc.structure.linear.affine import Affine
 from lmoc.structure.linear.coefficients import UNKNOWN
 from lmoc.structure.linear.substitution import Rows
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 # longer balances are kept as sums to the end
 LONGEST_SHAPE = 8

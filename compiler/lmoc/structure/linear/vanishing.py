@@ -6,7 +6,6 @@ decision is a guard, to be checked for each further parameter set.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 
@@ -31,6 +30,7 @@ from lmoc.structure.linear.coefficients import (
 from lmoc.structure.linear.derived import DerivedParameters
 from lmoc.structure.linear.generic import spread
 from lmoc.structure.linear.substitution import Rows, partition
+from lmoc.support.records import dataclass
 
 
 class Missing(IntEnum):

@@ -13,7 +13,7 @@ Dynamics 30 (2013) 153; Arabyan and Wu, "An improved formulation for constrained
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from lmoc.structure.linear.substitution import Rows, with_numbers
 from lmoc.structure.linear.sum_rows import SumRows
 from lmoc.structure.loops.redundancy import constraints, free_reactions
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
+from lmoc.support.records import dataclass
 
 # a component of so many rows is looked at densely; larger ones are left as they are
 DENSE = 400

@@ -9,7 +9,6 @@ on the bodies as they are, and all reactions that could have been otherwise are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -23,6 +22,7 @@ from lmoc.structure.linear.sum_rows import SumRows
 from lmoc.structure.linear.terms import entries, terms_of, value_at
 from lmoc.structure.loops.dependence import Vector, as_vectors, dependencies, peel
 from lmoc.support.distinct import numbered
+from lmoc.support.records import dataclass
 
 # weights and sums this small beside what they are made of are roundoff
 CONSISTENT = 1e-10

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import prod
 
 import numpy as np
@@ -19,6 +19,7 @@ from lmoc.structure.linear.substitution import partition
 from lmoc.structure.registers.layout import RegisterLayout, inverse_affine, names_of_jets, pattern_of, way_back
 from lmoc.support.distinct import first_of_each
 from lmoc.support.indices import INDEX
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import numpy as np
 from lmoc.ir.law import LawKind, Laws
 from lmoc.ir.mode import mode_word
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.support.records import dataclass
 from lmoc.symbolic.equations import NOTHING_MOVES, EquationsOfMotion, equations_of_motion
 from lmoc.symbolic.equilibria import Equilibrium
 from lmoc.symbolic.laws.modes import Lawful

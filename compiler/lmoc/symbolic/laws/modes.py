@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from lmoc.ir.mode import law_names, mode_words, with_mode
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.structure.laws.switched import free
+from lmoc.support.records import dataclass
 
 Reduce = Callable[[FlatDAE, np.ndarray], Reduced]
 

@@ -10,13 +10,14 @@ complementarity G. Maier, Meccanica 5, 1970): of 2ⁿ choices only those are loo
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.law import LawKind
 from lmoc.ir.reduced import Reduced
+from lmoc.support.records import dataclass
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.numeric import NumericSystem
 

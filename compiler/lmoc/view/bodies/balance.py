@@ -7,13 +7,13 @@ balance of a point without mass gives it by the motion alone: a spring's force a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
+from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import PartLaws

@@ -7,10 +7,11 @@ tension. Other forces point along the coordinate where their formula adds, again
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, hypot, isfinite, radians, sin
 from typing import TYPE_CHECKING
 
+from lmoc.support.records import dataclass
 from lmoc.symbolic.notation import Formula, Notation, join_terms
 from lmoc.view.bodies.balance import Balance, Force, FreeBodies
 from lmoc.view.bodies.writing import MARKED

@@ -7,12 +7,13 @@ of `assets/blocks.js`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from lmoc.ir.program import Apply, Program, Solve, Total
 from lmoc.numerics.evaluate.native.c_code import FEW, expression_lines, number_text
+from lmoc.support.records import dataclass
 
 
 @dataclass

@@ -7,7 +7,6 @@ the flat model that something is computed from. What is a number is data, so tha
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,6 +34,7 @@ from lmoc.numerics.signals.activity import lookout
 from lmoc.numerics.signals.signals import Function, break_times
 from lmoc.numerics.signals.tables import Table
 from lmoc.numerics.sizes import assumed_sizes
+from lmoc.support.records import dataclass
 from lmoc.view.javascript.code import Writer
 from lmoc.view.javascript.start import start_program
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmoc.ir.flat import Kind
 from lmoc.numerics.observe.observer import Observer
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 
 _TRIED = (0.31, 0.77, 1.29, 3.7)  # times the value, at which the assumptions of the reduction are looked at
 _TRIED_OF_ZERO = (-0.83, 0.29, 1.13)

@@ -6,7 +6,6 @@ of them determine the states, is decided here, for the run at hand; the page the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +19,7 @@ from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.start.start_system import ROUNDOFF
 from lmoc.numerics.start.targets import Targets, targets
+from lmoc.support.records import dataclass
 
 _MET = 1e-9  # of the size of a value wanted: by how much it may be missed
 _RANK = 1e-9  # pivots below are none; rows have length 1

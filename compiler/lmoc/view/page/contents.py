@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from lmoc.report.plots import choose
 from lmoc.report.result import Result
 from lmoc.report.summary import energy_text
 from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
 from lmoc.symbolic.styles import unit_text
 from lmoc.view.javascript.script import NotWritten, Script, write_script
 from lmoc.view.javascript.sliders import sliders

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -13,6 +12,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.report.files import check_target
 from lmoc.report.result import Result
 from lmoc.report.summary import counted, energy_text, stages, times_text
+from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.page.contents import Contents, contents
 from lmoc.view.page.join import asset, joined

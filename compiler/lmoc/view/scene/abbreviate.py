@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Part
 from lmoc.ir.look import Look
 from lmoc.semantics.connections.components import components
+from lmoc.support.records import dataclass
 from lmoc.view.scene.elements import (
     DOMAINS,
     Element,

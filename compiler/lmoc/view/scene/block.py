@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import inf
 
+from lmoc.support.records import dataclass
 from lmoc.view.scene.picture import Circle, Frame, Item, Label, Point, Shape
 from lmoc.view.scene.text import box
 

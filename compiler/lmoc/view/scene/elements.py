@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 from math import prod
 
 import numpy as np
 
 from lmoc.ir.flat import Block, FlatDAE, Kind, Part
 from lmoc.ir.look import Look
+from lmoc.support.records import dataclass
 
 # the units of a port's potentials → what kind of port it is
 DOMAINS = {("m",): "line", ("rad",): "shaft", ("m", "m"): "point", ("m", "m", "rad"): "frame"}

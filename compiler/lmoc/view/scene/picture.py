@@ -16,8 +16,10 @@ To move a picture: find the ends (`End.at`) and the angle (`Turn.at`) for the va
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import atan2, cos, hypot, sin
+
+from lmoc.support.records import dataclass
 
 Point = tuple[float, float]
 Vertex = tuple[float, float, float]  # (f, x, y): in the item's frame at (f·distance of the ends + x, y)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import ceil, cos, hypot, pi, sin
 
+from lmoc.support.records import dataclass
 from lmoc.view.scene.block import Corners, shape_corners
 from lmoc.view.scene.picture import Circle, End, Frame, Item, Label, Path, Point
 from lmoc.view.scene.text import box

@@ -9,8 +9,9 @@ people draw them; planar graphs have such rows.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations, permutations
+
+from lmoc.support.records import dataclass
 
 MOST_IMPROVED = 60  # elements; with more, the first rows found are kept
 MOST_PERMUTED = 7  # chains

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from lmoc.support.records import dataclass
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.names import Names

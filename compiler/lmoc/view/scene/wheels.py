@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import cos, radians, sin
 
+from lmoc.support.records import dataclass
 from lmoc.view.scene import symbols
 from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block

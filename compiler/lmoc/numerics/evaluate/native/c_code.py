@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from lmoc.expression.dag import Expr, postorder
 from lmoc.expression.functions import FUNCTIONS
 from lmoc.ir.program import Apply, Solve, Step, Total, written
+from lmoc.support.records import dataclass
 
 FEW = 4  # rows of a step that are written one by one
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from lmoc.numerics.evaluate.native.compiler import load_library
 from lmoc.numerics.evaluate.native.pivots import Factors
 from lmoc.numerics.evaluate.native.prelude import BLOCKS, CALLBACK, PRELUDE
 from lmoc.numerics.integrate.sundials import sundials
+from lmoc.support.records import dataclass
 
 _LONG = 20_000  # rows from which the compiler's time for -O3, twice that for -O2, is soon won back
 # How Newton's corrections have to shrink, how many there are, and how far off the first one may point. A mechanism has

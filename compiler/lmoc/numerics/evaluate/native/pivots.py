@@ -9,9 +9,10 @@ small beside its column, an order is reselected.
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass
 
 import numpy as np
+
+from lmoc.support.records import dataclass
 
 _THRESHOLD = 0.1  # of the largest number in its column: as small as a pivot may be for the sake of sparsity
 

@@ -7,11 +7,11 @@ as a loop over rounds they take as much text as one of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.ir.program import Apply, Program, Step
+from lmoc.support.records import dataclass
 
 _LONGEST = 24  # steps of a round
 _LEAST = 6  # rounds that are worth a loop

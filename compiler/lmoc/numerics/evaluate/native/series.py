@@ -10,7 +10,6 @@ with the same matrix (Nedialkov and Pryce, Solving DAEs by Taylor series (I), BI
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.evaluate.native.c_code import CFunction, Unsupported, Writer, number_text
 from lmoc.numerics.evaluate.native.c_derivatives import sweep
 from lmoc.numerics.evaluate.native.c_matrices import Matrices
+from lmoc.support.records import dataclass
 
 LENGTH = 32  # coefficients that a series has room for
 _POWERS = 8  # whole exponents up to which a power is a product

@@ -5,11 +5,11 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from ctypes import c_void_p
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.numerics.integrate.sundials import sundials as sun
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from ctypes import byref, c_double, c_long, c_void_p
-from dataclasses import dataclass
 
 import numpy as np
 
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials import sundials as sun
 from lmoc.numerics.integrate.sundials.matrix import Matrix, Solver
+from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True)
