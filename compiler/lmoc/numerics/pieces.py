@@ -25,38 +25,31 @@ from lmoc.numerics.coordinates.change import (
     with_solutions,
 )
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.failures.chatter import FRICTION_HINT, Jump, chatters, jumps
+from lmoc.numerics.failures.account import check_start, check_values, explanation, registers_at_end
+from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.failures.checks import run_checks
-from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
-from lmoc.numerics.integrate import choice
-from lmoc.numerics.integrate.base import Outcome, Problem
-from lmoc.numerics.integrate.standing import standing
+from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import Event
-from lmoc.numerics.observe.observer import Observer, find
+from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import kept_variables
 from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
+from lmoc.numerics.one_piece import Bounds, PieceSolver
 from lmoc.numerics.options import MOREAU
 from lmoc.numerics.plan import Plan
-from lmoc.numerics.signals import kinks
-from lmoc.numerics.signals.activity import Lookout, lookout
-from lmoc.numerics.signals.signals import break_times
 from lmoc.numerics.sizes import assumed_sizes
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
-from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.start.targets import targets
-from lmoc.numerics.task import Cost, Stretch, Task
-from lmoc.support.distinct import distinct
+from lmoc.numerics.task import Stretch, Task
+from lmoc.numerics.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes, Way
     from lmoc.numerics.events.happenings import Happenings
     from lmoc.numerics.formulations.watch import LoopWatch
 
-_FINER = 0.1  # factor on the tolerances of pieces behind a change of coordinates
-_SAME = 1e-14  # of the time: roots behind a jump are found a few digits of the last place behind it
-_NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
-_FINEST = 1e-14  # relative tolerance
+_FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
+_SAME = 1e-14  # of the time: roots after a jump are found a few units of the last place after it
 
 
 def run_pieces(
@@ -89,7 +82,7 @@ def starting_place(
 
 
 class _Run:
-    """One run on its way."""
+    """One run in progress."""
 
     def __init__(self, task: Task, plan: Plan, system: System, base: np.ndarray) -> None:
         self.task, self.report = task, task.report
@@ -98,60 +91,65 @@ class _Run:
         ledger = _ledger_names(observer) if options.energy else ()
         keep = None if options.keep is None else (*options.keep, *ledger)
         self.variables = None if keep is None else kept_variables(observer.flat, keep)
-        self.rtol = options.tolerance(observer.flat.experiment)
-        self.deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
-        self.progress = None if task.progress is None else lambda t: task.progress(t, span.end)
+        self.tolerances = Tolerances(task, options.tolerance(observer.flat.experiment))
+        self.solver = PieceSolver(task, self.tolerances)
         self.stretch = Stretch(observer, system, span.start, span.times, 0, self.variables)
         self.pieces: list[Piece] = []
         self.ended: Status | None = None  # an event has ended the run
-        self.cost = Cost()
         self.longest = np.inf if options.max_step is None else options.max_step
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
-        self.tolerances: tuple[Plan, np.ndarray] | None = None
-        self.lookout: Lookout | None = None
 
     def go(self, initial: Mapping[str, float] | End | Place) -> Trajectory:
-        began, lowered = self.task.clock
         x = self._start(initial)
         started = clock.perf_counter()
+        outcome = self._to_the_end(x)
+        self._finish(outcome)
+        run = self._joined(outcome, started)
+        if outcome.status.failed:
+            failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
+            sizes = self.tolerances.sizes(self.stretch)
+            text = explanation(self.stretch, outcome, self.task.span, sizes, self._known_reason(outcome))
+            raise failure(text, outcome.time, run)
+        return run_checks(run)
+
+    def _to_the_end(self, x: np.ndarray) -> Outcome:
+        """Go from piece to piece until the end of the run, or until it fails."""
         outcome = self._integrate(x, self.stretch.begin)
         while True:
             if outcome.status is Status.COORDINATES:
                 outcome = self._with_other_coordinates(outcome)
                 continue
             if self.happenings is None or outcome.status.failed:
-                break
+                return outcome
             try:
-                x = self._behind(outcome)
+                x = self._after(outcome)
             except KeyboardInterrupt:
-                self.ended = Status.INTERRUPTED
-                break
+                return replace(outcome, status=Status.INTERRUPTED)
             if x is None:
-                break
+                return outcome if self.ended is None else replace(outcome, status=self.ended)
             outcome = self._integrate(x, self.stretch.begin)
-        if self.ended is not None:
-            outcome = replace(outcome, status=self.ended)
-        self._finish(outcome)
-        stats = self.cost.stats | {
+
+    def _joined(self, outcome: Outcome, started: float) -> Trajectory:
+        """Return the pieces so far as one trajectory, with statistics and notes."""
+        began, lowered = self.task.clock
+        first, happenings = self.pieces[0].observer.plan, self.happenings
+        stats = self.solver.cost.stats | {
             "seconds": clock.perf_counter() - began,
             "lower_seconds": lowered - began,
             "start_seconds": started - lowered,
-            "states": self.pieces[0].observer.plan.state_count,
-            "rtol": self.rtol,
+            "states": first.state_count,
+            "rtol": self.tolerances.rtol,
         }
         if self.stretch.loops is not None:
             stats |= self.stretch.loops.stats
         self._note_changes()
-        notes = tuple(dict.fromkeys((*self.pieces[0].observer.plan.notes, *self.report.diagnostics)))
+        notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
+        records = (*self.impacts, *(() if happenings is None else happenings.records))
+        crossing = None if happenings is None else happenings.crossing
         last = outcome.time, outcome.x
-        crossing = None if self.happenings is None else self.happenings.crossing
-        run = Trajectory(tuple(self.pieces), self.variables, last, stats, self._records(), notes, crossing)
-        if outcome.status.failed:
-            failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
-            raise failure(self._explain(outcome), outcome.time, run)
-        return run_checks(run)
+        return Trajectory(tuple(self.pieces), self.variables, last, stats, records, notes, crossing)
 
     # ------------------------------------------------------------------ the start
 
@@ -177,12 +175,12 @@ class _Run:
             x = self._start_of_events(states, initial)
         report.check()
         system.prepare(self.stretch.base, self.stretch.observer.signals)
-        self._check_start(x)
+        check_start(self.stretch, span.start, x, report)
         self._record_start(x)
         return x
 
     def _record_start(self, x: np.ndarray) -> None:
-        """Keep the state where a piece begins, if that is asked for: at an event, the one behind it."""
+        """Keep the state where a piece begins, if that is asked for: at an event, the one after it."""
         recorder, begin = self.stretch.recorder, self.stretch.begin
         if len(recorder.times) and _is_same(recorder.times[0], begin):
             recorder(0, x[None])
@@ -190,7 +188,7 @@ class _Run:
     # ------------------------------------------------------------------ events
 
     def _start_of_events(self, states: Callable[[np.ndarray], np.ndarray], initial: object) -> np.ndarray:
-        """The states at the start of a run with events, behind what happens there."""
+        """Return the states at the start of a run with events, after what happens there."""
         from lmoc.numerics.events.happenings import Happenings
 
         task, stretch = self.task, self.stretch
@@ -214,8 +212,8 @@ class _Run:
         self.stretch.mode, self.stretch.rounding = now.mode, now.rounding
         old.system.prepare(observer.base, now.signals)
 
-    def _behind(self, outcome: Outcome) -> np.ndarray | None:
-        """Return the state behind what has ended a piece, and begin the next one; None at the end of the run."""
+    def _after(self, outcome: Outcome) -> np.ndarray | None:
+        """Return the state after what has ended a piece, and begin the next one; None at the end of the run."""
         stretch, time = self.stretch, outcome.time
         try:
             self._stand_at(outcome)
@@ -223,158 +221,70 @@ class _Run:
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason
             if stopped.status is Status.OK:
-                told = f"the model has ended the run at t = {time:.6g} s: {stopped.reason}"
-                self.report.diagnostics.append(Diagnostic("N0552", told))
+                text = f"the model has ended the run at t = {time:.6g} s: {stopped.reason}"
+                self.report.diagnostics.append(Diagnostic("N0552", text))
             return None
         if x is None:
             return None
         recorder = stretch.recorder
         if recorder.reached and _is_same(recorder.times[recorder.reached - 1], time):
-            recorder.reached -= 1  # the value at an event is the one behind it
+            recorder.reached -= 1  # the value at an event is the one after it
         self.pieces.append(stretch.piece())
         self._begin(time)
         self._record_start(x)
         return x
 
-    def _records(self) -> tuple[Event, ...]:
-        return (*self.impacts, *(() if self.happenings is None else self.happenings.records))
-
-    def _check_start(self, x: np.ndarray) -> None:
-        """All derivatives must be finite at the start, else the run says what is not.
-
-        Equations that no derivative needs must have a solution too; of their other values those that are not finite
-        are only warned of, since the motion does not depend on them.
-        """
-        stretch, time, hint = self.stretch, self.task.span.start, "look at the start values, and at divisions by zero"
-        derivative = np.empty(len(x))
-        stretch.system.rhs(time, x, derivative)
-        needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
-        program = None if needed else stretch.plan.full_program
-        near = stretch.system.registers
-        found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
-        if needed or nonlinear:
-            self.report.error("E0535", f"{found} at the start", span, hint=hint)
-            raise StartSingular(self.report.diagnostics, stretch.plan.reduced.state_names, span)
-        elif found:
-            self.report.warning("W0537", f"{found} at the start", span, hint=hint)
-
     # ------------------------------------------------------------------ the way
 
     def _integrate(self, x: np.ndarray, begin: float, way: Way | None = None) -> Outcome:
-        """Integrate the piece under way, from a state to its end.
+        """Integrate the current piece from a state to its end.
 
         Parameters
         ----------
-        way : bounds the steps, where the run has been told how to go on
+        way : bounds the steps after a change of coordinates
         """
-        stretch, span = self.stretch, self.task.span
-        recorder, options = stretch.recorder, self.task.options
-        now = self.happenings
-        end = span.end if now is None else now.until
-        done = recorder.reached
-        times = recorder.times[done : np.searchsorted(recorder.times, end, "right")]
-        if options.solver == MOREAU:
+        task, now = self.task, self.happenings
+        if task.options.solver == MOREAU:
             return self._march(x, begin)
+        end = task.span.end if now is None else now.until
         roots = None if now is None else now.roots(begin, x)
-        if not len(x) and roots is None:
-            recorder(done, np.zeros((len(times), 0)))
-            return self.cost.add(Outcome(end, x, len(times)), stretch.system, "none", "no states")
-        if begin == end:
-            return self.cost.add(Outcome(begin, x, 0), stretch.system, "none", "only the start")
-        if end - begin <= _NO_TIME * max(abs(begin), abs(end)):
-            recorder(done, np.tile(x, (len(times), 1)))
-            return self.cost.add(Outcome(end, x, len(times)), stretch.system, "none", "only an instant")
+        bounds = Bounds(begin, end, self.longest, roots, way=way)
+        outcome = self.solver.at_once(self.stretch, x, bounds)
+        if outcome is not None:
+            return outcome
         status = self._judge_the_beginning(begin, x)
         if status is not Status.OK:
             return Outcome(begin, x, 0, status)
-        whole = span.start, span.end
-        self.lookout = lookout(stretch.plan, stretch.base, self.task.signals, whole, self.lookout)
         self._watch_loops(begin, x)
-
-        def sink(first: int, states: np.ndarray) -> None:
-            recorder(first + done, states if stretch.loops is None else stretch.loops.output(times[first:], states))
-
+        if now is not None:
+            bounds = replace(bounds, longest=min(self.longest, now.longest_step))
         # what follows from the states is known less well than they are, where one choice after the other divides by it
-        finer = _FINER if stretch.watch is not None and self.pieces else 1.0
-        problem = Problem(
-            stretch.system,
-            begin,
-            x,
-            end,
-            times,
-            max(self.rtol * finer, _FINEST),
-            self._atol(x) * finer,
-            sink,
-            max_step=self.longest if now is None else min(self.longest, now.longest_step),
-            max_steps=min(options.max_steps, options.requested.form.most_steps),
-            deadline=self.deadline,
-            progress=self.progress,
-            lookout=self.lookout if way is None else way.bounded(self.lookout),
-            breaks=self._breaks(begin, end),
-            guard=stretch.watch or stretch.loops,
-            roots=roots,
-            correction=None if stretch.loops is None else stretch.loops.correction,
-            index_one=None if stretch.loops is None else stretch.loops.index_one,
-            held=self._held if self._jumps else None,
-            step=options.step_length(span),
-        )
-        if not len(x):
-            return self.cost.add(standing(problem), stretch.system, "none", "no states")
-        implicit = problem.index_one is not None
-        outcome, method = choice.run(problem, "ida" if implicit else options.solver)
-        if implicit:
-            method["reason"] = f"for formulation {options.formulation}"
-        if stretch.loops is not None and outcome.status.failed:
-            self.lost = stretch.loops.why(outcome.status)
-        stretch.largest = None if roots is None else roots.largest
-        return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
-
-    def _breaks(self, begin: float, end: float) -> np.ndarray:
-        """Return the times at which formulas of time and given signals have kinks or jumps."""
-        stretch = self.stretch
-        own = kinks.break_times(stretch.plan, stretch.base, begin, end)
-        if len(own) == kinks.MOST:
-            self.report.warning("W0526", f"the formulas of time have kinks or jumps behind t = {own[-1]:g} s, too")
-        given = break_times(self.task.signals, begin, end, kinks.MOST // 10)
-        return distinct(np.concatenate([own, given]))
+        if self.stretch.watch is not None and self.pieces:
+            bounds = replace(bounds, finer=_FINER)
+        outcome = self.solver(self.stretch, x, bounds)
+        if self.stretch.loops is not None and outcome.status.failed:
+            self.lost = self.stretch.loops.why(outcome.status)
+        return outcome
 
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
-        """Go to the end by steps of equal length, in which the laws' impulses take the place of events."""
-        old, options, span = self.stretch, self.task.options, self.task.span
-        observer = Observer(old.plan, self.task.values, self.happenings.open, self.task.signals)
-        self.stretch = stretch = Stretch(observer, old.system, begin, span.times, old.first, self.variables)
+        """Go to the end by steps of equal length, in which impulses of the laws take the place of events."""
+        old, now = self.stretch, self.happenings
+        observer = Observer(old.plan, self.task.values, now.open, self.task.signals)
+        self.stretch = Stretch(observer, old.system, begin, self.task.span.times, old.first, self.variables)
         self._record_start(x)
         old.system.prepare(observer.base, observer.signals)
-        recorder, steps = stretch.recorder, self.happenings.steps()
-        done = recorder.reached
-        problem = Problem(
-            stretch.system,
-            begin,
-            x,
-            span.end,
-            recorder.times[done:],
-            self.rtol,
-            np.zeros(len(x)),
-            lambda first, states: recorder(first + done, states),
-            deadline=self.deadline,
-            progress=self.progress,
-            step=options.step_length(span),
-        )
-        outcome = steps.march(problem)
-        self.happenings.records += steps.records
-        return self.cost.add(outcome, stretch.system, MOREAU, "asked for")
+        steps = now.steps()
+        outcome = self.solver.march(self.stretch, x, steps)
+        now.records += steps.records
+        return outcome
 
-    @cached_property
-    def _jumps(self) -> tuple[Jump, ...]:
-        return jumps(self.stretch.observer.flat)
-
-    def _chatter(self, t: float, x: np.ndarray) -> str:
-        """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
-        stretch, span = self.stretch, self.task.span
-        return chatters(self._jumps, stretch.observer, stretch.system, (t, x), span.end - span.start)
-
-    def _held(self, t: float, x: np.ndarray) -> bool:
-        return bool(self._chatter(t, x))
+    def _known_reason(self, outcome: Outcome) -> str:
+        """Return why the run cannot go on, where that is known better than from the status; else nothing."""
+        slow = outcome.status in (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS)
+        if self.lost or not slow:
+            return self.lost
+        jump = self.solver.holding_jump(self.stretch, outcome.time, outcome.x)
+        return f"{jump} ({FRICTION_HINT})" if jump else ""
 
     @cached_property
     def changes(self) -> Changes:
@@ -402,8 +312,8 @@ class _Run:
         """Go on from where the coordinates have ceased to be good."""
         if self.stretch.loops is not None:
             return self._in_shorter_steps(self.stretch.loops, outcome)
-        rtol, atol = self.rtol * _FINER, self._atol(outcome.x) * _FINER
-        way = self.changes.onward(self.stretch, outcome, rtol * np.abs(outcome.x) + atol)
+        tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.stretch, outcome.x)
+        way = self.changes.onward(self.stretch, outcome, _FINER * tolerance)
         if way is None:
             self.lost = self.changes.reason
             return replace(outcome, status=Status.SINGULAR)
@@ -428,15 +338,10 @@ class _Run:
 
     def _stand_at(self, outcome: Outcome) -> None:
         """Let events and laws begin at the solutions of the nonlinear blocks where the piece has ended."""
-        unknowns, system = self.stretch.plan.once(block_unknowns), self.stretch.system
-        if len(unknowns) and self._registers(outcome) is not None:
-            self.happenings.stand_at(unknowns, system.registers[unknowns])
-
-    def _atol(self, x: np.ndarray) -> np.ndarray:
-        """(n,) the absolute tolerances of the coordinates in use, from where these came into use."""
-        if self.tolerances is None or self.tolerances[0] is not self.stretch.plan:
-            self.tolerances = self.stretch.plan, self._absolute_tolerances(x)
-        return self.tolerances[1]
+        unknowns = self.stretch.plan.once(block_unknowns)
+        registers = registers_at_end(self.stretch.system, outcome) if len(unknowns) else None
+        if registers is not None:
+            self.happenings.stand_at(unknowns, registers[unknowns])
 
     def _watch_loops(self, begin: float, x: np.ndarray) -> None:
         """Have the closures watched, in a formulation where all coordinates of the loops are states."""
@@ -457,94 +362,27 @@ class _Run:
         self.longest = min(longest, np.inf if self.task.options.max_step is None else self.task.options.max_step)
         return self._integrate(outcome.x, outcome.time)
 
-    def _absolute_tolerances(self, x: np.ndarray) -> np.ndarray:
-        """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
-        plan, atol, rtol = self.stretch.plan, self.task.options.atol, self.rtol
-        if atol is not None:
-            result = np.full(len(x), atol, float)
-        else:
-            result = rtol * 1e-3 * assumed_sizes(plan, self.task.values, x, self.task.sizes)
-        if plan.ledger.any():
-            observer, begin = self.stretch.observer, np.array([self.stretch.begin])
-            stored = observer(find(observer.flat, "ledger.stored"), begin, x[None])
-            result[plan.ledger] = np.fmax(result[plan.ledger], rtol * np.abs(stored[0]))
-        return result
-
-    def _check_way(self, outcome: Outcome) -> None:
-        """Values that the motion does not depend on may be lost on the way, as a square root: the run tells it."""
-        stretch, recorder = self.stretch, self.stretch.recorder
-        times, _ = recorder.taken()
-        if any(d.code == "W0537" for d in self.report.diagnostics) or not len(times):
-            return
-        rows = np.zeros(0, int)
-        if self.variables is None:
-            rows = suspects(stretch.observer, times, recorder.table)
-        if stretch.plan.once(moving_risks).others or self.variables is not None:
-            rows = np.append(rows, len(times) - 1)
-        for k in rows.tolist():
-            time, near = float(times[k]), None
-            if k == len(times) - 1:
-                time, x, near = outcome.time, outcome.x, self._registers(outcome)
-            else:
-                x = recorder.table[k]
-            known, program = near is not None, stretch.plan.full_program
-            found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, known)
-            if found and not nonlinear:  # nonlinear equations are solved along the way, not from their start
-                self.report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
-                return
-
-        found = unsolved(stretch.observer, *recorder.sampled())
-        if found is not None:
-            sentence, span, time = found  # type: ignore[str-unpack]
-            self.report.warning("W0537", f"{sentence} at t = {time:g} s", span)
-
-    def _registers(self, outcome: Outcome) -> np.ndarray | None:
-        """The registers at the end, where the system keeps them."""
-        system, rate = self.stretch.system, np.empty(len(outcome.x))
-        if system.registers is None:
-            return None
-        count = system.evaluations
-        system.rhs(outcome.time, outcome.x, rate)
-        system.evaluations = count
-        return system.registers if np.isfinite(rate).all() else None
-
     def _finish(self, outcome: Outcome) -> None:
         """Close the piece under way; one without extent leaves nothing behind."""
         if not outcome.status.failed:
-            self._check_way(outcome)
+            check_values(self.stretch, outcome, self.variables is None, self.report)
         piece = self.stretch.piece(outcome)
         if len(piece.time) or outcome.time > piece.begin or outcome.status is not Status.COORDINATES:
             self.pieces.append(piece)
 
     def _note_changes(self) -> None:
-        """Say how often coordinates have changed, and between which."""
+        """Report how often coordinates have changed, and between which, and singular positions on the way."""
         names = [tuple(p.coordinates) for p in self.pieces]
         changes = sum(a != b for a, b in pairwise(names))
         if changes:
             sets = "; ".join(", ".join(n) for n in dict.fromkeys(names))
             often = "once" if changes == 1 else f"{changes} times"
             self.report.note("N0632", f"coordinates changed {often}, between {sets}")
-            self.cost.stats["coordinate_changes"] = changes
         passed = self.changes.passed if "changes" in self.__dict__ else []
         if passed:
             often = "a singular position was" if len(passed) == 1 else f"{len(passed)} singular positions were"
             first = f"at t = {passed[0]:.6g} s" if len(passed) == 1 else f"the first at t = {passed[0]:.6g} s"
             self.report.note("N0633", f"{often} passed, {first}: the motion goes on with continuous velocities")
-
-    def _explain(self, outcome: Outcome) -> str:
-        stretch, end = self.stretch, self.task.span.end
-        found = ""
-        if outcome.status in (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS) and self._jumps:
-            told = "" if self.lost else self._chatter(outcome.time, outcome.x)
-            self.lost = f"{told} ({FRICTION_HINT})" if told else self.lost
-        if outcome.status in (Status.NOT_FINITE, Status.COLLAPSED) and not self.lost:
-            found = lost_ahead(stretch.observer, stretch.system, outcome.time, outcome.x, end)
-        if not found and outcome.status is Status.COLLAPSED and self.tolerances is not None and not self.lost:
-            sizes, span = self.tolerances[1] / self.rtol, end - self.task.span.start
-            found = fastest(stretch.observer, stretch.system, outcome.time, outcome.x, sizes, span)
-        detail = f": {found}" if found else ""
-        return f"the run stopped at t = {outcome.time:.6g} s of {end:g} s: {self.lost or outcome.status.value}{detail}"
-
 
 
 def _is_same(time: float, event: float) -> bool:

@@ -1,0 +1,100 @@
+"""What is reported about one piece of a run: values that are not finite, and why the run has stopped."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
+from lmoc.numerics.integrate.base import Outcome
+from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.options import Span
+from lmoc.numerics.start.singular import StartSingular
+from lmoc.numerics.task import Stretch
+
+
+def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) -> None:
+    """Check that all derivatives are finite at the start.
+
+    Equations that no derivative needs must have a solution too. Of their other values, those that are not finite
+    cause a warning only, since the motion does not depend on them.
+
+    Raises
+    ------
+    StartSingular
+        A derivative is not finite, or nonlinear equations have no solution.
+    """
+    hint = "look at the start values, and at divisions by zero"
+    derivative = np.empty(len(x))
+    stretch.system.rhs(time, x, derivative)
+    needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
+    program = None if needed else stretch.plan.full_program
+    near = stretch.system.registers
+    found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
+    if needed or nonlinear:
+        report.error("E0535", f"{found} at the start", span, hint=hint)
+        raise StartSingular(report.diagnostics, stretch.plan.reduced.state_names, span)
+    if found:
+        report.warning("W0537", f"{found} at the start", span, hint=hint)
+
+
+def check_values(stretch: Stretch, outcome: Outcome, everything: bool, report: Report) -> None:
+    """Warn of values that have become NaN during a piece, such as a square root, where the motion does not need them.
+
+    Parameters
+    ----------
+    everything : whether the states at all output times have been kept, not only some variables
+    """
+    recorder = stretch.recorder
+    times, _ = recorder.taken()
+    if any(d.code == "W0537" for d in report.diagnostics) or not len(times):
+        return
+    rows = suspects(stretch.observer, times, recorder.table) if everything else np.zeros(0, int)
+    if stretch.plan.once(moving_risks).others or not everything:
+        rows = np.append(rows, len(times) - 1)
+    for k in rows.tolist():
+        time, x, near = float(times[k]), None, None
+        if k == len(times) - 1:
+            time, x, near = outcome.time, outcome.x, registers_at_end(stretch.system, outcome)
+        else:
+            x = recorder.table[k]
+        known, program = near is not None, stretch.plan.full_program
+        found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, known)
+        if found and not nonlinear:  # nonlinear equations are solved along the motion, not from their start
+            report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
+            return
+
+    without = unsolved(stretch.observer, *recorder.sampled())
+    if without is not None:
+        sentence, span, time = without
+        report.warning("W0537", f"{sentence} at t = {time:g} s", span)
+
+
+def registers_at_end(system: System, outcome: Outcome) -> np.ndarray | None:
+    """Return the registers where an integration has ended; None where the system does not keep them."""
+    rate = np.empty(len(outcome.x))
+    if system.registers is None:
+        return None
+    count = system.evaluations
+    system.rhs(outcome.time, outcome.x, rate)
+    system.evaluations = count
+    return system.registers if np.isfinite(rate).all() else None
+
+
+def explanation(stretch: Stretch, outcome: Outcome, span: Span, sizes: np.ndarray | None, known: str) -> str:
+    """Return the sentence about a run that has stopped early.
+
+    Parameters
+    ----------
+    sizes : (n,) magnitudes of the states; None where nothing has been integrated
+    known : the reason, where it is known better than from the status
+    """
+    place = stretch.observer, stretch.system, outcome.time, outcome.x
+    found = ""
+    if not known and outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
+        found = lost_ahead(*place, span.end)
+    if not known and not found and outcome.status is Status.COLLAPSED and sizes is not None:
+        found = fastest(*place, sizes, span.end - span.start)
+    detail = f": {found}" if found else ""
+    return f"the run stopped at t = {outcome.time:.6g} s of {span.end:g} s: {known or outcome.status.value}{detail}"

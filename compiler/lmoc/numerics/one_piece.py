@@ -1,0 +1,177 @@
+"""The integration of one piece of a run: its problem, and the cases in which there is nothing to integrate."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.numerics.failures.chatter import Jump, chatters, jumps
+from lmoc.numerics.integrate import choice
+from lmoc.numerics.integrate.base import Outcome, Problem, Roots
+from lmoc.numerics.integrate.standing import standing
+from lmoc.numerics.options import MOREAU
+from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.activity import Lookout, lookout
+from lmoc.numerics.signals.signals import break_times
+from lmoc.numerics.task import Cost, Stretch, Task
+from lmoc.numerics.tolerances import Tolerances
+from lmoc.support.distinct import distinct
+from lmoc.support.records import dataclass
+
+if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.changes import Way
+    from lmoc.numerics.laws.time_stepping import TimeStepping
+
+_NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
+_FINEST = 1e-14  # relative tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """What bounds the integration of a piece.
+
+    Attributes
+    ----------
+    begin, end : s
+    longest : s, the longest step
+    roots : what ends the piece early; None where nothing switches
+    finer : factor on the tolerances
+    way : bounds the steps after a change of coordinates
+    """
+
+    begin: float
+    end: float
+    longest: float = np.inf
+    roots: Roots | None = None
+    finer: float = 1.0
+    way: Way | None = None
+
+
+class PieceSolver:
+    """Integrates the pieces of one run.
+
+    Attributes
+    ----------
+    tolerances : of the run
+    cost : of all its pieces so far
+    """
+
+    def __init__(self, task: Task, tolerances: Tolerances) -> None:
+        options = task.options
+        self.task, self.tolerances, self.cost = task, tolerances, Cost()
+        self._deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
+        self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
+        self._lookout: Lookout | None = None
+        self._jumps: tuple[Jump, ...] | None = None  # of the model, which all pieces share
+
+    def at_once(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome | None:
+        """Return the outcome of a piece without states or without extent; None where there is something to do."""
+        begin, end = bounds.begin, bounds.end
+        if not len(x) and bounds.roots is None:
+            reason = "no states"
+        elif begin == end:
+            return self.cost.add(Outcome(begin, x, 0), stretch.system, "none", "only the start")
+        elif end - begin <= _NO_TIME * max(abs(begin), abs(end)):
+            reason = "only an instant"
+        else:
+            return None
+        count = len(_times_ahead(stretch, end))
+        stretch.recorder(stretch.recorder.reached, np.tile(x, (count, 1)))
+        return self.cost.add(Outcome(end, x, count), stretch.system, "none", reason)
+
+    def __call__(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome:
+        """Integrate a piece from a state (n,) to its end, or to what ends it earlier."""
+        options = self.task.options
+        problem = self._problem(stretch, x, bounds)
+        if not len(x):
+            return self.cost.add(standing(problem), stretch.system, "none", "no states")
+        implicit = problem.index_one is not None
+        outcome, method = choice.run(problem, "ida" if implicit else options.solver)
+        if implicit:
+            method["reason"] = f"for formulation {options.formulation}"
+        stretch.largest = None if bounds.roots is None else bounds.roots.largest
+        return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
+
+    def march(self, stretch: Stretch, x: np.ndarray, steps: TimeStepping) -> Outcome:
+        """Go to the end of the run by steps of equal length, in which impulses of the laws take the place of events."""
+        span, recorder = self.task.span, stretch.recorder
+        done = recorder.reached
+        problem = Problem(
+            stretch.system,
+            stretch.begin,
+            x,
+            span.end,
+            recorder.times[done:],
+            self.tolerances.rtol,
+            np.zeros(len(x)),
+            lambda first, states: recorder(first + done, states),
+            deadline=self._deadline,
+            progress=self._progress,
+            step=self.task.options.step_length(span),
+        )
+        return self.cost.add(steps.march(problem), stretch.system, MOREAU, "requested")
+
+    def holding_jump(self, stretch: Stretch, t: float, x: np.ndarray) -> str:
+        """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
+        found, span = self._all_jumps(stretch), self.task.span
+        if not found:
+            return ""
+        return chatters(found, stretch.observer, stretch.system, (t, x), span.end - span.start)
+
+    def _all_jumps(self, stretch: Stretch) -> tuple[Jump, ...]:
+        if self._jumps is None:
+            self._jumps = jumps(stretch.observer.flat)
+        return self._jumps
+
+    def _problem(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Problem:
+        """Return what the integrator is given for a piece."""
+        task, options, begin, end = self.task, self.task.options, bounds.begin, bounds.end
+        loops, done, times = stretch.loops, stretch.recorder.reached, _times_ahead(stretch, end)
+        whole = task.span.start, task.span.end
+        self._lookout = lookout(stretch.plan, stretch.base, task.signals, whole, self._lookout)
+
+        def sink(first: int, states: np.ndarray) -> None:
+            stretch.recorder(first + done, states if loops is None else loops.output(times[first:], states))
+
+        def held(t: float, x: np.ndarray) -> bool:
+            return bool(self.holding_jump(stretch, t, x))
+
+        return Problem(
+            stretch.system,
+            begin,
+            x,
+            end,
+            times,
+            max(self.tolerances.rtol * bounds.finer, _FINEST),
+            self.tolerances.absolute(stretch, x) * bounds.finer,
+            sink,
+            max_step=bounds.longest,
+            max_steps=min(options.max_steps, options.requested.form.most_steps),
+            deadline=self._deadline,
+            progress=self._progress,
+            lookout=self._lookout if bounds.way is None else bounds.way.bounded(self._lookout),
+            breaks=self._breaks(stretch, begin, end),
+            guard=stretch.watch or loops,
+            roots=bounds.roots,
+            correction=None if loops is None else loops.correction,
+            index_one=None if loops is None else loops.index_one,
+            held=held if self._all_jumps(stretch) else None,
+            step=options.step_length(task.span),
+        )
+
+    def _breaks(self, stretch: Stretch, begin: float, end: float) -> np.ndarray:
+        """Return the times at which formulas of time and given signals have kinks or jumps."""
+        own = kinks.break_times(stretch.plan, stretch.base, begin, end)
+        if len(own) == kinks.MOST:
+            text = f"the formulas of time have kinks or jumps after t = {own[-1]:g} s, too"
+            self.task.report.warning("W0526", text)
+        given = break_times(self.task.signals, begin, end, kinks.MOST // 10)
+        return distinct(np.concatenate([own, given]))
+
+
+def _times_ahead(stretch: Stretch, end: float) -> np.ndarray:
+    """Return the output times of a piece that are still ahead, up to a time."""
+    times = stretch.recorder.times
+    return times[stretch.recorder.reached : np.searchsorted(times, end, "right")]
