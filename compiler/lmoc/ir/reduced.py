@@ -172,6 +172,7 @@ class Reduced:
     nearby: np.ndarray | None = None
     switched: Switched | None = None
     lawful: FlatDAE | None = None  # of a switched form: the flat model with its laws
+    free: Reduced | None = None  # of a switched form: all laws open and their forces given, in the same states
     constraints: Constraints | None = None
     block_guess: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0)))
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))

@@ -11,7 +11,7 @@ from lmoc.expression.dag import TIME, Expr, depends_on_time, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply
-from lmoc.numerics.events.readout import Readout
+from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan import Plan
 from lmoc.support.records import dataclass
 

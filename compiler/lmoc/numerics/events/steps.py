@@ -12,7 +12,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import Program, needed_steps, read, walk, written
-from lmoc.numerics.events.readout import Readout
+from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 

@@ -8,13 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.flat import Kind
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
-from lmoc.ir.program import needed_steps
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.laws.open_scene import Interpreted, OpenScene, quantities_of
 from lmoc.numerics.plan import Plan
-from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
@@ -112,83 +109,47 @@ class Gauge:
         form = plan.reduced.switched
         self.form, self.plan, self.values, self.signals = form, plan, values, signals
         self.base = base
-        self.limits = _limits(form)
-        places = [form.gap, form.rate, form.level, *self.limits]
-        self.registers = [np.where(v == NONE, -1, plan.reduced.register_of[v]) for v in places]
-        self.known = [_known(plan, values, v) for v in places]
+        own = quantities_of(plan, form, form.degree)
+        self.registers, self.known = own.registers, own.known(plan, values)
         self.force = plan.reduced.register_of[form.force]
-        self.stored = _register(plan, "ledger.stored")
-        stored = np.array([self.stored] if self.stored >= 0 else [], int)
-        wanted = np.concatenate([*(r[r >= 0] for r in self.registers), self.force, stored, plan.derivatives])
-        self.program = needed_steps(plan.full_program, wanted, plan.count)
-        self.interpreter = Interpreter(self.program, plan.count)
-        self.outputs = np.concatenate([self.registers[2], plan.derivatives])
-        column, variable, order = plan.reduced.inputs
-        push = column[[int(np.flatnonzero((variable == p) & (order == 0))[0]) for p in form.push]]
-        self.by_force = Jacobian(self.program, push, self.outputs, plan.count)
-        motions = np.stack(self.registers[:2])
-        self.has_motion = motions >= 0
-        self.by_state = Jacobian(self.program, plan.states, motions[self.has_motion], plan.count)
         self.table = _table(form, values)
+        made = plan.once(_kept)
+        if not made:
+            made.append(OpenScene(plan, signals))
+        self.scene = made[0]
+        self.stored = self.scene.has_stored
+        self._present = self.scene.quantities.registers >= 0
+        self._evaluate = self.scene.bind(self.scene.base(base, values, signals), signals)
+
+    def renewed(self, base: Array) -> Gauge:
+        """Return the same with other registers that do not change between events."""
+        return Gauge(self.plan, self.values, base, self.signals)
 
     def stand_at(self, unknowns: NDArray[np.int64], solutions: Array) -> None:
         """Begin anew at these solutions of nonlinear blocks."""
         self.base[unknowns] = solutions
-        self.interpreter.reset()
-
-    def filled(self, t: float, x: Array) -> Array:
-        """Return all registers that the laws need, at a time and state."""
-        w = self.base.copy()
-        w[self.plan.states] = x
-        for register, (variable, order) in zip(self.plan.sampled, self.plan.samplers, strict=True):
-            w[register] = sample(self.signals[variable], order, np.array([t]))[0]
-        self.interpreter.run(w, t)
-        return w
+        if isinstance(self._evaluate, Interpreted) and self.scene.plan is self.plan:
+            self._evaluate.stand_at(unknowns, solutions)
 
     def at(self, t: float, x: Array) -> Instant:
-        w, n = self.filled(t, x), self.form.count
-        gap, rate, bias, slip, stick = (
-            np.where(r >= 0, w[r], k) for r, k in zip(self.registers, self.known, strict=True)
-        )
-        force = _dense(self.by_force, w, t, (len(self.outputs), n))
+        """Return the laws' quantities at a time and state."""
+        found, force, own = self._evaluate(t, x)
+        n, present = self.form.count, self._present
+        value = self.known.copy()
+        value[present] = found[: int(present.sum())]
+        gap, rate, bias, slip, stick = value
         slope, scale = np.zeros((2, n, len(x))), np.zeros((2, n))
-        own = _dense(self.by_state, w, t, (int(self.has_motion.sum()), len(x)))
-        slope[self.has_motion] = own
-        value = np.stack([gap, rate])[self.has_motion]
-        scale[self.has_motion] = np.abs(own) @ np.abs(x) + np.abs(value - own @ x)
+        slope[present[:2]] = own
+        motion = value[:2][present[:2]]
+        scale[present[:2]] = np.abs(own) @ np.abs(x) + np.abs(motion - own @ x)
         limits = np.maximum(slip, 0.0), np.maximum(stick, 0.0)
-        stored = float(w[self.stored]) if self.stored >= 0 else np.nan
+        stored = float(found[-1]) if self.stored else np.nan
         return Instant(t, x, gap, rate, scale[0], scale[1], slope, bias, force[:n], force[n:], *limits, stored)
 
 
-def _dense(jacobian: Jacobian, w: Array, t: float, shape: tuple[int, int]) -> Array:
-    matrix = np.zeros(shape)
-    matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, t)
-    return matrix
-
-
-def _register(plan: Plan, name: str) -> int:
-    """Return the register of a variable, -1 where there is none."""
-    found = plan.reduced.flat.find(name)
-    return -1 if found is None else int(plan.reduced.register_of[int(found[0])])
-
-
-def _limits(form: Switched) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the variables of the slip and stick limits; of contact friction, its coefficient."""
-    slip, stick = [], []
-    for laws in form.laws:
-        nothing = np.full(laws.rows, NONE)
-        dry = laws.kind is LawKind.DRY_FRICTION
-        coefficient = nothing if laws.friction is None else laws.friction
-        slip.append(laws.slip if dry else coefficient)
-        stick.append(laws.stick if dry else coefficient)
-    return np.concatenate(slip), np.concatenate(stick)
-
-
-def _known(plan: Plan, values: Array, variables: NDArray[np.int64]) -> Array:
-    """Return the values of those variables that are constants or parameters, NaN for the others."""
-    kind = plan.reduced.flat.kind[variables]
-    return np.where((variables != NONE) & (kind <= Kind.PARAMETER), values[variables], np.nan)
+def _kept(_: Plan) -> list[OpenScene]:
+    """Return where the evaluation of a plan's open scene is kept."""
+    return []
 
 
 def _table(form: Switched, values: Array) -> Table:

@@ -17,7 +17,7 @@ from lmoc.numerics.laws.instant import Gauge, Instant
 from lmoc.numerics.laws.mode import STILL, Mode, free_mode
 from lmoc.numerics.laws.transition import Transition, Trigger, transition
 from lmoc.numerics.observe.event import Event
-from lmoc.numerics.observe.slices import slice_of
+from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
@@ -52,7 +52,7 @@ class LawSwitching:
         self.idle = np.zeros(self.gauge.form.count)  # roots in sequence at which nothing has happened to a law
         self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
-        self.slice = slice_of(plan, _registers(self.gauge))
+        self.readout = _readout(plan, _registers(self.gauge))
         self.limits = self.gauge.known[4]
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
         self.ledger = _ledger(self.gauge)
@@ -79,7 +79,7 @@ class LawSwitching:
         t, x : where the piece begins
         base, signals : those of the piece
         """
-        evaluate = self.slice.bind(base, signals)
+        evaluate = self.readout.bind(base, signals)
         table, mode = self.gauge.table, self.mode
         stuck = mode.closed & ~table.complementary
         self.second = np.flatnonzero(stuck)
@@ -250,12 +250,25 @@ def _registers(gauge: Gauge) -> NDArray[np.int64]:
     return np.where(found >= 0, found, gauge.plan.states[0])
 
 
+def _readout(plan: Plan, registers: NDArray[np.int64]) -> Readout:
+    """Return what evaluates the laws in the mode that holds, made once for a plan."""
+    made = plan.once(_kept)
+    if not made:
+        made.append(Readout(plan, plan.full_program, plan.count, registers))
+    return made[0]
+
+
+def _kept(_: Plan) -> list[Readout]:
+    """Return where that is kept."""
+    return []
+
+
 def _ledger(gauge: Gauge) -> tuple[int, int] | None:
     """Return the components of work and heat among the states; None where they are not integrated."""
     plan = gauge.plan
     flat, own = plan.reduced.flat, plan.reduced.registers.variable[plan.states]
     named = [flat.find(f"ledger.{n}") for n in ("work", "heat")]
     places = [np.flatnonzero((own == int(v[0])) & plan.ledger) for v in named if v is not None]
-    if gauge.stored < 0 or len(places) < 2 or not all(len(p) for p in places):
+    if not gauge.stored or len(places) < 2 or not all(len(p) for p in places):
         return None
     return int(places[0][0]), int(places[1][0])

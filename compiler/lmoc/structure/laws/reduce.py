@@ -32,14 +32,21 @@ def reduce_with_laws(
         return reduce(flat, values, states, report)
     report = Report() if report is None else report
     given = flat.parameter_values() if values is None else values
-    loose, places = free(flat)
+    loose, loosened = free(flat)
     first = reduce(loose, _extended(given, loose), states, report)
     report.check()
-    degree = relative_degree(places, first)
+    degree = relative_degree(loosened, first)
     _report_not_felt(flat, degree, report)
     form, places = switched(flat, degree)
     reduced = reduce(form, _extended(given, form), first.state_names, report)
-    return replace(reduced, switched=places, lawful=flat)
+    return replace(reduced, switched=places, lawful=flat, **_with_free(reduced, replace(first, switched=loosened)))
+
+
+def _with_free(reduced: Reduced, free: Reduced) -> dict[str, object]:
+    """Return the free scene as a part of the switched form, and the guards of both, where both have the same states."""
+    if free.state_names != reduced.state_names or free.nearby is not None:
+        return {}
+    return {"free": free, "guards": (*reduced.guards, *free.guards)}
 
 
 def _extended(values: np.ndarray, flat: FlatDAE) -> np.ndarray:

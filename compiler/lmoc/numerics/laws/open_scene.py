@@ -1,0 +1,264 @@
+"""What a scene does with all laws open: the quantities of its laws, and how these depend on forces and states.
+
+The free scene is evaluated, in which the forces are given from outside: the laws leave no implicit block in it, so that
+most scenes are one casadi function with its derivatives. Where it has other states than the switched form, or nonlinear
+blocks, which have to be followed from place to place, the switched form with all laws open gives the same values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.ir.flat import Kind
+from lmoc.ir.law import NONE, LawKind, Switched
+from lmoc.ir.program import Solve, needed_steps, walk
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.evaluate.casadi_system import Lowered
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.observe.readout import BoundFunction, fits_casadi, given_registers
+from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.signals.signals import Constant, Signal, sample
+from lmoc.structure.laws.switched import POSITION
+from lmoc.support.records import dataclass
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Evaluate(Protocol):
+    """Quantities, their derivatives by forces and by states, at a time and state.
+
+    Returns
+    -------
+    (quantities,), (laws + states, laws), (motions, states): as `OpenScene.bind` says
+    """
+
+    def __call__(self, t: float, x: Array, /) -> tuple[Array, Array, Array]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Quantities:
+    """Where the quantities of the laws are, an entry for each law.
+
+    Attributes
+    ----------
+    variables : (5, n) of the flat model, NONE for none: gap, rate, level, limits while slipping and while sticking
+    registers : (5, n) of the plan, -1 for what the program does not compute
+    """
+
+    variables: Indices
+    registers: Indices
+
+    def known(self, plan: Plan, values: Array) -> Array:
+        """Return the values (5, n) of those that are constants or parameters, NaN for the others."""
+        kind = plan.reduced.flat.kind[self.variables]
+        return np.where((self.variables != NONE) & (kind <= Kind.PARAMETER), values[self.variables], np.nan)
+
+
+def quantities_of(plan: Plan, form: Switched, degree: Indices) -> Quantities:
+    """Return the places of the laws' quantities in a plan.
+
+    Parameters
+    ----------
+    form : of the plan's flat model
+    degree : (n,) relative degrees
+    """
+    level = np.where(degree == POSITION, form.level, np.where(degree == 1, form.rate, form.gap))
+    variables = np.stack([form.gap, form.rate, level, *limits_of(form)])
+    return Quantities(variables, np.where(variables == NONE, -1, plan.reduced.register_of[variables]))
+
+
+def limits_of(form: Switched) -> tuple[Indices, Indices]:
+    """Return the variables of the slip and stick limits; of contact friction, its coefficient."""
+    slip, stick = [], []
+    for laws in form.laws:
+        nothing = np.full(laws.rows, NONE)
+        dry = laws.kind is LawKind.DRY_FRICTION
+        coefficient = nothing if laws.friction is None else laws.friction
+        slip.append(laws.slip if dry else coefficient)
+        stick.append(laws.stick if dry else coefficient)
+    return np.concatenate(slip), np.concatenate(stick)
+
+
+class OpenScene:
+    """The evaluation for one plan, with signals of its kinds: made once.
+
+    Attributes
+    ----------
+    plan : what is evaluated, the free scene where that is possible
+    quantities : Quantities
+    values : (k,) registers of the quantities, in the order of (gap, rate, level, slip, stick) without those that are
+        not computed; last the stored energy of the ledger, where there is one
+    """
+
+    def __init__(self, plan: Plan, signals: Mapping[int, Signal]) -> None:
+        switched = plan.reduced.switched
+        self.degree = switched.degree
+        self.switched, self.plan = plan, _free_plan(plan, signals)
+        form = self.plan.reduced.switched
+        self.push = _inputs(self.plan, form.push)
+        self.quantities = quantities_of(self.plan, form, switched.degree)
+        registers = self.quantities.registers
+        stored = self.plan.reduced.flat.find("ledger.stored")
+        own = [] if stored is None else [int(self.plan.reduced.register_of[int(stored[0])])]
+        self.has_stored = any(r >= 0 for r in own)
+        self.values = np.concatenate([registers[registers >= 0], np.array([r for r in own if r >= 0], int)])
+        self.outputs = np.concatenate([registers[2], self.plan.derivatives])
+        self.motions = registers[:2][registers[:2] >= 0]
+        self.program = needed_steps(
+            self.plan.full_program, np.concatenate([self.values, self.plan.derivatives]), self.plan.count
+        )
+        self._lowered = _Functions(self) if fits_casadi(self.program) else None
+
+    def base(self, given: Array, values: Array, signals: Mapping[int, Signal]) -> Array:
+        """Return the registers that do not change between events.
+
+        Parameters
+        ----------
+        given : the same of the switched form
+        """
+        if self.plan is self.switched:
+            return given.copy()
+        plan, reduced = self.plan, self.switched.reduced
+        own = np.full(plan.reduced.flat.count, np.nan)
+        shared = reduced.lawful.count
+        own[:shared] = values[:shared]
+        base = plan.base(own, _signals_of(plan, reduced.lawful.count, signals))
+        if reduced.flat.events is not None:
+            held = reduced.flat.events.discrete
+            there = plan.reduced.register_of[held]
+            base[there[there >= 0]] = given[reduced.register_of[held]][there >= 0]
+        return base
+
+    def bind(self, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
+        """Return the evaluation with the parameters and signals of a run.
+
+        It returns the registers `values`, the derivatives of the levels and of the states' rates by the forces, and
+        those of gaps and rates by the states.
+        """
+        return _Compiled(self, self._lowered, base, signals) if self._lowered else Interpreted(self, base, signals)
+
+
+    @cached_property
+    def by_force(self) -> Jacobian:
+        return Jacobian(self.program, self.push, self.outputs, self.plan.count)
+
+    @cached_property
+    def by_state(self) -> Jacobian:
+        return Jacobian(self.program, self.plan.states, self.motions, self.plan.count)
+
+
+def _free_plan(plan: Plan, signals: Mapping[int, Signal]) -> Plan:
+    """Return the plan of the free scene with the same states; the plan itself where there is none."""
+    free = plan.reduced.free
+    if free is None:
+        return plan
+    shared, report = plan.reduced.lawful.count, Report()
+    made = build_plan(free, _signals_of_form(free.switched, shared, signals), bool(plan.ledger.any()), report)
+    own, other = (p.reduced.registers.variable[p.states] for p in (plan, made))
+    same = len(own) == len(other) and (plan.ledger == made.ledger).all()
+    nonlinear = any(isinstance(s, Solve) and not s.linear for s in walk(made.full_program))
+    return made if same and not nonlinear and not report.errors else plan
+
+
+def _signals_of(plan: Plan, shared: int, signals: Mapping[int, Signal]) -> dict[int, Signal]:
+    return _signals_of_form(plan.reduced.switched, shared, signals)
+
+
+def _signals_of_form(form: Switched, shared: int, signals: Mapping[int, Signal]) -> dict[int, Signal]:
+    """Return the signals of the variables that two forms share, and zero for what holds a mode."""
+    held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
+    return {v: s for v, s in signals.items() if v < shared} | {int(v): Constant(0.0) for v in held}
+
+
+def _inputs(plan: Plan, variables: Indices) -> Indices:
+    """Return the registers of inputs."""
+    column, variable, order = plan.reduced.inputs
+    return column[[int(np.flatnonzero((variable == v) & (order == 0))[0]) for v in variables]]
+
+
+# ---------------------------------------------------------------------- one casadi function
+
+
+class _Functions:
+    """The casadi function of an open scene, and the registers that are its parameters."""
+
+    def __init__(self, scene: OpenScene) -> None:
+        import casadi as ca
+
+        plan, program = scene.plan, scene.program
+        sampled = ~np.isin(plan.sampled, scene.push)  # the forces are not: they are zero
+        self.sampled = plan.sampled[sampled]
+        self.samplers = [plan.samplers[k] for k in np.flatnonzero(sampled)]
+        outputs = np.concatenate([scene.values, scene.outputs, scene.motions])
+        given = given_registers(program, plan.count, plan, outputs)
+        self.parameters = np.concatenate([given[~np.isin(given, scene.push)], scene.push])
+        lowered = Lowered(program, plan.count, plan.states, self.parameters, self.sampled, outputs)
+        out, forces = lowered.out, lowered.p[len(self.parameters) - len(scene.push) :]
+        value, rates, motions = (
+            out[a:b] for a, b in zip(*_ranges(len(scene.values), len(scene.outputs), len(scene.motions)), strict=True)
+        )
+        by_force = ca.densify(ca.jacobian(rates, forces)).T  # casadi's matrices are column-major
+        by_state = ca.densify(ca.jacobian(motions, lowered.x)).T
+        arguments = [lowered.time, lowered.x, lowered.p, lowered.u]
+        self.function = ca.Function("open_scene", arguments, [value, by_force, by_state])
+
+
+def _ranges(*lengths: int) -> tuple[list[int], list[int]]:
+    edges = np.cumsum([0, *lengths]).tolist()
+    return edges[:-1], edges[1:]
+
+
+class _Compiled:
+    """The casadi function with the parameters and signals of a run."""
+
+    def __init__(self, scene: OpenScene, made: _Functions, base: Array, signals: Mapping[int, Signal]) -> None:
+        base = base.copy()
+        base[scene.push] = 0.0
+        self._call = BoundFunction(made.function, made.parameters, made.samplers, len(scene.plan.states))
+        self._call.prepare(base, signals)
+        laws, states = len(scene.push), len(scene.plan.states)
+        self._shapes = (len(scene.outputs), laws), (len(scene.motions), states)
+
+    def __call__(self, t: float, x: Array) -> tuple[Array, Array, Array]:
+        value, by_force, by_state = self._call(t, x)
+        first, second = self._shapes
+        return value.copy(), by_force.reshape(first).copy(), by_state.reshape(second).copy()
+
+
+# ------------------------------------------------------------------------------ numpy
+
+
+class Interpreted:
+    """The program run by numpy, with the parameters and signals of a run."""
+
+    def __init__(self, scene: OpenScene, base: Array, signals: Mapping[int, Signal]) -> None:
+        self.scene, self.base, self.signals = scene, base, signals
+        self.interpreter = Interpreter(scene.program, scene.plan.count)
+
+    def stand_at(self, unknowns: Indices, solutions: Array) -> None:
+        """Begin anew at these solutions of nonlinear blocks."""
+        self.base[unknowns] = solutions
+        self.interpreter.reset()
+
+    def __call__(self, t: float, x: Array) -> tuple[Array, Array, Array]:
+        scene, plan, w = self.scene, self.scene.plan, self.base.copy()
+        w[plan.states] = x
+        for register, (variable, order) in zip(plan.sampled, plan.samplers, strict=True):
+            w[register] = sample(self.signals[variable], order, np.array([t]))[0]
+        self.interpreter.run(w, t)
+        force = _dense(scene.by_force, w, t, (len(scene.outputs), len(scene.push)))
+        state = _dense(scene.by_state, w, t, (len(scene.motions), len(x)))
+        return w[scene.values], force, state
+
+
+def _dense(jacobian: Jacobian, w: Array, t: float, shape: tuple[int, int]) -> Array:
+    matrix = np.zeros(shape)
+    matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, t)
+    return matrix
