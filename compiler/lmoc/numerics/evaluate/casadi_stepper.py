@@ -67,7 +67,8 @@ def step_function(rhs, n: int, inputs: int, parameters: int):
     k, last = [f], x
 
     def combine(weights: np.ndarray):
-        return sum(float(weights[j]) * k[j] for j in np.flatnonzero(weights).tolist())
+        count = min(len(weights), len(k))
+        return ca.mtimes(ca.horzcat(*k[:count]), ca.sparsify(ca.DM(weights[:count])))
 
     for i in range(1, 12):
         last = x + h * combine(table.A[i])

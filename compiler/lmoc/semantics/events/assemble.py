@@ -79,7 +79,7 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
 
 
 def _has_events(flat: FlatDAE) -> bool:
-    if len(np.setdiff1d(np.flatnonzero(flat.kind == Kind.DISCRETE), _of_laws(flat))):
+    if not np.isin(np.flatnonzero(flat.kind == Kind.DISCRETE), _of_laws(flat)).all():  # setdiff1d imports numpy.ma
         return True
     return any(n.op == "event" for g in flat.groups for e in (g.left, g.right) for n in dag.postorder(e))
 
