@@ -63,6 +63,8 @@ class Mechanism:
     ties: list[Tie] = field(default_factory=list)
     forces: list = field(default_factory=list)  # functions (jets of the coordinates, velocities) -> generalized force
     relative: list[tuple[str, str, object]] = field(default_factory=list)  # a joint's coordinate, its rate; a function
+    inertias: list[tuple[float, object]] = field(default_factory=list)  # of 1-D parts, each of a function
+    ports: list[tuple[str, object]] = field(default_factory=list)  # flanges and shafts for 1-D parts, and their function
     count: int = 0  # coordinates
 
     def __post_init__(self):
@@ -141,6 +143,10 @@ class Mechanism:
                 right[:n] -= s.m * (weight + v @ centre.bend @ v) * centre.slope
             if s.J:
                 matrix[s.first + 2, s.first + 2] += s.J
+        for inertia, function in self.inertias:
+            jet = function(jets)
+            matrix[:n, :n] += inertia * np.outer(jet.slope, jet.slope)
+            right[:n] -= inertia * (v @ jet.bend @ v) * jet.slope
         for force in self.forces:
             right[:n] += force(jets, v)
         for i, row in enumerate(rows):
@@ -164,6 +170,11 @@ def grow(s: Mechanism) -> None:
     if s.loops:
         for _ in range(s.random.randint(0, 2)):
             s.random.choice([strut, guide])(s)
+        if s.random.random() < 0.3:
+            gearing(s)
+    for port in list(s.ports):
+        if s.random.random() < 0.5:
+            s.random.choice([flywheel, flywheel, retainer])(s, port)
     for _ in range(s.random.randint(0, 3)):
         s.random.choice([spring, damper, twist, push])(s)
 
@@ -219,7 +230,7 @@ def point(s: Mechanism, at: Spot) -> str:
 def hinge(s: Mechanism) -> None:
     at, port = mount(s)
     solid = body(s, (*where(s, at), s.number(-3, 3)))
-    name = s.part("Revolute", "h")
+    name = s.part("Revolute", "h", "useShaft = true")
     s.connect(port, f"{name}.a")
     s.connect(f"{name}.b", f"{solid.name}.{solid.frame}")
 
@@ -231,6 +242,7 @@ def hinge(s: Mechanism) -> None:
     s.ties.append(Tie(name, rows, ((f"{name}.b.fx", 0, -1.0), (f"{name}.b.fy", 1, -1.0))))
     turn = lambda q: s.frame(q, solid)[2] - s.frame(q, at.solid)[2]  # noqa: E731
     s.relative.append((f"{name}.phi", f"{name}.omega", turn))
+    s.ports.append((f"{name}.shaft", turn))
 
 
 def slide(s: Mechanism) -> None:
@@ -241,7 +253,7 @@ def slide(s: Mechanism) -> None:
     ex, ey = (nx * np.cos(theta) - ny * np.sin(theta)) / size, (nx * np.sin(theta) + ny * np.cos(theta)) / size
     x, y = where(s, at)
     solid = body(s, (float(x + distance * ex), float(y + distance * ey), theta))
-    name = s.part("Prismatic", "s", f"nx = {nx}, ny = {ny}, s(start = {distance})")
+    name = s.part("Prismatic", "s", f"nx = {nx}, ny = {ny}, s(start = {distance}), useFlange = true")
     s.connect(port, f"{name}.a")
     s.connect(f"{name}.b", f"{solid.name}.{solid.frame}")
 
@@ -263,6 +275,7 @@ def slide(s: Mechanism) -> None:
 
     s.ties.append(Tie(name, rows))
     s.relative.append((f"{name}.s", f"{name}.v", along))
+    s.ports.append((f"{name}.flange", along))
 
 
 def weld(s: Mechanism) -> None:
@@ -328,11 +341,13 @@ def rod(s: Mechanism, at: Spot, other: Spot) -> None:
 def closing(s: Mechanism, tie) -> None:
     """Close a loop; take it back where it nearly repeats the others, or locks something that could move."""
     before = mobile(s)
-    kept = len(s.parts), len(s.connections), len(s.ties), len(s.relative)
+    lists = s.parts, s.connections, s.ties, s.relative, s.ports
+    kept = [len(items) for items in lists]
     tie()
     a = s.constraints(s.start())
     if len(a) >= s.count or np.linalg.svd(a, compute_uv=False)[-1] < REGULAR or (before & ~mobile(s)).any():
-        del s.parts[kept[0] :], s.connections[kept[1] :], s.ties[kept[2] :], s.relative[kept[3] :]
+        for items, length in zip(lists, kept, strict=True):
+            del items[length:]
 
 
 def mobile(s: Mechanism) -> np.ndarray:
@@ -373,8 +388,70 @@ def guide(s: Mechanism) -> None:
 
         s.ties.append(Tie(name, rows, ((f"{name}.fn", 0, 1.0),)))
         s.relative.append((f"{name}.flange.q", f"der({name}.flange.q)", along))
+        s.ports.append((f"{name}.flange", along))
 
     closing(s, tie)
+
+
+# ----------------------------------------------------------------------- 1-D parts
+
+
+def gearing(s: Mechanism) -> None:
+    """Two joints that turn or slide in a fixed ratio."""
+    if len(s.ports) < 2:
+        return
+    (a, first), (b, second) = s.random.sample(s.ports, 2)
+    jets = Jet.coordinates(s.start())
+    one, other = float(first(jets).value), float(second(jets).value)
+    if not 0.2 < abs(one) < 5 or not 0.2 < abs(other) < 5:
+        return
+    turning = [port.endswith("shaft") for port in (a, b)]
+    ratio = one / other
+
+    def tie():
+        if turning[0] != turning[1]:
+            name = s.part("Drum", "d", f"r = {ratio if turning[1] else 1 / ratio!r}")
+            ends = ("flange", "shaft") if turning[1] else ("shaft", "flange")
+        else:
+            kind = f"Gear N = {ratio!r}" if turning[0] else f"Beam l1 = {ratio!r}, l2 = 1"
+            name = s.part(kind.partition(" ")[0], "d", kind.partition(" ")[2])
+            ends = ("a", "b")
+            if not turning[0]:
+                fixed = s.part("Fixed", "e")
+                s.connect(f"{fixed}.flange", f"{name}.pivot")
+        for port, end in zip((a, b), ends, strict=True):
+            s.connect(port, f"{name}.{end}")
+        s.ties.append(Tie(name, lambda q: [first(q) - ratio * second(q)]))
+
+    closing(s, tie)
+
+
+def flywheel(s: Mechanism, port: tuple[str, object]) -> None:
+    """An inertia on the coordinate of a joint."""
+    name, function = port
+    inertia = s.number(0.1, 1)
+    kind, end = ("Inertia J", "shaft") if name.endswith("shaft") else ("Mass m", "flange")
+    part = s.part(kind[:-2], "i", f"{kind[-1]} = {inertia}")
+    s.connect(name, f"{part}.{end}")
+    s.inertias.append((inertia, function))
+
+
+def retainer(s: Mechanism, port: tuple[str, object]) -> None:
+    """A spring from the ground to the coordinate of a joint."""
+    name, function = port
+    k, rest = s.number(1, 20), s.number(-1, 1)
+    turning = name.endswith("shaft")
+    wall = s.part("FixedShaft" if turning else "Fixed", "e")
+    part = s.part(*((".TorsionSpring", "j", f"k = {k}, theta0 = {rest}") if turning
+                    else (".Spring", "j", f"k = {k}, L = 0, d0 = {rest}")))  # fmt: skip
+    s.connect(f"{wall}.{'shaft' if turning else 'flange'}", f"{part}.a")
+    s.connect(f"{part}.b", name)
+
+    def force(q, v):
+        jet = function(q)
+        return -k * (jet.value - rest) * jet.slope
+
+    s.forces.append(force)
 
 
 # --------------------------------------------------------------------------- forces
