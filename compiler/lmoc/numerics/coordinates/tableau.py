@@ -18,7 +18,7 @@ _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
 _NORMALIZATIONS, _NORMAL = 30, 1e-2
 _ROUNDING = 1e-12  # entries below this share of their row have never been there
-_SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
+SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +108,11 @@ def equilibrated(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     squares = np.where(np.isfinite(size) & (size > _ROUNDING * largest), size, 0.0) ** 2
     no_row, no_column = (1.0 * ~squares.any(axis=k) for k in (1, 0))  # which keep the factor 1
     column = np.ones(squares.shape[1])
-    for _ in range(_NORMALIZATIONS):
+    for k in range(_NORMALIZATIONS):
         row = 1.0 / (squares @ column + no_row)
-        column = 1.0 / (row @ squares + no_column)
+        before, column = column, 1.0 / (row @ squares + no_column)
+        if k % 3 == 2 and (np.abs(column - before) <= _NORMAL * column).all():
+            break
     return np.sqrt(1.0 / (squares @ column + no_row)), np.sqrt(column)
 
 
@@ -132,6 +134,6 @@ def stays_regular(change: np.ndarray, margins: float) -> bool:
     change : of the matrix
     margins : the smallest singular values at both places, added
     """
-    allowed = _SHARE * margins
+    allowed = SHARE * margins
     entries = change.ravel()
     return math.sqrt(float(entries @ entries)) <= allowed or float(np.linalg.norm(change, 2)) <= allowed

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
-from functools import cached_property
-from typing import TYPE_CHECKING
+from collections.abc import Collection
 
 import numpy as np
 
-from lmoc.ir.program import Program, needed_steps, read, written
 from lmoc.ir.reduced import Constraints
+from lmoc.numerics.coordinates.certificate import UNEXPLAINED, Scales, certifier_of
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
+from lmoc.numerics.coordinates.entries import Unscaled, entries_of
+from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import (
-    Tableau,
+    SHARE,
     equilibrated,
     exchanged,
     rank_margin,
@@ -22,17 +22,9 @@ from lmoc.numerics.coordinates.tableau import (
     tableau,
     vanishes,
 )
-from lmoc.numerics.coordinates.unrolled_tableau import MOST_ROWS, unrolled
-from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
-from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Path
-from lmoc.numerics.plan import Plan
-from lmoc.support.records import dataclass
-
-if TYPE_CHECKING:
-    import casadi
 
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good
@@ -40,44 +32,12 @@ _MARGIN, _TOLERATED = 2.0, 25.0
 _HALVINGS = 4  # of a step, for a look at what happens within
 _GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
 _ROUNDING = 1e-6  # way of a coordinate that is none
-# of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
-# within a step; and of that, what a sixteenth of the step may have at the most
-_UNEXPLAINED, _AT_ONCE = 0.5, 0.5
+_AT_ONCE = 0.5  # of what velocities leave unexplained, what a sixteenth of the step may have at the most
 _NEIGHBOURS = 0.02  # in equilibrated form, about radians: solutions nearer than that are so at singular places alone
 # smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
 # is looked for, below the second they do where no step is short enough
 _ALERT, _DEPENDENT = 0.1, 1e-3
 _SURE = 0.12  # a lower bound of the smallest singular value with which it need not be computed
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """What has been seen at the end of a step.
-
-    Attributes
-    ----------
-    t, x : s, (n,)
-    matrix : of the constraints
-    found : Tableau
-    scaled : the matrix, in rows and columns of one length
-    least : what its smallest singular value is not below
-    solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
-    coordinates : their values, by the columns of the constraints; none where the system does not tell
-    """
-
-    t: float
-    x: np.ndarray
-    matrix: np.ndarray
-    found: Tableau
-    scaled: np.ndarray
-    least: float
-    solutions: np.ndarray
-    coordinates: np.ndarray
-
-    @cached_property
-    def margin(self) -> float:
-        """The smallest singular value of the scaled matrix."""
-        return rank_margin(self.scaled)
 
 
 class CoordinateWatch:
@@ -105,18 +65,19 @@ class CoordinateWatch:
         own = system.plan.reduced.register_of[self.constraints.variable]
         told = len(self.unknowns) > 0 and bool((own >= 0).all())
         self._registers = own if told else np.zeros(0, int)
-        self._entries = _entries(system, base, self.constraints)
+        self._entries = entries_of(system, base, self.constraints)
         own = self.constraints
         self._place = own.row.astype(int) * len(own.variable) + own.column
         self._recent: tuple[np.ndarray, float] | None = None  # scaled matrix of the last look, and `Place.least` of it
         self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
-        self._size = self._sized = np.zeros((own.rows, len(own.variable)))
+        self._size = self._bound = np.zeros((own.rows, len(own.variable)))
         self._scales: tuple[np.ndarray, np.ndarray] | None = None
         self._factor = self._size  # of each entry, from these
         self._ranges = np.ones(len(own.variable))  # largest share of each coordinate in an equation, for the tableau
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
+        self._certifier = certifier_of(system, base, self._registers)
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
 
@@ -131,6 +92,11 @@ class CoordinateWatch:
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
+        place = self._certified(t, x)
+        if place is not None:
+            self.last, self.lost_rank = place, False
+            self._accept(place)
+            return Status.OK
         self.last = place = self._look(t, x)
         self.lost_rank = False
         if place.found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
@@ -167,7 +133,9 @@ class CoordinateWatch:
 
     def bar(self, refused: Collection[int]) -> None:
         """Take note of flat variables that cannot be states."""
-        self.barred |= np.isin(self.constraints.variable[self.constraints.watched], list(refused))
+        self.barred = self.barred | np.isin(self.constraints.variable[self.constraints.watched], list(refused))
+        if self._certifier is not None:
+            self._certifier.place = None
 
     @property
     def passed_a_singular_place(self) -> bool:
@@ -214,6 +182,27 @@ class CoordinateWatch:
         self.system.mark()
         self._places.append((place.t, place.x, place.solutions))
 
+    def _certified(self, t: float, x: np.ndarray) -> Place | None:
+        """The end of a step that bounds show to be good in all that is judged; None where they do not tell."""
+        certifier, before = self._certifier, self.accepted
+        if certifier is None:
+            return None
+        if certifier.place is not before:
+            short = _NEIGHBOURS * self._factors()[1][self.constraints.watched]
+            certifier.begin(before, Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short))
+        worst, sign, least, change, unexplained, grown = certifier(t, x)
+        # written so that NaN fails
+        regular = least > _SURE and change <= SHARE * (before.least + least)
+        moderate = worst <= self.limit and grown <= 0.0 and unexplained <= 0.0
+        if not (regular and moderate and sign == before.found.sign):
+            self._size, self._recent = certifier.sizes(self._size), None
+            return None
+        solutions = self.system.registers[self.unknowns] if len(self.unknowns) else np.zeros(0)
+        matrix, found, coordinates = certifier.found()
+        place = Place(t, x.copy(), matrix, found, matrix * self._factor, least, solutions, coordinates)
+        certifier.go_on(place)
+        return place
+
     def _look(self, t: float, x: np.ndarray) -> Place:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
         matrix = self._matrix(t, x)
@@ -222,7 +211,7 @@ class CoordinateWatch:
         if not (size <= self._size).all():
             with np.errstate(invalid="ignore"):
                 self._size = np.fmax(self._size, size)
-            if self._scales is not None and not (size <= _GROWN * self._sized).all():
+            if self._scales is not None and not (size <= self._bound).all():
                 self._scales = None
         even = self._scaled(matrix)
         watched, scale = self.constraints.watched, self._ranges
@@ -243,7 +232,7 @@ class CoordinateWatch:
 
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
         if self._scales is None:
-            self._scales, self._sized, self._recent = equilibrated(self._size), self._size, None
+            self._scales, self._bound, self._recent = equilibrated(self._size), _GROWN * self._size, None
             row = self._size.max(axis=1, keepdims=True)
             ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
             self._ranges = np.where(ranges > 0, ranges, 1.0)
@@ -280,8 +269,8 @@ class CoordinateWatch:
         first, second = self.accepted, place
         before = self._unexplained(first, second)
         way = np.abs(second.coordinates - first.coordinates)[self.constraints.watched] if len(before) else before
-        row = int(np.argmax(before - _UNEXPLAINED * way)) if len(before) else 0
-        if not len(before) or not before[row] > _UNEXPLAINED * way[row] + _ROUNDING:
+        row = int(np.argmax(before - UNEXPLAINED * way)) if len(before) else 0
+        if not len(before) or not before[row] > UNEXPLAINED * way[row] + _ROUNDING:
             return True
         if before[row] < _NEIGHBOURS * self._factors()[1][self.constraints.watched[row]]:
             return True
@@ -347,115 +336,3 @@ class CoordinateWatch:
             a[left] -= np.outer(a[left, j] / a[r, j], a[r])
         held = [k for k in range(matrix.shape[1]) if k not in chosen]
         return held if held != list(range(rows, matrix.shape[1])) else []
-
-
-Unscaled = tuple[np.ndarray, float]  # T in the rows of the tableau, and the sign of the determinant of A
-Entries = Callable[[float, np.ndarray], tuple[np.ndarray, Unscaled | None]]
-
-
-def _entries(system: System, base: np.ndarray, own: Constraints) -> Entries:
-    """Return ``(t, x) -> entries, tableau``, the latter None where it is left to numpy.
-
-    From the registers of a system that keeps them, else by a function of its own.
-    """
-    plan, kept = system.plan, system.registers is not None
-    program, used, function = plan.once(_from_registers if kept else _from_states)
-    out, sampled = np.empty(system.n), np.zeros(len(plan.sampled))
-    if not np.isin(used, plan.once(_at_hand)).all():
-        return _by_all_equations(system, base, own)
-    if function is None:
-        w, interpreter = np.zeros(own.count), Interpreter(program, own.count)
-
-        def by_numpy(t: float, x: np.ndarray) -> tuple[np.ndarray, None]:
-            _evaluate(system, t, x, out)
-            w[: plan.count] = system.registers[: plan.count]
-            interpreter.run(w, t)
-            return w[own.register], None
-
-        return by_numpy
-    time, at, known = np.zeros(1), np.zeros(0 if kept else len(plan.states)), base[used].copy()
-    call = Buffered(function, (time, at, known, np.zeros(0) if kept else sampled))
-
-    shape = len(own.watched), len(own.variable) - own.rows
-
-    def entries(t: float, x: np.ndarray) -> tuple[np.ndarray, Unscaled | None]:
-        time[0] = t
-        if kept:
-            _evaluate(system, t, x, out)
-            np.take(system.registers, used, out=known)
-        else:
-            at[:] = x
-            system.sample(t, sampled)
-        call()
-        if len(call.results) == 1:
-            return call.results[0], None
-        values, table, sign = call.results
-        return values, (table.reshape(shape, order="F"), float(sign[0]))
-
-    return entries
-
-
-def _by_all_equations(system: System, base: np.ndarray, own: Constraints) -> Entries:
-    """Return the same where coordinates that the motion does not need are watched as well."""
-    plan, out, sampled = system.plan, np.empty(system.n), np.zeros(len(system.plan.sampled))
-    w = np.concatenate([base, np.full(own.count - plan.count, np.nan)])
-    interpreter = Interpreter(needed_steps((*plan.full_program, *own.program), own.register, own.count), own.count)
-
-    def entries(t: float, x: np.ndarray) -> tuple[np.ndarray, None]:
-        if system.registers is not None:
-            _evaluate(system, t, x, out)
-            found = system.registers[: plan.count]
-            w[: plan.count] = np.where(np.isfinite(found), found, w[: plan.count])
-        system.sample(t, sampled)
-        w[plan.states], w[plan.sampled] = x, sampled
-        interpreter.reset()  # blocks begin at the solutions that stand there
-        interpreter.run(w, t)
-        return w[own.register], None
-
-    return entries
-
-
-def _at_hand(plan: Plan) -> np.ndarray:
-    """Return the registers that stand where the system has been evaluated."""
-    filled = np.zeros(plan.count, bool)
-    steps = (*plan.program, *plan.reduced.parameter_program)
-    for registers in (plan.states, plan.sampled, plan.parameters, plan.known[0], *map(written, steps)):
-        filled[registers] = True
-    return np.flatnonzero(filled)
-
-
-def _from_registers(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
-    """The entries from the registers of the system: a program, the registers it reads, and the compiled function."""
-    own, none = plan.reduced.constraints, np.zeros(0, int)
-    return _lowered(own, own.program, none, none)
-
-
-def _from_states(plan: Plan) -> tuple[Program, np.ndarray, casadi.Function | None]:
-    """Return the function that computes the entries from the states and sampled inputs."""
-    own = plan.reduced.constraints
-    program = needed_steps((*plan.program, *own.program), own.register, own.count)
-    return _lowered(own, program, plan.states, plan.sampled)
-
-
-def _lowered(
-    own: Constraints, program: Program, states: np.ndarray, signals: np.ndarray
-) -> tuple[Program, np.ndarray, casadi.Function | None]:
-    inside = np.zeros(own.count, bool)
-    for registers in (*map(written, program), states, signals):
-        inside[registers] = True
-    used = np.zeros(own.count, bool)
-    for step in program:
-        used[read(step)] = True
-    reads = np.flatnonzero(used & ~inside)
-    if not can_lower(program) or sum(len(written(s)) for s in program) > CASADI_ROWS:
-        return program, reads, None
-    lowered = Lowered(program, own.count, states, reads, signals, own.register)
-    more = unrolled(lowered.out, own) if own.rows <= MOST_ROWS else ()
-    return program, reads, lowered.function("constraints", more)
-
-
-def _evaluate(system: System, t: float, x: np.ndarray, out: np.ndarray) -> None:
-    """Fill the system's registers; the look does not count as one of the method's evaluations."""
-    count = system.evaluations
-    system.rhs(t, x, out)
-    system.evaluations = count

@@ -143,21 +143,17 @@ def _column_order(entries: list[list]) -> list[int]:
     """Return an order of the columns in which elimination with row pivoting fills little of a sparse matrix.
 
     Whichever row is the pivot: each of the candidates may get the entries of all of them (George & Ng, SIAM J. Sci.
-    Stat. Comput. 6, 1985). The column with the least product of candidates and new entries is the next (Markowitz).
+    Stat. Comput. 6, 1985). The column with the least product of candidates and entries is the next (Markowitz).
     """
     left = [{j for j, entry in enumerate(row) if not entry.is_zero()} for row in entries]
     order: list[int] = []
-    for _ in range(len(entries)):
-
-        def cost(j: int) -> tuple[int, int, int]:
-            rows = [row for row in left if j in row]
-            return len(rows) * len(set().union(*rows)), len(rows), j
-
-        best = min(set(range(len(entries))) - set(order), key=cost)
+    for _ in entries:
+        candidates = {j: [row for row in left if j in row] for j in set(range(len(entries))) - set(order)}
+        cost = {j: (len(rows) * len(set().union(*rows)), len(rows), j) for j, rows in candidates.items()}
+        best = min(cost, key=lambda j: cost[j])
         order.append(best)
-        rows = [row for row in left if best in row]
-        filled = set().union(*rows) - {best}
-        left = [row for row in left if best not in row] + [set(filled) for _ in rows[1:]]
+        filled = set().union(*candidates[best]) - {best}
+        left = [row for row in left if best not in row] + [set(filled) for _ in candidates[best][1:]]
     return order
 
 

@@ -26,7 +26,9 @@ LENGTH = 32  # coefficients that a series has room for
 _POWERS = 8  # whole exponents up to which a power is a product
 
 # Recurrences for order k of c from a and b; s is a number.
-RECURRENCES = f"#define N_SERIES {LENGTH}\n" + r"""
+RECURRENCES = (
+    f"#define N_SERIES {LENGTH}\n"
+    + r"""
 static inline double lmoc_convolve(int64_t k, const double *a, const double *b) {
   double s = 0;
   for (int64_t j = 0; j <= k; j++) s += a[j] * b[k - j];
@@ -48,6 +50,7 @@ static inline double lmoc_power(int64_t k, const double *a, double p, const doub
   return s / ((double)k * a[0]);
 }
 """
+)
 
 # The series of the states, and a step along it.
 TAYLOR = r"""
@@ -400,5 +403,3 @@ def constant_registers(program: Program, count: int, states: np.ndarray) -> np.n
     for step in program:
         constant[written(step)] = False
     return constant
-
-

@@ -1,0 +1,40 @@
+"""A place on the way of a mechanism, as its coordinates are judged there."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from lmoc.numerics.coordinates.tableau import Tableau, rank_margin
+from lmoc.support.records import dataclass
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What has been seen at the end of a step.
+
+    Attributes
+    ----------
+    t, x : s, (n,)
+    matrix : of the constraints
+    found : Tableau
+    scaled : the matrix, in rows and columns of one length
+    least : what its smallest singular value is not below
+    solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
+    coordinates : their values, by the columns of the constraints; none where the system does not tell
+    """
+
+    t: float
+    x: np.ndarray
+    matrix: np.ndarray
+    found: Tableau
+    scaled: np.ndarray
+    least: float
+    solutions: np.ndarray
+    coordinates: np.ndarray
+
+    @cached_property
+    def margin(self) -> float:
+        """The smallest singular value of the scaled matrix."""
+        return rank_margin(self.scaled)
