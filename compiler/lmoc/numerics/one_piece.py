@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.numerics.failures.chatter import Jump, chatters, jumps
+from lmoc.numerics.failures.chatter import chatters, jumps
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem, Roots
 from lmoc.numerics.integrate.standing import standing
@@ -64,7 +64,6 @@ class PieceSolver:
         self._deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
         self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
         self._lookout: Lookout | None = None
-        self._jumps: tuple[Jump, ...] | None = None  # of the model, which all pieces share
 
     def at_once(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome | None:
         """Return the outcome of a piece without states or without extent; None where there is something to do."""
@@ -115,15 +114,10 @@ class PieceSolver:
 
     def holding_jump(self, stretch: Stretch, t: float, x: np.ndarray) -> str:
         """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
-        found, span = self._all_jumps(stretch), self.task.span
+        found, span = stretch.plan.once(jumps), self.task.span
         if not found:
             return ""
         return chatters(found, stretch.observer, stretch.system, (t, x), span.end - span.start)
-
-    def _all_jumps(self, stretch: Stretch) -> tuple[Jump, ...]:
-        if self._jumps is None:
-            self._jumps = jumps(stretch.observer.flat)
-        return self._jumps
 
     def _problem(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Problem:
         """Return what the integrator is given for a piece."""
@@ -157,7 +151,7 @@ class PieceSolver:
             roots=bounds.roots,
             correction=None if loops is None else loops.correction,
             index_one=None if loops is None else loops.index_one,
-            held=held if self._all_jumps(stretch) else None,
+            held=held if stretch.plan.once(jumps) else None,
             step=options.step_length(task.span),
         )
 

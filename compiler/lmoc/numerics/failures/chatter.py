@@ -12,9 +12,10 @@ import numpy as np
 
 from lmoc.expression.dag import Expr, slots, sub
 from lmoc.expression.evaluate import evaluate
-from lmoc.ir.flat import FlatDAE, Group, Kind
+from lmoc.ir.flat import Group, Kind
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.plan import Plan
 from lmoc.support.distinct import distinct
 
 FRICTION_HINT = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
@@ -26,8 +27,9 @@ Place = tuple[float, np.ndarray]
 Jump = tuple[Group, Expr]
 
 
-def jumps(flat: FlatDAE) -> tuple[Jump, ...]:
+def jumps(plan: Plan) -> tuple[Jump, ...]:
     """Return the equations with jumps that are no events, each with what changes its sign there."""
+    flat = plan.reduced.flat
     found = ((g, zero) for g in flat.groups for side in (g.left, g.right) for zero in _zeros(side))
     return tuple((g, zero) for g, zero in found if (flat.kind[g.slots[:, _columns(zero)]] == Kind.UNKNOWN).any())
 

@@ -54,6 +54,10 @@ def initial_state(
     if direct.all() and (counts <= 1).all() and not flat.initial_groups:
         x[at] = wanted.value
         return x
+    key = None if signals else (time, *(a.tobytes() for a in (base, values, *_columns(wanted))))
+    last = plan.once(_Solved)
+    if key is not None and last.key == key:
+        return last.x.copy()
     from lmoc.numerics.start.solving import solve
     from lmoc.numerics.start.start_system import StartSystem
 
@@ -62,7 +66,7 @@ def initial_state(
         own = direct & (wanted.hard == level)
         x[at[own]] = wanted.value[own]
     open_ = register >= 0
-    kept = Targets(*(column[open_] for column in (wanted.variable, wanted.value, wanted.hard, wanted.given)))
+    kept, said = Targets(*(column[open_] for column in _columns(wanted))), len(report.diagnostics)
     system = StartSystem(plan, base, signals, values, time, kept, report)
     if not report.errors:
         impacts = solve(system, x, _guess(plan, x, at[direct]), report)
@@ -70,7 +74,21 @@ def initial_state(
         overruled = np.isin(at, np.concatenate([impact.states for impact in impacts])) if impacts else False
         own = direct & wanted.hard & ~np.broadcast_to(overruled, direct.shape)
         x[at[own]] = wanted.value[own]  # to the last digit
+        if not impacts and len(report.diagnostics) == said:  # nothing to be told again
+            last.key, last.x = key, x.copy()
     return x
+
+
+class _Solved:
+    """The last start of a plan that was solved for: runs from the same start are many."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.key: tuple | None = None
+        self.x = np.zeros(len(plan.states))
+
+
+def _columns(wanted: Targets) -> tuple[np.ndarray, ...]:
+    return wanted.variable, wanted.value, wanted.hard, wanted.given
 
 
 def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
