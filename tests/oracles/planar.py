@@ -64,7 +64,7 @@ class Mechanism:
     forces: list = field(default_factory=list)  # functions (jets of the coordinates, velocities) -> generalized force
     relative: list[tuple[str, str, object]] = field(default_factory=list)  # a joint's coordinate, its rate; a function
     inertias: list[tuple[float, object]] = field(default_factory=list)  # of 1-D parts, each of a function
-    ports: list[tuple[str, object]] = field(default_factory=list)  # flanges and shafts for 1-D parts, and their function
+    ports: list[tuple[str, object]] = field(default_factory=list)  # flanges and shafts for 1-D parts; a function
     count: int = 0  # coordinates
 
     def __post_init__(self):
