@@ -235,7 +235,7 @@ def work(job: int, cases: Iterator[int], seed: int, place: Path) -> None:
     import numpy  # noqa: F401
 
     import lmoc.cli.run
-    import lmoc.dae
+    import lmoc.compilation
     import lmoc.numerics.simulate
     import lmoc.report.summary  # noqa: F401
     from lmoc.sources import library

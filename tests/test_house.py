@@ -25,6 +25,7 @@ ORDER = (
     "pipeline",
     "session",
     "report",
+    "model",
     "view",
     "run",
     "live",
@@ -32,6 +33,7 @@ ORDER = (
     "places",
     "studies",
     "dae",
+    "compilation",
     "cli",
 )
 # Circles that are still to be opened.

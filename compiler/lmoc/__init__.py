@@ -12,7 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lmoc.dae import DAE, compile, compile_text
+    from lmoc.compilation import compile, compile_text
+    from lmoc.dae import DAE
     from lmoc.messages.diagnostics import ModelError, SimulationError
     from lmoc.report.compare import compare
     from lmoc.report.picture import plot
@@ -25,8 +26,8 @@ __all__ = ["DAE", "ModelError", "Run", "SimulationError", "compare", "compile", 
 _HOME = {
     "DAE": "lmoc.dae",
     "compare": "lmoc.report.compare",
-    "compile": "lmoc.dae",
-    "compile_text": "lmoc.dae",
+    "compile": "lmoc.compilation",
+    "compile_text": "lmoc.compilation",
     "ModelError": "lmoc.messages.diagnostics",
     "SimulationError": "lmoc.messages.diagnostics",
     "Run": "lmoc.run",

@@ -1,32 +1,25 @@
-"""The user's interface to a compiled scene: names, values, simulation, and access to symbolic results."""
+"""What a user holds: a compiled scene with its simulations, studies, derivations and pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from lmoc import pipeline, simulation
-from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.names import Names, names_of
-from lmoc.ir.prepared import Prepared
-from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Diagnostic, Report
-from lmoc.messages.source import Source
-from lmoc.parameters import Parameters, Value, check_mappings
-from lmoc.pipeline import Clock, Scene
-from lmoc.semantics.parameter_checks import warn_of_lost
-from lmoc.session import Session
+from lmoc import simulation
+from lmoc.ir.names import names_of
+from lmoc.messages.diagnostics import Diagnostic
+from lmoc.model import CompiledModel
+from lmoc.parameters import Value
+from lmoc.pipeline import Clock
 from lmoc.simulation import Request
 
 if TYPE_CHECKING:
     import sympy
 
     from lmoc.live import Live
-    from lmoc.numerics.evaluate.functions import Functions, StartValues
+    from lmoc.numerics.evaluate.functions import Functions
     from lmoc.run import Run
     from lmoc.studies.chart import Chart
     from lmoc.studies.economy import Economy
@@ -43,153 +36,11 @@ if TYPE_CHECKING:
     from lmoc.view.page.page import Page
 
 
-def compile(
-    file: str | Path | Sequence[str | Path],
-    model: str | None = None,
-    parameters: Mapping[str, Value] | None = None,
-    states: str | Sequence[str] | None = None,
-    path: str | Path | Sequence[str | Path] | None = None,
-    *,
-    listener: Callable[[str], None] | None = None,
-) -> DAE:
-    """Compile the scene in a file.
+class DAE(CompiledModel):
+    """A compiled scene and what can be done with it: runs, studies, derivations, pictures.
 
-    Parameters
-    ----------
-    file : the `.lmo` file, or several; or the dotted name of a class that is found in a folder
-    model : which model, where the file holds several that could be meant
-    parameters : {dotted name: value}, overriding what the file says
-    states : variables to prefer as states, or the name of one
-    path : folders in which classes are looked for, after that of the file and before those of ``LMOPATH``
-    listener : called with the name of each stage as it begins
-
-    Raises
-    ------
-    ModelError
-        The model is wrong, or the file cannot be read; `.diagnostics` say what and where.
+    Made by `lmoc.compile`. Every method takes `parameters`, {name: value} for this one result, without compiling again.
     """
-    return compile_source(file, model, parameters, states, path, listener)
-
-
-def compile_or_recall(
-    file: str,
-    model: str | None = None,
-    parameters: Mapping[str, Value] | None = None,
-    states: str | Sequence[str] | None = None,
-    path: str | Path | Sequence[str | Path] | None = None,
-    *,
-    listener: Callable[[str], None] | None = None,
-) -> DAE:
-    """Return what `compile` does for a file, without compiling again where nothing it depends on has changed.
-
-    For a process that runs a scene once. What is kept between processes holds for the given parameters alone: to
-    change them afterwards costs a reduction more than after `compile`.
-    """
-    check_mappings(parameters=parameters)
-    clock = Clock(listener)
-    scene = Scene((), model, dict(parameters or {}), names_of(states), path)
-    flat, reduced, scene = pipeline.recalled_or_compiled(file, scene, clock)
-    return DAE(scene, flat, clock, reduced)
-
-
-def compile_text(
-    text: str,
-    name: str = "model.lmo",
-    model: str | None = None,
-    parameters: Mapping[str, Value] | None = None,
-    states: str | Sequence[str] | None = None,
-    path: str | Path | Sequence[str | Path] | None = None,
-) -> DAE:
-    """Compile a scene given as text; `name` stands for the file's name in messages. Otherwise as `compile`."""
-    if not isinstance(text, str):
-        raise TypeError(f"a model is a text (str), not {type(text).__name__}")
-    return compile_source(Source(name, text), model, parameters, states, path)
-
-
-def compile_source(
-    source: Source | str | Path | Sequence[str | Path],
-    model: str | None = None,
-    parameters: Mapping[str, Value] | None = None,
-    states: str | Sequence[str] | None = None,
-    path: str | Path | Sequence[str | Path] | None = None,
-    listener: Callable[[str], None] | None = None,
-) -> DAE:
-    """Compile a text or what files hold; otherwise as `compile`."""
-    check_mappings(parameters=parameters)
-    clock = Clock(listener)
-    scene = Scene((), model, dict(parameters or {}), names_of(states), path)
-    scene = pipeline.open_scene(source, scene, clock)
-    return DAE(scene, pipeline.flatten(scene, clock), clock)
-
-
-class DAE:
-    """A compiled scene. Made by `lmoc.compile`; parameters can be changed from run to run without compiling again.
-
-    Attributes
-    ----------
-    flat : FlatDAE
-        The flat model: every variable and equation of the scene.
-    reduced : Reduced
-        The smallest system of equations, for the parameter values of the model.
-    timings : {stage: seconds}
-    """
-
-    def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock | None = None, reduced: Reduced | None = None):
-        clock = clock or Clock()
-        self._session = Session(scene, flat, clock, reduced)
-        self.timings: dict[str, float] = clock.seconds
-
-    @property
-    def flat(self) -> FlatDAE:
-        return self._session.flat
-
-    @property
-    def values(self) -> np.ndarray:
-        """(flat.count,) the model's own parameter values."""
-        return self._session.values
-
-    @property
-    def reduced(self) -> Reduced:
-        return self._session.reduced
-
-    # ------------------------------------------------------------------------- names
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.flat.name
-
-    @cached_property
-    def states(self) -> list[str]:
-        """Names of the solved states, in their order."""
-        return list(self.reduced.state_names)
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        """{name: value}; NaN where the model gives no value."""
-        return Parameters(self.flat, self.values)
-
-    @cached_property
-    def inputs(self) -> list[str]:
-        """Names of the top-level inputs."""
-        return list(Names(self.flat, np.flatnonzero(self.flat.kind == Kind.INPUT)))
-
-    @cached_property
-    def outputs(self) -> list[str]:
-        """Names of the top-level outputs."""
-        return list(Names(self.flat, np.flatnonzero(self.flat.per_variable(lambda b: b.output, bool))))
-
-    @cached_property
-    def variables(self) -> Names:
-        """Names of everything that changes in time: a sequence, its names made on demand."""
-        return Names(self.flat, np.flatnonzero(self.flat.kind >= Kind.INPUT))
-
-    @property
-    def notes(self) -> tuple[Diagnostic, ...]:
-        """Warnings and notes of the compilation."""
-        report = Report()
-        warn_of_lost(self.flat, self.values, report)
-        return tuple(dict.fromkeys((*self.flat.notes, *self.reduced.notes, *report.diagnostics)))
 
     # -------------------------------------------------------------------- simulation
 
@@ -220,16 +71,17 @@ class DAE:
         ----------
         start, stop : s; from the model's `experiment`, else 0 and 10
         points : number of output times, evenly spread; from the `experiment`, else 501
-        times : the output times themselves, in place of `stop` and `points`
-        rtol, atol : tolerances; 1e-6, and rtol·1e-3·nominal
+        times : the output times themselves, in place of `stop` and `points`; the run begins at `start` all the same
+        rtol : relative tolerance; 1e-6
+        atol : absolute tolerance of all states; rtol·1e-3 of the magnitude of each
         solver : one of `lmoc.numerics.options.SOLVERS`
-        formulation : "reduced"
+        formulation : of closed loops, one of `lmoc.numerics.options.FORMULATIONS`; ``baumgarte:25`` with a gain in 1/s
         parameters : {name: value} for this run only
         initial : {name: value}, fixing any variable at the start; an `Equilibrium`; or "equilibrium", for the only one
             there is with the inputs as they are at the start
         inputs : {name: number, text of an expression in `time`, callable, (times, values), or name of a CSV file}
         energy : integrate work and heat along, for `run.energy`
-        keep : names of variables or arrays to retain; without it the states are kept, and everything can be asked for
+        keep : names of variables or arrays to retain; by default the states, from which every variable can be computed
         max_step : s, the longest step of the integrator
         step : s, the length of every step, for the solvers with fixed steps; a thousandth of the run
         listener : called with the name of each stage as it begins
@@ -387,37 +239,15 @@ class DAE:
         """
         from lmoc.numerics.evaluate.functions import casadi_functions
 
-        return casadi_functions(self.reduced, self.values, self._start_values)
-
-    def _start_values(self, registers: np.ndarray) -> StartValues:
-        """Return the start of a run with the default values, with the values of some registers."""
-        from lmoc.numerics.evaluate.functions import StartValues
-        from lmoc.numerics.observe.slices import slice_of
-
-        run = self.simulate(times=[self.flat.experiment.start or 0.0])
-        piece = run.trajectory.pieces[0]
-        observer, times, inputs = piece.observer, piece.time, piece.reduced.inputs[0]
-        part = slice_of(observer.plan, np.concatenate([registers, inputs])).bind(observer.base, observer.signals)
-        z, u = np.split(part(times, piece.table)[0], [len(registers)])
-        return StartValues(float(times[0]), piece.table[0, : len(self.states)], z, u)
+        return casadi_functions(self.reduced, self.values, partial(simulation.start_values, self._session))
 
     # ----------------------------------------------------------------- derivations
 
-    # All of them take `parameters`, {name: value} for this one derivation: a value of zero changes the equations.
-
     def symbolic(self, variables: str | Sequence[str] = (), parameters: Point | None = None) -> SymbolicSystem:
         """Return the solved system in SymPy, with the expressions of further variables; E0660 where there is none."""
-        from lmoc.symbolic.system import symbolic_system
+        from lmoc.symbolic.interface import symbolic
 
-        prepared = self.prepare(parameters)
-        if prepared.flat.laws:
-            from lmoc.symbolic.system import refuse
-
-            raise refuse(
-                "a scene with laws has other equations in each of its modes",
-                hint="equations() gives those of each mode that the run meets, linearize(at=…) numbers in one of them",
-            )
-        return symbolic_system(prepared.reduced, prepared.values, names_of(variables))
+        return symbolic(self.prepare(parameters), variables)
 
     def symbolic_ode(self, parameters: Point | None = None) -> dict[str, sympy.Expr]:
         """Return {state name: SymPy expression of its derivative}, keys as in `states`."""
@@ -510,13 +340,6 @@ class DAE:
         prepared = self.prepare(parameters)
         return equivalent(prepared.flat, prepared.values, port, other)
 
-    def prepare(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
-        """Return the flat model, its reduction and the parameter values for other parameters; what was redone as notes.
-
-        A structural parameter means flattening again; a broken guard means reducing again. Both are kept.
-        """
-        return self._session.for_derivation(parameters, clock)
-
     # ---------------------------------------------------------------------- pictures
 
     def draw(
@@ -542,27 +365,11 @@ class DAE:
         ------
         ModelError
             E0623, E0624: the picture cannot be written. E0660: there are no free-body diagrams. A mechanism of the
-            plane has no consistent start.
-        ValueError
-            The run is one of another scene.
+            plane has no consistent start. ValueError: the run is one of another scene.
         """
-        from lmoc.view.drawing import Drawing
+        from lmoc.view.drawing import draw
 
-        if not free_body and (run is not None or time is not None):
-            raise TypeError("`run` and `time` belong to free-body diagrams: free_body=True")
-        if run is None and time is not None:
-            raise TypeError("`time` is an instant of a run: give `run` as well")
-        if run is not None and run.flat.name != self.flat.name:
-            raise ValueError(f"the run is one of {run.flat.name}, not of {self.flat.name}")
-        prepared = self.prepare(parameters)
-        if free_body:
-            from lmoc.view.bodies.compose import free_body_picture
-
-            drawing = Drawing(free_body_picture(prepared, run, time, lambda: self.at_start(parameters)))
-        else:
-            from lmoc.view.scene.compose import picture_of
-
-            drawing = Drawing(picture_of(prepared.flat, prepared.values, lambda: self.at_start(parameters)))
+        drawing = draw(self.prepare(parameters), lambda: self.at_start(parameters), free_body, run, time)
         if path is not None:
             drawing.save(path)
         return drawing
@@ -590,16 +397,3 @@ class DAE:
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process."""
         return {name: value for name, value in self.__dict__.items() if name != "functions"}
-
-    def __repr__(self) -> str:
-        return (
-            f"<DAE {self.name}: {self.reduced.counts['parts']} parts, {self.flat.equation_count} flat equations, "
-            f"{len(self.reduced.states)} states>"
-        )
-
-    def _repr_html_(self) -> str:
-        """Return the HTML representation for notebooks: the scene, and its main methods."""
-        from lmoc.report.page import named_lists
-
-        names = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs, "parameters": self.parameters}
-        return named_lists(repr(self).strip("<>"), names)

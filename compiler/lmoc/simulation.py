@@ -17,6 +17,7 @@ from lmoc.session import Session
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.functions import StartValues
     from lmoc.numerics.observe.trajectory import Trajectory
     from lmoc.numerics.options import RunOptions
     from lmoc.run import Run
@@ -45,14 +46,7 @@ class Request:
 def simulate(session: Session, request: Request, clock: Clock | None = None) -> Run:
     """Simulate once, in other coordinates where the preferred ones do not serve at the start.
 
-    Raises
-    ------
-    ModelError
-        Unknown names, missing values, contradictory or impossible starts.
-    SimulationError
-        The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
-    RunInterrupted
-        A KeyboardInterrupt with the same attributes.
+    Errors as of `lmoc.DAE.simulate`.
     """
     from lmoc.numerics.observe.trajectory import End
     from lmoc.numerics.start.singular import StartSingular
@@ -62,7 +56,7 @@ def simulate(session: Session, request: Request, clock: Clock | None = None) -> 
     check_mappings(
         parameters=request.parameters, initial=None if isinstance(initial, str) else initial, inputs=request.inputs
     )
-    initial = _start_values(session, request)
+    initial = _start_in_numbers(session, request)
     check_initial(initial or {})
     request = replace(request, initial=initial)
     at_work, prepared = session.prepare(request.parameters, clock)
@@ -107,18 +101,32 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
     return result(trajectory)
 
 
-def _start_values(session: Session, request: Request) -> Mapping[str, float] | None:
+def start_values(session: Session, registers: np.ndarray) -> StartValues:
+    """Return the start of a run with the default values, with the values of some registers."""
+    from lmoc.numerics.evaluate.functions import StartValues
+    from lmoc.numerics.observe.slices import slice_of
+    from lmoc.numerics.options import RunOptions
+
+    run = simulate(session, Request(RunOptions(times=[session.flat.experiment.start or 0.0])))
+    piece = run.trajectory.pieces[0]
+    observer, times, inputs = piece.observer, piece.time, piece.reduced.inputs[0]
+    part = slice_of(observer.plan, np.concatenate([registers, inputs])).bind(observer.base, observer.signals)
+    z, u = np.split(part(times, piece.table)[0], [len(registers)])
+    return StartValues(float(times[0]), piece.table[0, : len(session.reduced.states)], z, u)
+
+
+def _start_in_numbers(session: Session, request: Request) -> Mapping[str, float] | None:
     """Return the start as numbers, where it is an equilibrium or given in symbols."""
     initial = request.initial
     if initial is None or initial == {}:
         return initial
-    from lmoc.symbolic.starts import in_symbols, start_values
+    from lmoc.symbolic import starts
 
-    if not in_symbols(initial):
+    if not starts.in_symbols(initial):
         return initial
     start = request.options.start
     begin = (session.flat.experiment.start or 0.0) if start is None else start
-    return start_values(
+    return starts.start_values(
         session.for_derivation(request.parameters), initial, request.inputs, begin, session.equilibria
     )
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lmoc import ModelError, dae, pipeline
+from lmoc import ModelError, compilation, pipeline
 from lmoc.sources import compiled
 
 SCENE = """model M
@@ -42,8 +42,13 @@ def period(k: float) -> float:
     return math.cos(math.sqrt(k) * math.pi / 2)
 
 
+def recalled(path, **options):
+    return compilation.recalled_or_compiled(str(path), compilation.scene_of(**options))
+
+
 def position(path, **options) -> float:
-    return float(dae.compile_or_recall(str(path), **options).simulate(times=[1.5707963267948966], rtol=1e-9)["m.q"][-1])
+    run = recalled(path, **options).simulate(times=[1.5707963267948966], rtol=1e-9)
+    return float(run["m.q"][-1])
 
 
 def test_the_second_run_compiles_nothing(scene, flattened):
@@ -55,7 +60,7 @@ def test_the_second_run_compiles_nothing(scene, flattened):
 
 def test_parameters_can_still_be_changed(scene):
     position(scene)
-    again = dae.compile_or_recall(str(scene))
+    again = recalled(scene)
     run = again.simulate(parameters={"k": 9.0}, times=[1.5707963267948966], rtol=1e-9)
     assert run["m.q"][-1] == pytest.approx(period(9), abs=1e-7)
     run = again.simulate(parameters={"k": 0.0}, times=[1.0])  # another structure
@@ -96,7 +101,7 @@ def test_a_class_that_appears_in_the_folder(scene):
     position(scene)
     (scene.parent / "Mass.lmo").write_text("model Mass end Mass;")
     with pytest.raises(ModelError, match="'flange'"):  # it takes the place of the library's
-        dae.compile_or_recall(str(scene))
+        recalled(scene)
 
 
 def test_a_folder_on_the_path_that_appears(scene, flattened, monkeypatch, tmp_path):

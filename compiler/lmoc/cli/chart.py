@@ -57,7 +57,7 @@ def tolerances(text: str) -> list[float]:
 
 def execute(arguments: argparse.Namespace) -> int:
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile
+    from lmoc.cli.scene import compiled
     from lmoc.report.files import PICTURES, check_target
     from lmoc.studies.chart_text import FORMATS, as_data
 
@@ -65,10 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if path is not None:
             check_target(path, endings)
     with Progress(not arguments.quiet) as progress:
-        dae = compile(
-            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
-            listener=progress.stage,
-        )  # fmt: skip
+        dae = compiled(arguments, progress)
         chart = dae.chart(
             arguments.solvers, arguments.formulations, arguments.rtol, arguments.quick,
             start=arguments.start, stop=arguments.stop, points=arguments.points, initial=initial(arguments.init),

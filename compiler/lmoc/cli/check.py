@@ -38,14 +38,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> tuple[tuple[Diagnostic, ...], str]:
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile
+    from lmoc.cli.scene import compiled
     from lmoc.report.summary import counted, stages
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile(
-            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
-            listener=progress.stage,
-        )  # fmt: skip
+        dae = compiled(arguments, progress)
         notes = dae.check(listener=progress.stage)
     counts = ", ".join(counted(n, stage) for stage, n in stages(dae.reduced.counts))
     warnings = sum(d.severity == "warning" for d in notes)

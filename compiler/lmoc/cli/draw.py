@@ -37,15 +37,15 @@ def _drawn(arguments: argparse.Namespace) -> Drawing:
     """The scene need not be solvable to be drawn; only a mechanism of the plane is asked where it starts."""
     from lmoc import pipeline
     from lmoc.cli.progress import Progress
+    from lmoc.cli.scene import scene_of
     from lmoc.dae import DAE
     from lmoc.parameters import indexed
-    from lmoc.pipeline import Clock, Scene
+    from lmoc.pipeline import Clock
     from lmoc.view.drawing import Drawing
 
     with Progress(not arguments.quiet) as progress:
         clock = Clock(progress.stage)
-        scene = Scene((), arguments.model, dict(arguments.set), None, arguments.path)
-        scene = pipeline.open_scene(arguments.file, scene, clock)
+        scene = pipeline.open_scene(arguments.file, scene_of(arguments), clock)
         flat = pipeline.flatten(scene, clock)
         values = flat.parameter_values(indexed(flat, flat.overrides))
         if arguments.free_body:

@@ -53,13 +53,10 @@ def check_formulation(arguments: argparse.Namespace) -> None:
 def simulate(arguments: argparse.Namespace) -> Run:
     """Compile and run the scene, with progress shown unless quiet."""
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile_or_recall
+    from lmoc.cli.scene import recalled_or_compiled
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile_or_recall(
-            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
-            listener=progress.stage,
-        )  # fmt: skip
+        dae = recalled_or_compiled(arguments, progress)
         return dae.simulate(**options_of(arguments), listener=progress.stage, progress=progress.reached)
 
 
@@ -91,11 +88,8 @@ def ranges_of(arguments: argparse.Namespace) -> dict[str, tuple[float, ...]]:
 def sweep(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]]) -> Sweep:
     """Compile the scene once and run it for several values of parameters."""
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile_or_recall
+    from lmoc.cli.scene import recalled_or_compiled
 
     with Progress(not arguments.quiet) as progress:
-        dae = compile_or_recall(
-            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
-            listener=progress.stage,
-        )  # fmt: skip
+        dae = recalled_or_compiled(arguments, progress)
         return dae.sweep(values, options=options_of(arguments) | {"progress": progress.reached})

@@ -62,14 +62,11 @@ def listed(dae: DAE, n: int, inputs: Mapping[str, float]) -> Mapping:
 
 def compiled(arguments: argparse.Namespace) -> DAE:
     """The scene of the command line; its warnings are told."""
+    from lmoc.cli import scene
     from lmoc.cli.progress import Progress
-    from lmoc.dae import compile
 
     with Progress() as progress:
-        dae = compile(
-            arguments.file, arguments.model, dict(arguments.set), arguments.states, arguments.path,
-            listener=progress.stage,
-        )  # fmt: skip
+        dae = scene.compiled(arguments, progress)
     terminal.show(dae.notes, ("warning",))
     return dae
 

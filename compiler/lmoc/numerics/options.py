@@ -72,23 +72,13 @@ class Span:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Options of one run; None takes the model's `experiment`, else the default in brackets.
+    """Options of one run; None takes the model's `experiment`, else the default.
 
     Attributes
     ----------
-    start, stop : s [0, 10]
-    points : number of output times, evenly spread [501, or from the experiment's interval]
-    times : the output times themselves; replaces stop and points. The run begins at the start all the same
-    rtol : [1e-6]
-    atol : one number for all states [rtol·1e-3·nominal of each]
-    solver : one of SOLVERS
-    formulation : one of FORMULATIONS, ``baumgarte:25`` with a gain in 1/s
-    energy : integrate work and heat along
-    keep : names of variables to retain; None keeps the states, so that every variable can be asked for later
-    max_step : s, the longest step of the integrator [no limit]
-    step : s, the length of each step, for solvers with fixed steps [a thousandth of the run]
+    start, …, step : the arguments of `lmoc.DAE.simulate` of these names
     max_steps : steps after which the run is given up
-    max_seconds : wall time after which the run is given up [no limit]
+    max_seconds : wall time after which the run is given up; None for no limit
     """
 
     start: float | None = None

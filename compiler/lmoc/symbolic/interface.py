@@ -31,6 +31,22 @@ if TYPE_CHECKING:
     from lmoc.symbolic.transfer import TransferFunction
 
 
+def symbolic(prepared: Prepared, variables: str | Sequence[str] = ()) -> SymbolicSystem:
+    """Return the solved system, with the expressions of further variables.
+
+    Raises
+    ------
+    ModelError
+        E0660: the scene has laws, or no solved form in symbols. E0661: an unknown name.
+    """
+    if prepared.flat.laws:
+        raise refuse(
+            "a scene with laws has other equations in each of its modes",
+            hint="equations() gives those of each mode that the run meets, linearize(at=…) numbers in one of them",
+        )
+    return symbolic_system(prepared.reduced, prepared.values, names_of(variables))
+
+
 def equilibria(prepared: Prepared, inputs: Point | None = None) -> Equilibria:
     """Return the states of rest for constant inputs.
 

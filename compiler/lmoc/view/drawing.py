@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 
+from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.report.files import PICTURES, check_target
+from lmoc.report.result import Result
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.scene.picture import Picture
@@ -66,3 +69,32 @@ class Drawing:
     def __repr__(self) -> str:
         p = self.picture
         return f"<Drawing {p.title}: {len(p.items)} items, {p.width:.0f} by {p.height:.0f} px>"
+
+
+def draw(
+    prepared: Prepared,
+    start: Callable[[], Callable[[str], float]],
+    free_body: bool = False,
+    run: Result | None = None,
+    time: float | None = None,
+) -> Drawing:
+    """Draw a scene.
+
+    Parameters
+    ----------
+    start : gives the values of variables, by name, where a run starts; called where the scene is a mechanism
+    free_body, run, time : as in `lmoc.DAE.draw`, with its errors
+    """
+    if not free_body and (run is not None or time is not None):
+        raise TypeError("`run` and `time` belong to free-body diagrams: free_body=True")
+    if run is None and time is not None:
+        raise TypeError("`time` is an instant of a run: give `run` as well")
+    if run is not None and run.flat.name != prepared.flat.name:
+        raise ValueError(f"the run is one of {run.flat.name}, not of {prepared.flat.name}")
+    if free_body:
+        from lmoc.view.bodies.compose import free_body_picture
+
+        return Drawing(free_body_picture(prepared, run, time, start))
+    from lmoc.view.scene.compose import picture_of
+
+    return Drawing(picture_of(prepared.flat, prepared.values, start))
