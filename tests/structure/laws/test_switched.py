@@ -6,7 +6,7 @@ from oracles.flattening import flat
 from oracles.lawful import reduced_of
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.law import NONE
+from lmoc.ir.law import NONE, SPRUNG
 from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.structure.laws.degree import NOT_FELT, relative_degree
 from lmoc.structure.laws.switched import free, switched
@@ -54,11 +54,12 @@ def test_a_force_that_is_not_felt_is_an_error():
         reduced_of(text)
 
 
-def test_friction_in_series_with_a_spring_alone_is_an_error():
+def test_the_extension_of_a_spring_in_series_with_friction_is_a_state():
     text = """model M Fixed w; Mass m(m = 1); Spring k(k = 10); DryFriction f(F = 2);
         equation connect(m.flange, k.a); connect(k.b, f.b); connect(w.flange, f.a); end M;"""
-    with pytest.raises(ModelError, match="nothing between 'f' and the springs around it has mass"):
-        reduced_of(text)
+    reduced = reduced_of(text)
+    assert degrees(text).tolist() == reduced.switched.degree.tolist() == [SPRUNG]
+    assert reduced.state_names == ["m.q", "m.v", "k.extension"]
 
 
 def test_the_switched_form_has_the_states_of_the_free_scene():

@@ -99,8 +99,9 @@ STRUCTURE: dict[str, Entry] = {
         "are fixed or prescribed, or where the force enters no balance of forces.",
     ),
     "E0441": Entry(
-        "friction in series with springs alone",
-        "Where a spring and dry friction are joined without a mass or a damper, the sliding velocity depends on the\n"
-        "rate of the friction force itself. Such a law is not supported.",
+        "friction of a contact between springs alone",
+        "Where the friction of a contact and a spring are joined without a mass or a damper, the sliding velocity\n"
+        "depends on the rate of the friction force, and its limit on the force of the contact. That is not supported;\n"
+        "friction with a limit of its own (`DryFriction`, `Clutch`, …) may stand between springs.",
     ),
 }

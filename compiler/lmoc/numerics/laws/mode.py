@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lmoc.ir.law import NONE, Switched
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.instant import Instant, Mask, Table
@@ -46,6 +47,15 @@ class Mode:
     @property
     def key(self) -> bytes:
         return self.closed.tobytes() + self.direction.tobytes() + self.implied.tobytes()
+
+    def inputs(self, form: Switched) -> tuple[tuple[NDArray[np.int64], Array], ...]:
+        """Return the inputs of the switched form with their values, (variables, values)."""
+        has = form.direction != NONE
+        return (
+            (form.closed, (self.closed & ~self.implied).astype(float)),
+            (form.push, self.push),
+            (form.direction[has], self.direction[has].astype(float)),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,13 +61,8 @@ class LawSwitching:
 
     def signals(self) -> dict[int, Signal]:
         """Return the values of the mode, by flat variables."""
-        form, mode = self.gauge.form, self.mode
-        pairs = [
-            (form.closed, mode.closed & ~mode.implied),
-            (form.push, mode.push),
-            (form.direction, mode.direction),
-        ]
-        return {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks) if v != NONE}
+        pairs = self.mode.inputs(self.gauge.form)
+        return {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks, strict=True)}
 
     # ------------------------------------------------------------------ what ends a mode
 
@@ -126,9 +121,7 @@ class LawSwitching:
         nothing = np.zeros(n, bool)
         return self._take(t, x, Trigger(nothing, nothing, np.zeros(n, int)), at_start=True)
 
-    def resume(
-        self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]
-    ) -> tuple[Array, list[Event]]:
+    def resume(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> tuple[Array, list[Event]]:
         """Return the state with which a run goes on in the mode in which another one has ended, as `start`.
 
         Where that mode does not hold with the present parameters and inputs, the next one is found as at an event.
@@ -183,7 +176,7 @@ class LawSwitching:
         self.forces = found.settled.force
         self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(self.forces)
         x = found.x.copy()
-        if self.ledger is not None and found.impulse.any():
+        if self.ledger is not None and (found.impulse.any() or found.lost.any()):
             work, heat = self.ledger
             lost = float(found.lost.sum())
             x[heat] += lost

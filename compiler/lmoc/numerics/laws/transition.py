@@ -1,20 +1,25 @@
 """Transitions: what happens to the laws of a scene at an instant, at the start or where a law reaches its end.
 
 In this order: the states are moved onto the constraints of what is closed or closing; where something closes with a
-velocity, impulses change the velocities; then the forces decide which laws hold from here on (`mode.settle`).
+velocity, impulses change the velocities; then the forces decide which laws hold from here on (`mode.settle`, and
+`sprung` where the law acts between springs).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from lmoc.ir.law import SPRUNG
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.impact import Friction, Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
+from lmoc.numerics.laws.sprung import decide, relax
 from lmoc.support.records import dataclass
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
@@ -104,18 +109,22 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
         least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
         least = np.where(mode.closed, np.inf, least)
+    relaxed = relax(gauge, now, mode, trigger.opening, trigger.direction)
+    now = relaxed.now
     candidate = _candidates(table, now, touching, least) & ~(trigger.opening & ~table.dry)
     at_limit = np.where(trigger.opening & mode.closed, trigger.direction, 0)
     settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), at_limit)
     closed = settled.mode.closed
     now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
+    settled = replace(settled, mode=decide(gauge, replace(relaxed, now=now), settled.mode))
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
     if impact is not None:
         impulse[sharing], lost[sharing] = impact.impulse, impact.lost
         rubbing = np.flatnonzero(sharing & table.contact)  # what friction takes counts as its contact's
         np.add.at(lost, table.normal[rubbing], lost[rubbing])
         impulse[rubbing] = lost[rubbing] = 0.0
-    touched = touching | (candidate & ~table.unilateral)
+    lost += relaxed.lost
+    touched = touching | (candidate & ~table.unilateral) | (table.degree == SPRUNG)
     return Transition(before, now, settled, impulse, lost, impact.law if impact else "", touched, over, until)
 
 
@@ -188,7 +197,7 @@ def _candidates(table: Table, now: Instant, touching: Mask, least: Array) -> Mas
 
 def _sliding(table: Table, now: Instant, candidate: Mask, trigger: Trigger) -> NDArray[np.int64]:
     """Return the directions of friction that slides: as it moves or, just set free, as its last force has pulled."""
-    slides = ~table.complementary & ~candidate
+    slides = ~table.complementary & ~candidate & (table.degree != SPRUNG)
     direction = np.where(slides, np.sign(now.rate), 0.0)
     return np.where(slides & trigger.opening, trigger.direction, direction).astype(int)
 

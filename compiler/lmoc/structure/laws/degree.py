@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.ir.law import NONE, Switched
+from lmoc.ir.law import NONE, SPRUNG, Switched
 from lmoc.ir.program import Solve, Step, Total
 from lmoc.ir.reduced import Reduced
 
-NOT_FELT = -1
-RATE_FELT = -2  # the sliding velocity depends on the rate of the friction force: there is no mass between
+NOT_FELT = -2
 
 
 def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
-    """Return 0, 1 or 2 for each law, NOT_FELT where its force does not act on its motion, or RATE_FELT.
+    """Return 0, 1 or 2 for each law, SPRUNG where a velocity feels the rate of the force, or NOT_FELT.
 
     Parameters
     ----------
@@ -36,7 +35,7 @@ def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
         degree[(place >= 0) & felt[place]] = k
     of_rates = dependent(program, register[pushed & (order > 0)], reduced.registers.count)
     place = reduced.register_of[form.rate]
-    degree[(form.gap == NONE) & (place >= 0) & of_rates[place]] = RATE_FELT
+    degree[(form.gap == NONE) & (place >= 0) & of_rates[place]] = SPRUNG
     return degree
 
 

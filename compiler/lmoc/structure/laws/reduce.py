@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import Laws
+from lmoc.ir.law import SPRUNG, LawKind, Laws
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
-from lmoc.structure.laws.degree import NOT_FELT, RATE_FELT, relative_degree
+from lmoc.structure.laws.degree import NOT_FELT, relative_degree
 from lmoc.structure.laws.switched import free, switched
 from lmoc.structure.reduce import reduce
 
@@ -26,7 +26,8 @@ def reduce_with_laws(
     Raises
     ------
     ModelError
-        Through `report`: E0440 a law whose force does not act on its own motion, E0441 friction without a mass.
+        Through `report`: E0440 a law whose force does not act on its own motion, E0441 friction of a contact between
+        springs alone.
     """
     if not flat.laws or flat.closed is not None:
         return reduce(flat, values, states, report)
@@ -61,7 +62,7 @@ def _report_not_felt(flat: FlatDAE, degree: np.ndarray, report: Report) -> None:
         first += laws.rows
         for row in np.flatnonzero(own == NOT_FELT)[:1].tolist():
             _report_one(flat, laws, row, report)
-        if (own == RATE_FELT).any():
+        if laws.kind is LawKind.CONTACT_FRICTION and (own == SPRUNG).any():
             _report_massless(flat, laws, report)
     report.check()
 
@@ -69,7 +70,7 @@ def _report_not_felt(flat: FlatDAE, degree: np.ndarray, report: Report) -> None:
 def _report_massless(flat: FlatDAE, laws: Laws, report: Report) -> None:
     report.error(
         "E0441",
-        f"nothing between '{flat.parts[laws.part].pattern}' and the springs around it has mass or damping",
+        f"nothing between the contact '{flat.parts[laws.part].pattern}' and the springs around it has mass or damping",
         flat.parts[laws.part].span or laws.span,
         expected="friction whose sliding velocity its force changes through a mass or a damper",
         hint="give the point between the spring and the friction a small mass, or a damper beside the spring",

@@ -6,9 +6,15 @@ A law leaves its force open. Here it gets the equation
 
 where y is the lowest derivative of its motion that the force acts on at once: the gap itself, its rate, or its
 acceleration (the relative degree of the pair). `closed`, `push` and `direction` are inputs that stay as they are
-between events. So all modes of a scene, 2ⁿ of them, share one reduction, one set of kernels and one way back to every
-variable; the free scene with all laws open decides about coordinates, and a closed law is a row of an implicit linear
-block. The states keep what a closed law adds, gap = 0 and rate = 0, as invariants (`numerics.laws.manifold`).
+between events. Friction with springs alone around it has no such derivative: its velocity feels the rate of the force.
+There the force itself is a state, and the equation one between rates,
+
+    closed·velocity + (1 − closed)·(d/dt(force + direction·limit) − push) = 0,
+
+which keeps a slipping force at its limit as sticking friction keeps its place. So all modes of a scene, 2ⁿ of them,
+share one reduction, one set of kernels and one way back to every variable; the free scene with all laws open decides
+about coordinates, and a closed law is a row of an implicit linear block. The states keep what a closed law adds,
+gap = 0 and rate = 0, as invariants (`numerics.laws.manifold`).
 
 Reducing every mode by itself (`lmoc.ir.mode`) would give fewer states, and is how the equations of a mode are
 printed. For a train of 50 wagons that meets 49 modes it costs 49 reductions and kernels; measured at 25 to 140 ms
@@ -24,17 +30,18 @@ import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot, slots
 from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, StateSelect
-from lmoc.ir.law import NONE, LawKind, Laws, Switched, law_count
+from lmoc.ir.law import NONE, SPRUNG, LawKind, Laws, Switched, law_count
 
 ORIGIN = "law"
 POSITION = 2  # relative degree of a gap between inertias: its second derivative feels the force
 
+_VELOCITY = 1
 _HELD = ("closed", "push", "direction")  # the inputs that stay as they are between events
 _Columns = dict[str, np.ndarray]
 
 
 def switched(flat: FlatDAE, degree: np.ndarray) -> tuple[FlatDAE, Switched]:
-    """Return the switched form for given relative degrees, (laws,), each 0, 1 or 2; and where its laws are."""
+    """Return the switched form for given relative degrees, (laws,), each 0, 1, 2 or SPRUNG; and where its laws are."""
     return _form(flat, degree, _switched_laws)
 
 
@@ -44,7 +51,7 @@ def free(flat: FlatDAE) -> tuple[FlatDAE, Switched]:
 
 
 def _form(
-    flat: FlatDAE, degree: np.ndarray, equations: Callable[[Laws, _Columns, np.ndarray], Group]
+    flat: FlatDAE, degree: np.ndarray, equations: Callable[[_Added, Laws, _Columns, np.ndarray, np.ndarray], None]
 ) -> tuple[FlatDAE, Switched]:
     added = _Added(flat)
     tables, levels, first = [], [], 0
@@ -52,8 +59,9 @@ def _form(
         own = degree[first : first + laws.rows]
         first += laws.rows
         columns = _columns(added, laws, own)
-        level = np.stack([columns["gap"], columns["rate"], columns.pop("acceleration")])[own, np.arange(laws.rows)]
-        added.groups.append(equations(laws, columns, level))
+        motions = np.stack([columns["gap"], columns["rate"], columns.pop("acceleration")])
+        level = motions[np.where(own == SPRUNG, _VELOCITY, own), np.arange(laws.rows)]
+        equations(added, laws, columns, level, own == SPRUNG)
         tables.append(columns)
         levels.append(level)
     table = {name: np.concatenate([c[name] for c in tables]) for name in tables[0]} if tables else {}
@@ -79,14 +87,15 @@ class _Added:
     def __init__(self, flat: FlatDAE) -> None:
         directions = [laws.direction for laws in flat.laws if laws.direction is not None]
         held = set(np.concatenate(directions).tolist()) if directions else set()
-        motions = {int(v) for laws in flat.laws for v in laws.motion} - _differentiated(flat)
-        self.blocks = [_held(b) if b.offset in held else _avoided(b) if b.offset in motions else b for b in flat.blocks]
+        own = {int(v) for laws in flat.laws for v in (*laws.motion, *laws.force)} - _differentiated(flat)
+        self.blocks = [_held(b) if b.offset in held else _avoided(b) if b.offset in own else b for b in flat.blocks]
         self.groups: list[Group] = []
         self.count = flat.count
 
-    def variables(self, name: str, laws: Laws, rows: int, kind: Kind) -> np.ndarray:
+    def variables(self, name: str, laws: Laws, rows: int, kind: Kind, select=StateSelect.default) -> np.ndarray:
         path = ((f"{name} of law {len(self.blocks)}", (rows,)),)
-        self.blocks.append(Block(path, self.count, rows, kind, part=laws.part, span=laws.span))
+        block = Block(path, self.count, rows, kind, part=laws.part, span=laws.span, state_select=select)
+        self.blocks.append(block)
         self.count += rows
         return np.arange(self.count - rows, self.count)
 
@@ -116,7 +125,7 @@ def _differentiated(flat: FlatDAE) -> set[int]:
 
 
 def _avoided(block: Block) -> Block:
-    """Return a motion of a law that is a state only where no coordinate of a part can be one."""
+    """Return a motion or force of a law that is a state only where no coordinate of a part can be one."""
     plain = block.state_select == StateSelect.default
     return replace(block, state_select=StateSelect.avoid) if plain else block
 
@@ -136,20 +145,34 @@ def _columns(added: _Added, laws: Laws, degree: np.ndarray) -> _Columns:
     }
 
 
-def _free_laws(laws: Laws, own: _Columns, level: np.ndarray) -> Group:
-    """Return ``force = push``."""
-    return Group(slot(0), slot(1), np.stack([own["force"], own["push"]], axis=1), laws.span, laws.part, ORIGIN)
+def _free_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, sprung: np.ndarray) -> None:
+    """Add ``force = push``."""
+    table = np.stack([own["force"], own["push"]], axis=1)
+    added.groups.append(Group(slot(0), slot(1), table, laws.span, laws.part, ORIGIN))
 
 
-def _switched_laws(laws: Laws, own: _Columns, level: np.ndarray) -> Group:
-    """Return ``closed·y + (1 − closed)·(force + direction·limit − push) = 0``."""
-    columns = [own["closed"], level, laws.force, own["push"]]
-    open_: Expr = slot(2) - slot(3)
+def _switched_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, sprung: np.ndarray) -> None:
+    """Add ``closed·y + (1 − closed)·(force + direction·limit − push) = 0``, with the rate of the sum where sprung."""
+    columns = [own["closed"], level, own["push"], laws.force]
+    excess: Expr = slot(3)
     if laws.kind is LawKind.DRY_FRICTION:
         columns += [own["direction"], laws.slip]
-        open_ = open_ + mul(slot(4), slot(5))
+        excess = excess + mul(slot(4), slot(5))
     elif laws.kind is LawKind.CONTACT_FRICTION:
         columns += [own["direction"], laws.friction, laws.normal]
-        open_ = open_ + mul(slot(4), mul(slot(5), slot(6)))
-    left = slot(0) * slot(1) + (ONE - slot(0)) * open_
-    return Group(left, ZERO, np.stack(columns, axis=1), laws.span, laws.part, ORIGIN)
+        excess = excess + mul(slot(4), mul(slot(5), slot(6)))
+    table = np.stack(columns, axis=1)
+    plain, rated = table[~sprung], table[sprung]
+    if len(plain):
+        added.groups.append(Group(_either(excess), ZERO, plain, laws.span, laws.part, ORIGIN))
+    if len(rated):
+        sums = added.variables("excess", laws, len(rated), Kind.UNKNOWN, StateSelect.avoid)
+        parts = np.column_stack([rated, sums])
+        last = table.shape[1]
+        added.groups.append(Group(slot(last), excess, parts, laws.span, laws.part, ORIGIN))
+        added.groups.append(Group(_either(slot(last, 1)), ZERO, parts, laws.span, laws.part, ORIGIN))
+
+
+def _either(opened: Expr) -> Expr:
+    """Return ``closed·y + (1 − closed)·(opened − push)``."""
+    return slot(0) * slot(1) + (ONE - slot(0)) * (opened - slot(2))

@@ -1,0 +1,177 @@
+"""Friction between springs, without a mass or a damper that would make its velocity a state (Jenkins' element).
+
+Its force is a state, and what its law decides about are rates. While the force is within its limits the friction
+sticks. At a limit, with the sliding direction d and the rate p of what the force exceeds the limit by,
+
+    p ≥ 0 ⟂ velocity for d = 1,   p ≤ 0 ⟂ velocity for d = −1,   velocities = bias + W·p,
+
+is one complementarity problem for all such friction of a scene, for springs pass rates on to each other. W is the
+compliance of the springs, and the answer Prandtl's and Reuss's: elastic steps within the limits, slip along them (W. D.
+Iwan, A distributed-element model for hysteresis, J. Appl. Mech. 33, 1966; J. J. Moreau, Evolution problem associated
+with a moving convex set, J. Differential Equations 26, 1977).
+
+A force beyond its limit, because the limit has jumped or slips at less than it has held, gives way at once: the springs
+move by as much as brings all forces within their limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.ir.law import SPRUNG
+from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution, solve
+from lmoc.numerics.laws.contradiction import solving
+from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
+from lmoc.numerics.laws.mode import Mode
+from lmoc.support.records import dataclass
+
+_AT_LIMIT = 1e-8  # share of a limit within which a force is at it: so well is it known at usual tolerances
+_SHORTLY = 1e-7  # s, or this share of the time: where a velocity that turns has its new sign
+_INSTANT = 1e-7  # share of the springs' own movement that is left out where forces jump
+_MOVED = 1e-13  # share of the forces below which they have not been moved
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """Sprung friction within its limits.
+
+    Attributes
+    ----------
+    now : the instant behind what has given way
+    at_lower, at_upper : (n,) whose force is at its lower limit, at its upper one
+    lost : (n,) J, what giving way has cost
+    """
+
+    now: Instant
+    at_lower: Mask
+    at_upper: Mask
+    lost: Array
+
+
+def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDArray[np.int64]) -> Relaxed:
+    """Bring the forces of sprung friction within their limits.
+
+    Parameters
+    ----------
+    mode : the one before
+    opening, direction : laws that begin to slide here, and the direction in which they do
+
+    Raises
+    ------
+    Contradiction
+        No movement of the springs does.
+    """
+    table = gauge.table
+    own = np.flatnonzero(table.degree == SPRUNG)
+    at_lower, at_upper, lost = np.zeros_like(opening), np.zeros_like(opening), np.zeros(len(opening))
+    if not len(own):
+        return Relaxed(now, at_lower, at_upper, lost)
+    force = gauge.forces(now.t, now.x)[own]
+    compliance = now.delassus[np.ix_(own, own)]
+    released = opening[own] | ~mode.closed[own]
+    pinned = np.where(opening[own] & table.dry[own], -direction[own], 0)  # begins to slide, at the limit of sliding
+    while True:
+        lower, upper = _limits(table, now, own, released)
+        least = np.where(pinned > 0, upper, lower) - force
+        most = np.where(pinned < 0, lower, upper) - force
+        with solving(own, "no movement of the springs keeps them"):
+            found = solve(compliance, np.zeros(len(own)), least, most, np.full(len(own), FREE))
+        yields = ~released & (found.side != FREE)
+        if not yields.any():
+            break
+        released |= yields
+        pinned = np.where(yields, found.side, pinned)
+    scale = np.abs(force) + np.where(np.isfinite(upper), upper, 0.0)
+    rate = _onwards(gauge, now, own).rate[own]
+    if not _moves(compliance, rate, force + found.x, lower, upper, scale):
+        with solving(own, "no rates of their forces keep them"):
+            found = _jump(compliance, rate, lower - force, upper - force)
+    change = np.where(np.abs(found.x) <= _MOVED * scale, 0.0, found.x)
+    at_lower[own], at_upper[own] = _at_limits(force + change, lower, upper, scale)
+    if change.any():
+        lost[own] = -(force + 0.5 * change) * (compliance @ change)
+        now = gauge.at(now.t, now.x + _without_ledger(gauge, now.response[:, own] @ change))
+    return Relaxed(now, at_lower, at_upper, np.maximum(lost, 0.0))
+
+
+def decide(gauge: Gauge, relaxed: Relaxed, mode: Mode) -> Mode:
+    """Return a mode with what sprung friction does in it: stick, or slide in which direction.
+
+    Raises
+    ------
+    Contradiction
+        No rates of the forces satisfy the laws, or they are not determined, as of frictions in a row.
+    """
+    table, now = gauge.table, relaxed.now
+    sprung = table.degree == SPRUNG
+    if not sprung.any():
+        return mode
+    own = np.flatnonzero(sprung)
+    at_lower, at_upper = relaxed.at_lower[own], relaxed.at_upper[own]
+    onwards = np.where(now.rate[own] < 0.0, -1, 1)
+    sliding = np.where(at_lower & at_upper, onwards, np.where(at_upper, -1, 1)) * (at_lower | at_upper)
+    sliding[~table.dry[own]] = 0
+    direction = mode.direction.copy()
+    direction[own] = sliding
+    behind = _onwards(gauge, now, own)
+    others = Mode(mode.closed & ~sprung, direction, mode.implied & ~sprung, mode.push)
+    bias, matrix = gauge.rates(behind, others.inputs(gauge.form), own)
+    lower, upper = np.where(at_lower, 0.0, -np.inf), np.where(at_upper, 0.0, np.inf)
+    with solving(own, "no rates of their forces keep them"):
+        found = solve(matrix, bias, lower, upper, np.where(at_upper, UPPER, np.where(at_lower, LOWER, FREE)))
+    stuck = (found.side == FREE) & ~(at_lower & at_upper)
+    closed = mode.closed.copy()
+    closed[own] = stuck
+    direction[own] = np.where(stuck, 0, sliding)
+    return Mode(closed, direction, mode.implied & ~sprung, np.where(sprung, 0.0, mode.push))
+
+
+def _limits(table: Table, now: Instant, own: NDArray[np.int64], slides: Mask) -> tuple[Array, Array]:
+    """Return the bounds of the forces; a ratchet between springs only pushes."""
+    limit = np.where(slides, now.slip[own], now.stick[own])
+    upper = np.where(table.complementary[own], np.inf, limit)
+    return np.where(table.complementary[own], 0.0, -upper), upper
+
+
+def _onwards(gauge: Gauge, now: Instant, own: NDArray[np.int64]) -> Instant:
+    """Return an instant at which velocities that are prescribed and just turn have their new signs."""
+    if (np.abs(now.rate[own]) > _SHORTLY * now.rate_scale[own]).any():
+        return now
+    return gauge.at(now.t + _SHORTLY * max(1.0, abs(now.t)), now.x)
+
+
+def _at_limits(force: Array, lower: Array, upper: Array, scale: Array) -> tuple[Mask, Mask]:
+    return force <= lower + _AT_LIMIT * scale, force >= upper - _AT_LIMIT * scale
+
+
+def _moves(compliance: Array, rate: Array, force: Array, lower: Array, upper: Array, scale: Array) -> bool:
+    """Return whether the rates of the forces, at constant limits, are determined: each friction sticks or slides."""
+    at_lower, at_upper = _at_limits(force, lower, upper, scale)
+    try:
+        found = solve(compliance, rate, np.where(at_lower, 0.0, -np.inf), np.where(at_upper, 0.0, np.inf))
+    except NoSolution:
+        return False
+    return bool(found.unique.all())
+
+
+def _jump(compliance: Array, rate: Array, least: Array, most: Array) -> Solution:
+    """Return the changes of forces that rise at once to where one slides, for what moves them does not yield.
+
+    They are those of a step of time that is too short for anything else to move.
+    """
+    stiffest = np.diag(compliance).max() / max(np.abs(rate).max(), np.finfo(float).tiny)
+    room = (most - least)[np.isfinite(most - least)].max(initial=0.0)
+    found = solve(compliance, rate * (_INSTANT * stiffest * room), least, most)
+    free = found.side == FREE
+    change = np.where(found.side == LOWER, least, np.where(found.side == UPPER, most, 0.0))
+    pushed = compliance[np.ix_(free, ~free)] @ change[~free]
+    change[free] = np.linalg.lstsq(compliance[np.ix_(free, free)], -pushed, rcond=None)[0]
+    return replace(found, x=change)
+
+
+def _without_ledger(gauge: Gauge, change: Array) -> Array:
+    change[gauge.plan.ledger] = 0.0
+    return change
