@@ -131,30 +131,6 @@ class Gauge:
         if isinstance(self._evaluate, Interpreted) and self.scene.plan is self.plan:
             self._evaluate.stand_at(unknowns, solutions)
 
-    def forces(self, t: float, x: Array) -> Array:
-        """Return the forces (n,) that follow from the states, with all laws open: those of sprung friction."""
-        return self.filled(t, x)[self.force]
-
-    def rates(
-        self, now: Instant, mode: tuple[tuple[NDArray[np.int64], Array], ...], own: NDArray[np.int64]
-    ) -> tuple[Array, Array]:
-        """Return the level quantities (k,) of some laws in a mode, and what their pushes change of them, (k, k).
-
-        Parameters
-        ----------
-        mode : inputs of the switched form, and their values
-        """
-        held = self.base
-        self.base = held.copy()
-        try:
-            for variables, value in mode:
-                self.base[self.plan.reduced.register_of[variables]] = value
-            w = self.filled(now.t, now.x)
-            effect = _dense(self.by_force, w, now.t, (len(self.outputs), self.form.count))
-        finally:
-            self.base = held
-        return w[self.registers[2][own]], effect[np.ix_(own, own)]
-
     def at(self, t: float, x: Array) -> Instant:
         """Return the laws' quantities at a time and state."""
         found, force, own = self._evaluate(t, x)

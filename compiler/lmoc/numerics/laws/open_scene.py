@@ -69,7 +69,7 @@ def quantities_of(plan: Plan, form: Switched, degree: Indices) -> Quantities:
     form : of the plan's flat model
     degree : (n,) relative degrees
     """
-    level = np.where(degree == POSITION, form.level, np.where(degree == 1, form.rate, form.gap))
+    level = np.where(degree == POSITION, form.level, np.where(degree == 0, form.gap, form.rate))
     variables = np.stack([form.gap, form.rate, level, *limits_of(form)])
     return Quantities(variables, np.where(variables == NONE, -1, plan.reduced.register_of[variables]))
 
@@ -143,7 +143,6 @@ class OpenScene:
         those of gaps and rates by the states.
         """
         return _Compiled(self, self._lowered, base, signals) if self._lowered else Interpreted(self, base, signals)
-
 
     @cached_property
     def by_force(self) -> Jacobian:

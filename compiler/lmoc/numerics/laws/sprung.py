@@ -22,10 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.law import SPRUNG
+from lmoc.ir.program import needed_steps
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution, solve
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.mode import Mode
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import sample
 from lmoc.support.records import dataclass
 
 _AT_LIMIT = 1e-8  # share of a limit within which a force is at it: so well is it known at usual tolerances
@@ -51,6 +56,46 @@ class Relaxed:
     lost: Array
 
 
+class Rates:
+    """The forces of sprung friction as they follow from the states, and its velocities in a mode of the others.
+
+    Parameters
+    ----------
+    plan : of the switched form
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        form, place = plan.reduced.switched, plan.reduced.register_of
+        own = form.degree == SPRUNG
+        self.force, self.velocity = place[form.force[own]], place[form.level[own]]
+        self.program = needed_steps(plan.full_program, np.concatenate([self.force, self.velocity]), plan.count)
+        self.interpreter = Interpreter(self.program, plan.count)
+        self.by_push = Jacobian(self.program, place[form.push[own]], self.velocity, plan.count)
+
+    def forces(self, gauge: Gauge, now: Instant) -> Array:
+        """Return the forces (k,) with all laws open."""
+        return self._filled(gauge, now, gauge.base)[self.force]
+
+    def velocities(self, gauge: Gauge, now: Instant, mode: Mode) -> tuple[Array, Array]:
+        """Return the velocities (k,) in a mode, and what rates of the forces change of them, (k, k)."""
+        base, place = gauge.base.copy(), gauge.plan.reduced.register_of
+        for variables, value in mode.inputs(gauge.form):
+            base[place[variables]] = value
+        w = self._filled(gauge, now, base)
+        matrix = np.zeros((len(self.velocity), len(self.velocity)))
+        matrix[self.by_push.rows, self.by_push.columns] = self.by_push.values(w, now.t)
+        return w[self.velocity], matrix
+
+    def _filled(self, gauge: Gauge, now: Instant, base: Array) -> Array:
+        plan, w = gauge.plan, base.copy()
+        w[plan.states] = now.x
+        for register, (variable, order) in zip(plan.sampled, plan.samplers, strict=True):
+            w[register] = sample(gauge.signals[variable], order, np.array([now.t]))[0]
+        self.interpreter.reset()
+        self.interpreter.run(w, now.t)
+        return w
+
+
 def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDArray[np.int64]) -> Relaxed:
     """Bring the forces of sprung friction within their limits.
 
@@ -69,7 +114,8 @@ def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDAr
     at_lower, at_upper, lost = np.zeros_like(opening), np.zeros_like(opening), np.zeros(len(opening))
     if not len(own):
         return Relaxed(now, at_lower, at_upper, lost)
-    force = gauge.forces(now.t, now.x)[own]
+    rates = gauge.plan.once(Rates)
+    force = rates.forces(gauge, now)
     compliance = now.delassus[np.ix_(own, own)]
     released = opening[own] | ~mode.closed[own]
     pinned = np.where(opening[own] & table.dry[own], -direction[own], 0)  # begins to slide, at the limit of sliding
@@ -118,7 +164,7 @@ def decide(gauge: Gauge, relaxed: Relaxed, mode: Mode) -> Mode:
     direction[own] = sliding
     behind = _onwards(gauge, now, own)
     others = Mode(mode.closed & ~sprung, direction, mode.implied & ~sprung, mode.push)
-    bias, matrix = gauge.rates(behind, others.inputs(gauge.form), own)
+    bias, matrix = gauge.plan.once(Rates).velocities(gauge, behind, others)
     lower, upper = np.where(at_lower, 0.0, -np.inf), np.where(at_upper, 0.0, np.inf)
     with solving(own, "no rates of their forces keep them"):
         found = solve(matrix, bias, lower, upper, np.where(at_upper, UPPER, np.where(at_lower, LOWER, FREE)))
