@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
+from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate, Text
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import Tableau
@@ -51,6 +52,82 @@ class Scales:
     short: np.ndarray
 
 
+class Layout:
+    """How the arrays that a certificate reads and fills follow each other.
+
+    Attributes
+    ----------
+    places : of the matrix's entries that are not always zero, row by row
+    targets : which of these each entry of the constraints is added to
+    table : (watched, states) shape of the tableau
+    told : coordinates that are known: all or none
+    """
+
+    def __init__(self, own: Constraints, told: int) -> None:
+        at = own.row.astype(int) * len(own.variable) + own.column
+        self.places, self.targets = np.unique(at, return_inverse=True)
+        self.table, self.told = (len(own.watched), len(own.variable) - own.rows), told
+        count, size = len(self.places), self.table[0] * self.table[1]
+        self._given = count, size, told, told, count, count, count, size, self.table[0]
+        self._found = count, size, count, 6
+
+    def given(self) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return what was known at the beginning of the step (entries, tableau row by row, coordinates), the
+        coordinates at its end; factor, size and bound of each entry, the scale of each entry of the tableau, and the
+        short ways of the dependent coordinates; then all of it.
+        """
+        return _split(self._given)
+
+    def found(self) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return entries and tableau at the end of the step, the sizes, the bounds; then all of it."""
+        return _split(self._found)
+
+
+def _split(lengths: tuple[int, ...]) -> tuple[list[np.ndarray], np.ndarray]:
+    whole = np.zeros(sum(lengths))
+    return np.split(whole, np.cumsum(lengths)[:-1]), whole
+
+
+class _ByCasadi:
+    """The casadi function on arrays of its own."""
+
+    def __init__(self, function, layout: Layout) -> None:
+        self._time, nothing = np.zeros(1), np.zeros(0)
+        self._known = np.zeros(function.nnz_in(2))
+        self.given, _ = layout.given()
+        self._call = Buffered(function, (self._time, nothing, self._known, nothing, *self.given))
+        self.results = self._call.results
+
+    def __call__(self, t: float, known: np.ndarray, reads: np.ndarray) -> None:
+        self._time[0], self._known[:] = t, known
+        self._call()
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What certifiers of a plan are made from.
+
+    Attributes
+    ----------
+    reads : registers
+    function : casadi.Function
+    layout : Layout
+    text : Text, for the compiler
+    """
+
+    reads: np.ndarray
+    function: casadi.Function
+    layout: Layout
+    text: Text
+
+    def evaluation(self, plan: Plan) -> _ByCasadi | CompiledCertificate:
+        """Return the compiled function where it is there, else casadi's."""
+        library = self.text.library()
+        if library is None:
+            return _ByCasadi(self.function, self.layout)
+        return CompiledCertificate(plan, self.text.function, library, self.layout)
+
+
 class Certifier:
     """Computes the bounds of one system, for one step after the other.
 
@@ -59,19 +136,14 @@ class Certifier:
     place : where the next step begins
     """
 
-    def __init__(self, system: System, base: np.ndarray, reads: np.ndarray, function, registers: np.ndarray) -> None:
+    def __init__(self, system: System, recipe: Recipe, registers: np.ndarray) -> None:
         own = system.plan.reduced.constraints
         self.system, self.own, self.place = system, own, None
-        self._places = _places(own)  # of the matrix's entries that are not always zero
-        self._reads, self._registers = reads, registers
-        self._shape = own.rows, len(own.variable)
-        self._table = len(own.watched), len(own.variable) - own.rows
-        self._time, self._known, self._out = np.zeros(1), base[reads].copy(), np.empty(system.n)
-        count, entries = len(self._places), self._table[0] * self._table[1]
-        lengths = count, entries, len(registers), len(registers), count, count, count, entries, len(own.watched)
-        self._given = [np.zeros(n) for n in lengths]
-        nothing = np.zeros(0)
-        self._call = Buffered(function, (self._time, nothing, self._known, nothing, *self._given))
+        self._evaluation = recipe.evaluation(system.plan)
+        self._given, self._results = self._evaluation.given, self._evaluation.results
+        self._places, self._reads, self._registers = recipe.layout.places, recipe.reads, registers
+        self._shape, self._table = (own.rows, len(own.variable)), recipe.layout.table
+        self._out = np.empty(system.n)
 
     def begin(self, place: Place, scales: Scales) -> None:
         """Stand at a place, and judge in these sizes from now on."""
@@ -91,37 +163,40 @@ class Certifier:
 
     def __call__(self, t: float, x: np.ndarray) -> list[float]:
         """Return the bounds for the step to (t, x), as `certificate` lists them."""
-        self._time[0] = t
         evaluate(self.system, t, x, self._out)
         registers = self.system.registers
-        self._known[:] = registers[self._reads]
         self._given[3][:] = registers[self._registers]
-        self._call()
-        return self._call.results[3].tolist()
+        self._evaluation(t, registers[self._reads], self._reads)
+        self._given[5][:] = self._results[2]
+        return self._results[3].tolist()
 
-    def found(self) -> tuple[np.ndarray, Tableau, np.ndarray]:
-        """The matrix, the tableau and the coordinates at the end of the step."""
-        entries, table, _, bounds = self._call.results
+    def found(self) -> tuple[np.ndarray, Tableau]:
+        """Return the matrix and the tableau at the end of the step."""
+        entries, table, _, bounds = self._results
         matrix = np.zeros(self._shape)
         matrix.flat[self._places] = entries
+        sign = float(bounds[1])
+        if abs(sign) != 1.0:
+            nothing = np.full(self._table, np.inf)
+            return matrix, Tableau(nothing, 0.0, nothing)
         plain = table.reshape(self._table).copy()
-        return matrix, Tableau(plain * self._ratio, float(bounds[1]), plain), self._given[3].copy()
+        return matrix, Tableau(plain * self._ratio, sign, plain)
 
     def go_on(self, place: Place) -> None:
         """Stand at the end of the step."""
         self.place = place
-        matrix, table, before, after, _, size, *_ = self._given
-        matrix[:], table[:], size[:] = self._call.results[:3]
+        matrix, table, before, after, *_ = self._given
+        matrix[:], table[:] = self._results[:2]
         before[:] = after
 
     def sizes(self, size: np.ndarray) -> np.ndarray:
-        """Return the (rows, columns) largest entries, from those before the steps that have been certified."""
+        """Return the (rows, columns) largest entries, from those at the beginning."""
         size = size.copy()
         size.flat[self._places] = self._given[5]
         return size
 
 
-def certifier_of(system: System, base: np.ndarray, registers: np.ndarray) -> Certifier | None:
+def certifier_of(system: System, registers: np.ndarray) -> Certifier | None:
     """Return what certifies steps of a system; None where casadi does not take it, or registers are not kept.
 
     Parameters
@@ -134,69 +209,61 @@ def certifier_of(system: System, base: np.ndarray, registers: np.ndarray) -> Cer
         return None
     if not np.isin(registers, plan.once(at_hand)).all():
         return None
-    reads, function = plan.once(_with_coordinates if len(registers) else _without_coordinates)
-    if function is None or not np.isin(reads, plan.once(at_hand)).all():
+    recipe = plan.once(_with_coordinates if len(registers) else _without_coordinates)
+    if recipe is None or not np.isin(recipe.reads, plan.once(at_hand)).all():
         return None
-    return Certifier(system, base, reads, function, registers)
+    return Certifier(system, recipe, registers)
 
 
-def _with_coordinates(plan: Plan) -> tuple[np.ndarray, casadi.Function | None]:
-    return _function(plan, len(plan.reduced.constraints.variable))
+def _with_coordinates(plan: Plan) -> Recipe | None:
+    return _recipe(plan, len(plan.reduced.constraints.variable))
 
 
-def _without_coordinates(plan: Plan) -> tuple[np.ndarray, casadi.Function | None]:
-    return _function(plan, 0)
+def _without_coordinates(plan: Plan) -> Recipe | None:
+    return _recipe(plan, 0)
 
 
-def _function(plan: Plan, coordinates: int) -> tuple[np.ndarray, casadi.Function | None]:
-    """The registers read, and ``(…, what is given) -> what is known, sizes, bounds``."""
+def _recipe(plan: Plan, told: int) -> Recipe | None:
     import casadi as ca
 
-    _, reads, lowered = lowered_entries(plan, kept=True)
+    own, (_, reads, lowered) = plan.reduced.constraints, lowered_entries(plan, kept=True)
     if lowered is None:
-        return reads, None
-    given, outputs = certificate(lowered.out, plan.reduced.constraints, coordinates)
+        return None
+    layout = Layout(own, told)
+    given, outputs = certificate(lowered.out, own, layout)
     arguments = [lowered.time, lowered.x, lowered.p, lowered.u, *given]
-    return reads, ca.Function("certificate", arguments, [ca.densify(o) for o in outputs])
+    function = ca.Function("certificate", arguments, [ca.densify(o) for o in outputs])
+    sizes = {"ROWS": own.rows, "COLUMNS": len(own.variable), "COUNT": len(layout.places), "ENTRIES": len(own.register),
+             "WATCHED": layout.table[0], "STATES": layout.table[1], "TOLD": told, "SQUARINGS": _SQUARINGS,
+             "UNEXPLAINED": UNEXPLAINED}  # fmt: skip
+    definitions = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
+    return Recipe(reads, function, layout, Text(plan, layout, definitions))
 
 
-def _places(own: Constraints) -> np.ndarray:
-    return np.unique(own.row.astype(int) * len(own.variable) + own.column)
+def certificate(entries: casadi.SX, own: Constraints, layout: Layout) -> tuple[list, list]:
+    """Return the symbols of `Layout.given`, and expressions of `Layout.found`.
 
-
-def certificate(entries: casadi.SX, own: Constraints, told: int) -> tuple[list, list]:
-    """Return expressions that certify a step, and the further symbols in them.
-
-    Symbols: what was known at its beginning (entries of the matrix, the tableau row by row, coordinates), the
-    coordinates at its end; factor, size and bound of each entry, the scale of each entry of the tableau, and the short
-    ways of the dependent coordinates.
-    Expressions: entries and tableau at its end; the sizes; and in one vector the largest entry of the tableau, the sign
-    of the determinant, a lower bound of the smallest singular value, the length by which the scaled matrix has changed
-    (Frobenius), the most that velocities leave unexplained of the way of a dependent coordinate beyond what they may,
-    and by how much an entry exceeds its bound.
+    The bounds are the largest entry of the tableau, the sign of the determinant, a lower bound of the smallest singular
+    value, the length by which the scaled matrix has changed (Frobenius), the most that velocities leave unexplained of
+    the way of a dependent coordinate beyond what they may, and by how much an entry exceeds its bound.
 
     Parameters
     ----------
     entries : of the constraints, in their order
-    told : coordinates that are known: all or none
     """
     import casadi as ca
 
-    places, states = _places(own), len(own.variable) - own.rows
-    count, size = len(places), len(own.watched) * states
-    lengths = count, size, told, told, count, count, count, size, len(own.watched)
-    names = "matrix", "tableau", "before", "after", "factor", "size", "bound", "scale", "short"
-    given = [ca.SX.sym(name, length) for name, length in zip(names, lengths, strict=True)]
+    places, states = layout.places, layout.table[1]
+    given = [ca.SX.sym("g", len(values)) for values in layout.given()[0]]
     matrix, tableau, before, after, factor, sizes, bound, scale, short = given
-    sums: list = [ca.SX(0)] * count
-    where = np.searchsorted(places, own.row.astype(int) * len(own.variable) + own.column)
-    for k, value in zip(where.tolist(), ca.vertsplit(entries), strict=True):
+    sums: list = [ca.SX(0)] * len(places)
+    for k, value in zip(layout.targets.tolist(), ca.vertsplit(entries), strict=True):
         sums[k] = sums[k] + value
     now = ca.vertcat(*sums)
     table, sign = unrolled(entries, own)
     by_rows = ca.vec(table.T)
     unexplained = ca.SX(0)
-    if told:
+    if layout.told:
         way = after - before
         dependent = ca.vertcat(*[way[k] for k in own.watched.tolist()])
         mean = ca.reshape((tableau + by_rows) / 2, states, len(own.watched)).T

@@ -77,7 +77,8 @@ class CoordinateWatch:
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
-        self._certifier = certifier_of(system, base, self._registers)
+        self._certifier = certifier_of(system, self._registers)
+        self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
 
@@ -92,13 +93,11 @@ class CoordinateWatch:
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
-        place = self._certified(t, x)
-        if place is not None:
-            self.last, self.lost_rank = place, False
-            self._accept(place)
-            return Status.OK
         self.last = place = self._look(t, x)
         self.lost_rank = False
+        if self._is_certain(place):
+            self._accept(place)
+            return Status.OK
         if place.found.worst(~self.barred) > self.limit or self.passed_a_singular_place:
             return Status.COORDINATES
         self._looked_inside = False
@@ -107,7 +106,7 @@ class CoordinateWatch:
         if self.lost_rank:
             return Status.COORDINATES
         if self._looked_inside:  # the system's blocks go on from the end of the step
-            self._matrix(t, x)
+            self._look(t, x)
         self._accept(place)
         return Status.OK
 
@@ -134,8 +133,8 @@ class CoordinateWatch:
     def bar(self, refused: Collection[int]) -> None:
         """Take note of flat variables that cannot be states."""
         self.barred = self.barred | np.isin(self.constraints.variable[self.constraints.watched], list(refused))
-        if self._certifier is not None:
-            self._certifier.place = None
+        if self._certifier is not None and self._certifier.place is not None:
+            self._size, self._certifier.place = self._certifier.sizes(self._size), None
 
     @property
     def passed_a_singular_place(self) -> bool:
@@ -179,47 +178,61 @@ class CoordinateWatch:
 
     def _accept(self, place: Place) -> None:
         self.accepted = place
+        if self._bounds is not None:
+            self._certifier.go_on(place)
         self.system.mark()
         self._places.append((place.t, place.x, place.solutions))
 
-    def _certified(self, t: float, x: np.ndarray) -> Place | None:
-        """The end of a step that bounds show to be good in all that is judged; None where they do not tell."""
-        certifier, before = self._certifier, self.accepted
-        if certifier is None:
-            return None
-        if certifier.place is not before:
-            short = _NEIGHBOURS * self._factors()[1][self.constraints.watched]
-            certifier.begin(before, Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short))
-        worst, sign, least, change, unexplained, grown = certifier(t, x)
-        # written so that NaN fails
-        regular = least > _SURE and change <= SHARE * (before.least + least)
-        moderate = worst <= self.limit and grown <= 0.0 and unexplained <= 0.0
-        if not (regular and moderate and sign == before.found.sign):
-            self._size, self._recent = certifier.sizes(self._size), None
-            return None
-        solutions = self.system.registers[self.unknowns] if len(self.unknowns) else np.zeros(0)
-        matrix, found, coordinates = certifier.found()
-        place = Place(t, x.copy(), matrix, found, matrix * self._factor, least, solutions, coordinates)
-        certifier.go_on(place)
-        return place
+    def _is_certain(self, place: Place) -> bool:
+        """Whether bounds show the last step to be good in all that is judged. Written so that NaN fails."""
+        if self._bounds is None:
+            return False
+        worst, sign, least, change, unexplained, _ = self._bounds
+        regular = least > _SURE and change <= SHARE * (self.accepted.least + least)
+        return regular and worst <= self.limit and unexplained <= 0.0 and sign == self.accepted.found.sign
 
     def _look(self, t: float, x: np.ndarray) -> Place:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
-        matrix = self._matrix(t, x)
-        solutions = self.system.registers[self.unknowns] if len(self.unknowns) else np.zeros(0)
-        size = np.abs(matrix)
+        certifier, self._bounds = self._certifier, None
+        solutions, coordinates, own = np.zeros(0), np.zeros(0), self.constraints
+        if certifier is None or self._scales is None:
+            matrix = self._matrix(t, x)
+            self._grow(np.abs(matrix))
+            even, made = self._scaled(matrix), self._unscaled
+            if made is None:
+                found = tableau(matrix, own.watched, self._ranges)
+            else:
+                found = scaled(*made, own.watched, self._ranges)
+            self._recent = even, self._least(even)
+            least = self._recent[1]
+        else:
+            if certifier.place is not self.accepted:
+                short = _NEIGHBOURS * self._scales[1][own.watched]
+                scales = Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short)
+                certifier.begin(self.accepted, scales)
+            bounds = certifier(t, x)
+            matrix, found = certifier.found()
+            if bounds[-1] <= 0.0:
+                self._bounds, even, least = bounds, matrix * self._factor, bounds[2]
+            else:
+                self._size, self._scales, certifier.place = certifier.sizes(self._size), None, None
+                even, least = self._scaled(matrix), 0.0
+                found = scaled(found.plain, found.sign, own.watched, self._ranges)
+            if not least > _SURE:
+                least = rank_margin(even)
+        if len(self.unknowns):
+            solutions = self.system.registers[self.unknowns]
+        if len(self._registers):
+            coordinates = self.system.registers[self._registers]
+        return Place(t, x.copy(), matrix, found, even, least, solutions, coordinates)
+
+    def _grow(self, size: np.ndarray) -> None:
+        """Take note of the sizes of entries; they are equilibrated again where they have grown by much."""
         if not (size <= self._size).all():
             with np.errstate(invalid="ignore"):
                 self._size = np.fmax(self._size, size)
             if self._scales is not None and not (size <= self._bound).all():
                 self._scales = None
-        even = self._scaled(matrix)
-        watched, scale = self.constraints.watched, self._ranges
-        made = self._unscaled
-        found = tableau(matrix, watched, scale) if made is None else scaled(*made, watched, scale)
-        coordinates = self.system.registers[self._registers] if len(self._registers) else np.zeros(0)
-        self._recent = even, self._least(even)
-        return Place(t, x.copy(), matrix, found, *self._recent, solutions, coordinates)
 
     def _least(self, even: np.ndarray) -> float:
         """A lower bound of the smallest singular value, which changes by no more than the matrix does (Weyl)."""
