@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
+from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate, Text
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries
 from lmoc.numerics.coordinates.place import Place
@@ -50,42 +51,6 @@ class Scales:
     ranges: np.ndarray
     barred: np.ndarray
     short: np.ndarray
-
-
-class Layout:
-    """How the arrays that a certificate reads and fills follow each other.
-
-    Attributes
-    ----------
-    places : of the matrix's entries that are not always zero, row by row
-    targets : which of these each entry of the constraints is added to
-    table : (watched, states) shape of the tableau
-    told : coordinates that are known: all or none
-    """
-
-    def __init__(self, own: Constraints, told: int) -> None:
-        at = own.row.astype(int) * len(own.variable) + own.column
-        self.places, self.targets = np.unique(at, return_inverse=True)
-        self.table, self.told = (len(own.watched), len(own.variable) - own.rows), told
-        count, size = len(self.places), self.table[0] * self.table[1]
-        self._given = count, size, told, told, count, count, count, size, self.table[0]
-        self._found = count, size, count, 6
-
-    def given(self) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return what was known at the beginning of the step (entries, tableau row by row, coordinates), the
-        coordinates at its end; factor, size and bound of each entry, the scale of each entry of the tableau, and the
-        short ways of the dependent coordinates; then all of it.
-        """
-        return _split(self._given)
-
-    def found(self) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return entries and tableau at the end of the step, the sizes, the bounds; then all of it."""
-        return _split(self._found)
-
-
-def _split(lengths: tuple[int, ...]) -> tuple[list[np.ndarray], np.ndarray]:
-    whole = np.zeros(sum(lengths))
-    return np.split(whole, np.cumsum(lengths)[:-1]), whole
 
 
 class _ByCasadi:

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
 from lmoc.ir.reduced import Constraints
+from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.evaluate.native.c_code import CFunction, Unsupported
 from lmoc.numerics.evaluate.native.c_program import generate
 from lmoc.numerics.evaluate.native.compiler import Compilation, find_compiler, kept_library
 from lmoc.numerics.evaluate.native.kernel import Data, with_blocks
 from lmoc.numerics.plan import Plan
 
-if TYPE_CHECKING:
-    from lmoc.numerics.coordinates.certificate import Layout
-
 _OPTION = "-O2"
 
 CERTIFICATE = r"""
-/* What is given and what is found stand one behind the other as in `certificate.Layout`. */
+/* What is given and what is found stand one behind the other as in `certificate_layout.Layout`. */
 void lmoc_certificate(double time, double *w, const int64_t *m, const void *const *tab, const double *matrix,
                       double *now) {
   const double *table = matrix + COUNT, *before = table + WATCHED*STATES, *after = before + TOLD,

@@ -72,6 +72,7 @@ class CoordinateWatch:
         self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
         self._size = self._bound = np.zeros((own.rows, len(own.variable)))
         self._scales: tuple[np.ndarray, np.ndarray] | None = None
+        self._columns: np.ndarray | None = None  # factors of the columns, the last ones
         self._factor = self._size  # of each entry, from these
         self._ranges = np.ones(len(own.variable))  # largest share of each coordinate in an equation, for the tableau
         self.accepted: Place
@@ -245,7 +246,8 @@ class CoordinateWatch:
 
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
         if self._scales is None:
-            self._scales, self._bound, self._recent = equilibrated(self._size), _GROWN * self._size, None
+            self._scales = equilibrated(self._size, self._columns)
+            self._columns, self._bound, self._recent = self._scales[1], _GROWN * self._size, None
             row = self._size.max(axis=1, keepdims=True)
             ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
             self._ranges = np.where(ranges > 0, ranges, 1.0)

@@ -1,0 +1,66 @@
+"""Certificates of steps: bounds are on the safe side, and certified runs are those that are looked at in full."""
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import lmoc
+from lmoc.numerics.coordinates import watch
+from lmoc.numerics.coordinates.compiled_certificate import Text
+from lmoc.numerics.coordinates.tableau import rank_margin
+from lmoc.numerics.evaluate.native.compiler import find_compiler, load_library
+
+SCENES = ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"]
+
+
+def certified_looks(scene: str, monkeypatch) -> list[tuple]:
+    """Run a scene; what has been seen at the end of each step that a certifier has looked at."""
+    seen: list[tuple] = []
+    judge = watch.CoordinateWatch._is_certain
+
+    def recorded(self, place):
+        if self._bounds is not None:
+            begin = self.accepted.matrix * self._factor
+            seen.append((self._bounds, place, begin, self.constraints.watched, ~self.barred))
+        return judge(self, place)
+
+    monkeypatch.setattr(watch.CoordinateWatch, "_is_certain", recorded)
+    lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-7)
+    return seen
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("scene", SCENES)
+def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
+    if compiled and find_compiler() is None:
+        pytest.skip("no C compiler")
+    monkeypatch.setattr(Text, "library", waited_for if compiled else lambda self: None)
+    seen = certified_looks(scene, monkeypatch)
+    assert len(seen) > 10
+    for (worst, sign, least, change, _, grown), place, begin, watched, counted in seen:
+        exact, rows = rank_margin(place.scaled), len(place.matrix)
+        assert 0.85 * exact <= least <= exact * (1 + 1e-9)
+        assert change == pytest.approx(np.linalg.norm(place.scaled - begin), rel=1e-9, abs=1e-14)
+        dependent, states = place.matrix[:, :rows], place.matrix[:, rows:]
+        assert sign == np.sign(np.linalg.det(dependent))
+        np.testing.assert_allclose(
+            place.found.plain, np.linalg.solve(dependent, states)[watched], rtol=1e-8, atol=1e-10
+        )
+        assert worst == pytest.approx(place.found.worst(counted), rel=1e-9)
+        assert grown <= 0
+
+
+def waited_for(text: Text):
+    """Return the library, compiled at once."""
+    return None if text.function is None else load_library(text.text)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_certified_run_is_the_one_that_is_looked_at_in_full(scene, monkeypatch):
+    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    run = dae.simulate(points=50, rtol=1e-7, solver="dop853")
+    monkeypatch.setattr(watch, "certifier_of", lambda *_: None)
+    other = dae.simulate(points=50, rtol=1e-7, solver="dop853")
+    assert run.coordinates == other.coordinates
+    for name in dae.states:
+        np.testing.assert_allclose(run[name], other[name], rtol=1e-6, atol=1e-6 * np.abs(other[name]).max())
