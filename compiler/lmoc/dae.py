@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 class DAE(CompiledModel):
     """A compiled scene and what can be done with it: runs, studies, derivations, pictures.
 
-    Made by `lmoc.compile`. Every method takes `parameters`, {name: value} for this one result, without compiling again.
+    Made by `lmoc.compile`. Most methods take `parameters`, {name: value} for this one result, without compiling again.
     """
 
     # -------------------------------------------------------------------- simulation

@@ -21,6 +21,7 @@ from lmoc.expression.text import to_text
 from lmoc.ir.events import Events
 from lmoc.ir.law import Laws
 from lmoc.ir.look import PLAIN, Look
+from lmoc.ir.paths import NamePath, dims_of, element_name, parse_name, pattern
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 from lmoc.support.records import dataclass
@@ -53,7 +54,7 @@ class Block:
     ``seg[3].m[2].q`` belongs to the block with path ``(("seg", (N,)), ("m", (M,)), ("q", ()))``.
     """
 
-    path: tuple[tuple[str, tuple[int, ...]], ...]
+    path: NamePath
     offset: int
     size: int
     kind: Kind
@@ -72,25 +73,16 @@ class Block:
 
     @property
     def dims(self) -> tuple[int, ...]:
-        return tuple(n for _, dims in self.path for n in dims)
+        return dims_of(self.path)
 
     def name(self, position: int) -> str:
         """Dotted name of one of its variables (`position` counted from 0 within the block)."""
-        indices = np.unravel_index(position, self.dims) if self.dims else ()
-        return self._format(tuple(int(i) + 1 for i in indices))
+        return element_name(self.path, position)
 
     @property
     def pattern(self) -> str:
         """Name of the block as a whole: ``m[1:10000].q``."""
-        return self._format(tuple(f"1:{n}" if n != 1 else "1" for n in self.dims))
-
-    def _format(self, indices: tuple) -> str:
-        text, at = [], 0
-        for name, dims in self.path:
-            own = indices[at : at + len(dims)]
-            at += len(dims)
-            text.append(f"{name}[{','.join(map(str, own))}]" if own else name)
-        return ".".join(text)
+        return pattern(self.path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +99,7 @@ class Part:
     look : in pictures
     """
 
-    path: tuple[tuple[str, tuple[int, ...]], ...]
+    path: NamePath
     class_name: str
     description: str
     ports: tuple[tuple[int, int], ...]
@@ -118,12 +110,11 @@ class Part:
 
     @property
     def pattern(self) -> str:
-        return Block(self.path, 0, 0, Kind.CONSTANT).pattern
+        return pattern(self.path)
 
     def element(self, row: int, rows: int) -> str:
         """Return the name of the element that one of the rows of an equation in it belongs to."""
-        size = prod(n for _, dims in self.path for n in dims)
-        return Block(self.path, 0, size, Kind.CONSTANT).name(row * size // rows)
+        return element_name(self.path, row * prod(dims_of(self.path)) // rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,27 +395,3 @@ class FlatDAE:
             lead = " - " if s.sign[j] < 0 else " + "
             terms.append(lead + name if terms else ("-" if s.sign[j] < 0 else "") + name)
         return "".join(terms) + " = 0"
-
-
-def parse_name(name: str) -> list[tuple[str, tuple]] | None:
-    """Split ``a.b[2].c[1:3]`` into names and subscripts; a range is a pair, ``:`` is (1, None). None if no name."""
-    if not isinstance(name, str):
-        return None
-    result = []
-    for part in name.split("."):
-        base, bracket, rest = part.partition("[")
-        items: list[int | tuple[int, int | None]] = []
-        if bracket:
-            if not rest.endswith("]"):
-                return None
-            for text in rest[:-1].split(","):
-                low, colon, high = (s.strip() for s in text.partition(":"))
-                try:
-                    if not colon:
-                        items.append(int(low))
-                    else:
-                        items.append((int(low) if low else 1, int(high) if high else None))
-                except ValueError:
-                    return None
-        result.append((base.strip(), tuple(items)))
-    return result

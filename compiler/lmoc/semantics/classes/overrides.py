@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.ir.flat import Assignments, Kind, parse_name
+from lmoc.ir.flat import Assignments, Kind
 from lmoc.ir.names import hint_among
+from lmoc.ir.paths import parse_name
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.semantics.classes.modification import given
 from lmoc.semantics.instances.instance import Broken, Instance, Modifier, Variable

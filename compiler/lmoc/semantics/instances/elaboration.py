@@ -251,7 +251,7 @@ class Elaboration:
     def _present(self, instance: Instance, component: tree.Component, scope: Scope) -> bool:
         context = Context(self, instance, scope)
         condition = context.value(component.condition)
-        require_boolean(condition, component.condition)
+        _require_boolean(condition, component.condition)
         what = f"the condition of '{component.name}'"
         return bool(context.scalar(condition, component.condition.span, what))
 
@@ -299,12 +299,12 @@ class Elaboration:
         made = Variable(
             component.name, instance, dims, component, member.scope, member.protected, resolved.base, modifier
         )
-        made.connector = resolved.kind == "connector" or _in_connector(instance)
+        made.connector = resolved.kind == "connector" or instance.inside_connector
         causality = component.causality or next((s.causality for s, _ in resolved.steps if s.causality), "")
         made.causality = causality
         made.flow = component.flow
         made.output = causality == "output" and instance.parent is None
-        variability = component.variability or _of_record(instance)
+        variability = component.variability or instance.record_variability
         if variability == "constant":
             made.kind = Kind.CONSTANT
         elif variability == "parameter":
@@ -380,25 +380,8 @@ def _parameters_text(cls: Scope) -> str:
     return ", ".join(f"{name} = {value.span.text}" for name, value in given)
 
 
-def _in_connector(instance: Instance | None) -> bool:
-    while instance is not None:
-        if instance.connector:
-            return True
-        instance = instance.parent if instance.kind == "record" else None
-    return False
-
-
-def _of_record(instance: Instance | None) -> str:
-    """The variability that a record gives to its fields: `parameter` before a record makes all of them parameters."""
-    while instance is not None and instance.kind == "record":
-        if instance.component.variability:
-            return instance.component.variability
-        instance = instance.parent
-    return ""
-
-
-def require_boolean(value: Value, expression: tree.Expression) -> None:
-    """A condition must be a Boolean scalar."""
+def _require_boolean(value: Value, expression: tree.Expression) -> None:
+    """Raise E0301 unless a condition is a Boolean scalar."""
     if value.type != "Boolean" or value.dims:
         found = f"an array of {value.type}" if value.dims else value.type
         raise Wrong("E0301", "a condition must be true or false", expression.span, expected="Boolean", found=found)

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from lmoc.ir.flat import Kind, StateSelect
+from lmoc.ir.paths import NamePath
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
-
-Path = tuple[tuple[str, tuple[int, ...]], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +86,7 @@ class InstanceNode:
         self.parent = parent
         self.dims = dims
         self.total: tuple[int, ...] = parent.total + dims if parent else dims
-        self.path: Path = (*parent.path, (name, dims)) if parent else ()
+        self.path: NamePath = (*parent.path, (name, dims)) if parent else ()
         self.component = component
         self.scope = scope
         self.protected = protected
@@ -188,6 +187,24 @@ class Instance(InstanceNode):
     @property
     def connector(self) -> bool:
         return self.kind == "connector"
+
+    @property
+    def inside_connector(self) -> bool:
+        """Return whether it is a connector, or a record in one."""
+        node: Instance | None = self
+        while node is not None and not node.connector:
+            node = node.parent if node.kind == "record" else None
+        return node is not None
+
+    @property
+    def record_variability(self) -> str:
+        """The variability that a record gives to its fields: those of a parameter record are parameters."""
+        node: Instance | None = self
+        while node is not None and node.kind == "record":
+            if node.component.variability:
+                return node.component.variability
+            node = node.parent
+        return ""
 
     def around(self, scope: Scope) -> Instance | None:
         """The nearest instance, this one or one around it, whose class contains the text of `scope`."""

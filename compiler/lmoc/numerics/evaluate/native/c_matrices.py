@@ -1,4 +1,4 @@
-"""Matrices of implicit blocks in C: where their entries stand, and how the functions of `native.prelude` see them."""
+"""Matrices of implicit blocks in C: where their entries stand, and how the functions of ``c/matrices.c`` see them."""
 
 from __future__ import annotations
 

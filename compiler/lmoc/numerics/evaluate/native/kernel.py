@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from lmoc.ir.program import Program, Solve, program_rows, walk
 from lmoc.numerics.evaluate.native.c_code import CFunction
 from lmoc.numerics.evaluate.native.c_program import generate
+from lmoc.numerics.evaluate.native.c_text import c_text
 from lmoc.numerics.evaluate.native.compiler import load_library
 from lmoc.numerics.evaluate.native.pivots import Factors
-from lmoc.numerics.evaluate.native.prelude import BLOCKS, CALLBACK, PRELUDE
 from lmoc.numerics.integrate.sundials import sundials
 from lmoc.support.records import dataclass
 
@@ -28,7 +28,7 @@ RESCUE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 
 
 class Call(ctypes.Structure):
-    """The arguments with which C functions evaluate derivatives (``lmoc_call`` in `native.prelude`)."""
+    """The arguments with which C functions evaluate derivatives (``lmoc_call`` in ``c/evaluate.c``)."""
 
     _fields_ = [
         ("w", ctypes.c_void_p),
@@ -75,15 +75,20 @@ def source_of(program: Program, registers: int, strict: bool = False, blocks: bo
         Where the program has a block that is not written as C.
     """
     function = generate(program, registers)
-    options = _STRICT if strict else _PATIENT
-    defined = "".join(f"#define {name} {value}\n" for name, value in options.items()) + BLOCKS
-    text = PRELUDE + (defined if blocks or "lmoc_matrix" in function.text else "") + function.text + CALLBACK
+    used = _blocks(_STRICT if strict else _PATIENT) if blocks or "lmoc_matrix" in function.text else ""
+    text = c_text("prelude") + used + function.text + c_text("evaluate", "dop853")
     return Source(text, "-O3" if program_rows(program) > _LONG else "-O2", function)
 
 
 def with_blocks(text: str) -> str:
-    """Return the text of a function behind what it calls for the matrices of blocks."""
-    return PRELUDE + "".join(f"#define {name} {value}\n" for name, value in _PATIENT.items()) + BLOCKS + text
+    """Return the text of a function after what it calls for the matrices of blocks."""
+    return c_text("prelude") + _blocks(_PATIENT) + text
+
+
+def _blocks(options: Mapping[str, object]) -> str:
+    """Return what solves blocks, with the options of Newton's method."""
+    defined = "".join(f"#define {name} {value}\n" for name, value in options.items())
+    return defined + c_text("matrices", "newton")
 
 
 class Data:

@@ -127,7 +127,7 @@ def _eliminate_one(row: list[dict[int, float]], column: list[set[int]], i: int, 
 
 
 class Factors:
-    """The factors of one matrix in the form that C reads and fills (``lmoc_factors`` in `native.prelude`)."""
+    """The factors of one matrix in the form that C reads and fills (``lmoc_factors`` in ``c/matrices.c``)."""
 
     def __init__(self, number: int, indptr: np.ndarray, rows: np.ndarray) -> None:
         self.indptr, self.rows = indptr, rows
