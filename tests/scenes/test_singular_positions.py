@@ -140,3 +140,13 @@ def test_cartesian_pendulum_is_as_right_as_one_with_an_angle(solver, rtol, point
     own = np.abs(run["x"] - np.sin(exact)).max()
     assert own < 30 * max(np.abs(other - np.sin(exact)).max(), rtol)
     assert np.abs(run["x"] ** 2 + run["y"] ** 2 - 1).max() < 1e-9
+
+
+def test_a_run_that_ends_while_a_singular_place_is_passed_has_its_last_output():
+    """The step over the place is longer than what is left of the run."""
+    dae = lmoc.compile_text(ISOSCELES)
+    whole = dae.simulate(stop=1.6, points=801, rtol=1e-8)
+    at = whole.time[np.argmin(np.abs(whole["line.s"]))]  # the pivot
+    run = dae.simulate(stop=at + 0.01, points=11, rtol=1e-8)
+    assert len(run.time) == 11 and run.complete
+    assert run["main.phi"][-1] == pytest.approx(np.interp(run.time[-1], whole.time, whole["main.phi"]), abs=1e-5)

@@ -130,7 +130,8 @@ class Changes:
         self.passed.append(watch.singular)
         begin = min(float(found.times[-1]), end)
         between = self._standing(stretch, place.t, found.solutions[0], stretch.reached)
-        times = between.recorder.times[between.recorder.times < begin]
+        ahead = between.recorder.times
+        times = ahead[ahead < begin] if begin < end else ahead  # no other piece follows the last one
         states, solutions = found.at(times)
         between.observer.path = Path(times, states, watch.unknowns, solutions)
         if len(times):
