@@ -83,6 +83,20 @@ def test_unreadable_files_are_named(lmoc, tmp_path, scene):
         assert help in answer.err
 
 
+def test_solvers_prints_their_table(lmoc):
+    from lmoc.numerics.integrate.base import HEAD
+    from lmoc.numerics.integrate.choice import table
+
+    lines = lmoc("solvers").out.splitlines()
+    assert all(any(line.startswith(one.name + " ") for line in lines) for one in table())
+    gauss = lmoc("solvers", "gauss").out
+    assert all(name in gauss for name in HEAD) and "conservative scenes" in gauss
+    rows = json.loads(lmoc("solvers", "--json").out)
+    assert [row["name"] for row in rows if row["symplectic"] == "yes"] == ["gauss", "midpoint", "verlet", "collocation"]
+    wrong = lmoc("solvers", "gaus")
+    assert wrong.code == 2 and "did you mean 'gauss'?" in wrong.err
+
+
 def test_explain_prints_a_page(lmoc):
     answer = lmoc("explain", "e0612")
     assert answer.code == 0

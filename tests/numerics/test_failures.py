@@ -308,6 +308,20 @@ def test_the_table_of_the_integrators_in_the_documentation():
     assert {one.name for one in table()} | {"auto", MOREAU} == set(SOLVERS)
 
 
+def test_radau_ends_where_its_output_stays_rough_by_rounding():
+    """A step that is no smoother when it is shorter is taken, or the run ends: it is not tried again for ever."""
+    dae = lmoc.compile(Path(__file__).parents[2] / "models/laws/gear_shift.lmo")
+    try:
+        run = dae.simulate(solver="radau", rtol=1e-12)
+    except SimulationError as failure:
+        run = failure.partial
+        assert "the step size collapsed" in str(failure) and run.time[-1] >= 2
+    exact = dae.simulate(rtol=1e-12)
+    common = np.isin(run.time, exact.time)
+    q = run.states[0]
+    assert run[q][common] == pytest.approx(exact[q][: common.sum()], rel=1e-8, abs=1e-8)
+
+
 @pytest.fixture
 def without_sundials(monkeypatch):
     monkeypatch.setattr(sundials, "_load", lambda: None)

@@ -28,6 +28,7 @@ VERBS = {
     "transfer": "transfer function from an input to an output",
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
     "chart": "speed against accuracy of methods and tolerances",
+    "solvers": "the methods of integration and their properties",
     "draw": "draw a scene",
     "view": "write a page in which the scene moves and can be played with",
     "fmt": "put a file into the standard layout",

@@ -5,7 +5,10 @@ from __future__ import annotations
 from lmoc.numerics.integrate import cvode
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 
-PROPERTIES = Properties("adams", "Adams", "Adams", "1-12", "1-12", "SUNDIALS")
+PROPERTIES = Properties(
+    "adams", "Adams", "Adams", "1-12", "1-12", "SUNDIALS",
+    good_for="costly smooth right-hand sides",
+)  # fmt: skip
 
 
 def begin(problem: Problem) -> Integration:

@@ -153,9 +153,10 @@ class Properties:
     symplectic : at steps of equal length
     lengths : "own" where it chooses its steps by the tolerance, "fixed" where they are given, "either"
     library : where it comes from
-    steps : gives account of every step, so that roots can be found and coordinates watched; else another one of the
-        same method does that
+    steps : gives account of every step, so that roots can be found (laws, events) and coordinates watched; else another
+        one of the same method does that
     needs : what it asks of the scene or the machine
+    good_for : the scenes that it is for
     """
 
     name: str
@@ -170,6 +171,7 @@ class Properties:
     lengths: str = "own"
     steps: bool = True
     needs: str = ""
+    good_for: str = ""
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -177,13 +179,13 @@ class Properties:
         yes = {True: "yes", False: "no"}
         return (
             self.name, self.method, self.order, self.dense, yes[self.implicit], self.stability or "–",
-            yes[self.symplectic], self.lengths, yes[self.steps], self.library, self.needs or "–",
+            yes[self.symplectic], self.lengths, yes[self.steps], self.library, self.needs or "–", self.good_for,
         )  # fmt: skip
 
 
 HEAD = (
-    "name", "method", "order", "between steps", "implicit", "stable", "symplectic", "steps", "every step", "from",
-    "needs",
+    "name", "method", "order", "between steps", "implicit", "stable", "symplectic", "steps", "roots", "from",
+    "needs", "good for",
 )  # fmt: skip
 
 

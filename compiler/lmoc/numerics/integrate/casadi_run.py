@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+from contextlib import redirect_stderr
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from lmoc.numerics.integrate.status import Status
 # between two output times. It does not see that its steps no longer move the time; SUNDIALS, which takes over, does
 MAX_STEPS = 20_000
 _NOT_GONE = 1e-9  # s: over a shorter interval casadi does not integrate but gives the same state again
+_CONVERGED = 1e-12, 1e-9  # last step of Newton's method, in units of the states; the other one where rounding is more
 _KEPT = 8  # integrators kept with a system, each for its own times and tolerances
 
 Options = dict[str, object]
@@ -41,7 +44,7 @@ def integrate(problem: Problem, plugin: str, options: Options) -> Outcome | None
 
     times = problem.times if problem.end in problem.times[-1:] else np.append(problem.times, problem.end)
     try:
-        with on_interrupt(interrupt):
+        with on_interrupt(interrupt), redirect_stderr(io.StringIO()):  # where casadi prints each failure of Newton's
             solver = _solver(problem, times, plugin, options)
             result = solver(x0=problem.x, p=problem.system.casadi_dae().parameters)
     except (RuntimeError, KeyboardInterrupt):  # of an interrupt casadi makes a failure of the right-hand side
@@ -80,6 +83,8 @@ def adaptive_options(problem: Problem) -> Options:
 
 def collocation(problem: Problem, scheme: str) -> Outcome | None:
     """Integrate by casadi's collocation with steps of the length asked for, shorter where output times ask for it."""
+    if not suits(problem):
+        return None
     elements = math.ceil((problem.end - problem.t) / problem.step - 1e-9)
     options: Options = {
         "number_of_finite_elements": elements,
@@ -87,9 +92,13 @@ def collocation(problem: Problem, scheme: str) -> Outcome | None:
         "collocation_scheme": scheme,
         "show_eval_warnings": False,
         "rootfinder": "fast_newton",
-        "rootfinder_options": {"show_eval_warnings": False},
     }
-    return integrate(problem, "collocation", options)
+    for size in _CONVERGED:
+        options["rootfinder_options"] = {"show_eval_warnings": False, "abstol": size, "abstolStep": size}
+        outcome = integrate(problem, "collocation", options)
+        if outcome is not None:
+            return outcome
+    return Outcome(problem.t, problem.x, 0, Status.NO_CONVERGENCE)
 
 
 def _solver(problem: Problem, times: np.ndarray, plugin: str, options: Options):

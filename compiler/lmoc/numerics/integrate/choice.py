@@ -21,8 +21,10 @@ NAMES = (
 
 
 def table() -> tuple[Properties, ...]:
-    """Return the properties of each integrator."""
-    return tuple(_module(name).PROPERTIES for name in NAMES)
+    """Return the properties of each integrator, time stepping of scenes with laws included."""
+    from lmoc.numerics.laws.time_stepping import PROPERTIES
+
+    return *(_module(name).PROPERTIES for name in NAMES), PROPERTIES
 
 
 def _module(name: str):
@@ -53,9 +55,7 @@ def integrate(problem: Problem, name: str) -> Outcome:
             return outcome
         instead = getattr(module, "INSTEAD", None)
         if instead is None:
-            reason = (
-                "casadi integrates small smooth scenes only, without events, and has not taken this run or has failed"
-            )
+            reason = "casadi integrates small smooth scenes only, without events, closed loops and times that coincide"
             raise Unsuitable(reason, "gauss and radau take all scenes")
     return replace(loop.integrate(problem, _module(instead).begin(problem)), solver=instead)
 

@@ -9,6 +9,7 @@ PROPERTIES = Properties(
     "collocation", "Gauss collocation", "collocation", "6", "–", "casadi",
     stability="A", implicit=True, symplectic=True, lengths="fixed", steps=False,
     needs="a small smooth scene without events; a step ends at every output time",
+    good_for="comparisons: it is what casadi's users integrate by",
 )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ PROPERTIES = Properties(
     "collocation-radau", "Radau IIA", "collocation", "5", "–", "casadi",
     stability="L", implicit=True, lengths="fixed", steps=False,
     needs="a small smooth scene without events; a step ends at every output time",
+    good_for="comparisons, stiff ones",
 )  # fmt: skip
 
 

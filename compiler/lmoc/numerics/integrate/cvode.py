@@ -15,7 +15,11 @@ from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.integrate.sundials.matrix import Matrix
 from lmoc.numerics.integrate.sundials.session import Given, Session
 
-PROPERTIES = Properties("cvode", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
+PROPERTIES = Properties(
+    "cvode", "BDF", "BDF", "1-5", "1-5", "SUNDIALS",
+    stability="A(α)", implicit=True,
+    good_for="stiff scenes whose fastest mode decays",
+)  # fmt: skip
 
 _LOOK = 64  # evaluations between two looks at the clock
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 from lmoc.numerics.integrate import casadi_run
 from lmoc.numerics.integrate.base import Outcome, Problem, Properties
 
-PROPERTIES = Properties("cvodes", "BDF", "BDF", "1-5", "1-5", "casadi", stability="A(α)", implicit=True, steps=False)
+PROPERTIES = Properties(
+    "cvodes", "BDF", "BDF", "1-5", "1-5", "casadi",
+    stability="A(α)", implicit=True, steps=False,
+    good_for="small systems: a run is one call; cvode takes over where steps are looked at",
+)  # fmt: skip
 INSTEAD = "cvode"  # takes the runs that this one does not
 
 

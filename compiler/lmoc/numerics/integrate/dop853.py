@@ -15,7 +15,10 @@ from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.dense_output import DenseOutput, dense_terms, evaluate_dense, roughness
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("dop853", "Runge–Kutta", "explicit Runge–Kutta", "8(5,3)", "7", "own")
+PROPERTIES = Properties(
+    "dop853", "Runge–Kutta", "explicit Runge–Kutta", "8(5,3)", "7", "own",
+    good_for="everything, until it detects stiffness",
+)  # fmt: skip
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
 _STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region

@@ -20,6 +20,7 @@ from lmoc.numerics.integrate.status import Status
 PROPERTIES = Properties(
     "gauss", "Gauss collocation", "symplectic", "8", "7", "own",
     stability="A", implicit=True, symplectic=True, lengths="either",
+    good_for="conservative scenes over long times; keeps the length that the tolerance asks for, or takes a step",
 )  # fmt: skip
 
 _CONSTANT = 0.13  # of the error of a step, fitted to the oscillator

@@ -14,6 +14,7 @@ from lmoc.numerics.integrate.implicit_step import ImplicitStep
 PROPERTIES = Properties(
     "generalized-alpha", "generalized α", "structural dynamics", "2", "3", "own",
     stability="A", implicit=True, lengths="fixed",
+    good_for="vibrating structures, whose fastest modes it damps",
 )  # fmt: skip
 
 RADIUS = 0.8  # spectral radius at infinite frequency

@@ -7,7 +7,11 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.cvode import Multistep
 
-PROPERTIES = Properties("ida", "BDF", "BDF", "1-5", "1-5", "SUNDIALS", stability="A(α)", implicit=True)
+PROPERTIES = Properties(
+    "ida", "BDF", "BDF", "1-5", "1-5", "SUNDIALS",
+    stability="A(α)", implicit=True,
+    good_for="stiff systems with large blocks, which it leaves open",
+)  # fmt: skip
 
 
 def begin(problem: Problem) -> Integration:

@@ -10,6 +10,7 @@ from lmoc.numerics.integrate.implicit_step import ImplicitStep
 PROPERTIES = Properties(
     "midpoint", "implicit midpoint rule", "symplectic", "2", "3", "own",
     stability="A", implicit=True, symplectic=True, lengths="fixed",
+    good_for="conservative scenes, stiff or not, at low accuracy",
 )  # fmt: skip
 
 

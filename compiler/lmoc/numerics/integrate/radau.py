@@ -8,6 +8,7 @@ made again, shorter.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -15,7 +16,11 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
 
-PROPERTIES = Properties("radau", "Radau IIA", "collocation", "5", "4", "scipy", stability="L", implicit=True)
+PROPERTIES = Properties(
+    "radau", "Radau IIA", "collocation", "5", "4", "scipy",
+    stability="L", implicit=True,
+    good_for="stiff scenes whose fastest mode swings, and where there is no SUNDIALS",
+)  # fmt: skip
 
 _DENSE = 100  # states up to which the Jacobian is a dense matrix
 _FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding
@@ -45,6 +50,7 @@ class Radau(Integration):
     def jump(self, x: np.ndarray) -> None:
         self.before, self.x = self.t, x
         self.coefficients: np.ndarray | None = None
+        self.rough = math.inf  # of the last try of this step
         with np.errstate(all="ignore"):  # values that are not finite are reported by the status
             self.slope = self.rhs(self.t, x)
             self._begin(None, self.problem.max_step)
@@ -100,12 +106,14 @@ class Radau(Integration):
         inside = self.wanted < t_new
         rough = self._roughness(bend) if inside else 0.0
         longest = h * min(_LONGER, max(_SHORTER, _SAFETY * (_ROUGH / max(rough, 1e-300)) ** 0.25))
-        if rough > _ROUGH:
+        if _ROUGH < rough < self.rough / 2:  # else a shorter step gains nothing: it is rounding, or a kink
+            self.rough = rough
             self.rejected += 1
             self.jacobians += self.solver.njev
             self._begin(longest, longest)
             return False
         self.steps += 1
+        self.rough = math.inf
         self.before, self.t, self.x = self.t, t_new, self.solver.y
         self.coefficients, self.bend, self.slope = coefficients, bend, np.arange(4) @ coefficients / h
         self.solver.max_step = min(longest if inside else _UNSEEN * self.solver.max_step, self.problem.max_step)

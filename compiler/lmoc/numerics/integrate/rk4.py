@@ -7,7 +7,11 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.fixed_step import FixedStep
 
-PROPERTIES = Properties("rk4", "Runge–Kutta", "explicit Runge–Kutta", "4", "3", "own", lengths="fixed")
+PROPERTIES = Properties(
+    "rk4", "Runge–Kutta", "explicit Runge–Kutta", "4", "3", "own",
+    lengths="fixed",
+    good_for="comparisons",
+)  # fmt: skip
 
 
 def begin(problem: Problem) -> Integration:

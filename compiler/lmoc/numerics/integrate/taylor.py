@@ -18,8 +18,10 @@ from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
 
 PROPERTIES = Properties(
-    "taylor", "Taylor series", "Taylor series", "8-26", "8-26", "own", needs="a C compiler, equations without kinks"
-)
+    "taylor", "Taylor series", "Taylor series", "8-26", "8-26", "own",
+    needs="a C compiler, equations without kinks",
+    good_for="small smooth scenes at 1e-9 and below",
+)  # fmt: skip
 
 _LEAST, _MOST = 8, 26  # orders
 _SAFETY = 0.9

@@ -16,7 +16,9 @@ from lmoc.numerics.integrate.status import Unsuitable
 
 PROPERTIES = Properties(
     "verlet", "Störmer–Verlet", "symplectic", "2", "3", "own",
-    symplectic=True, lengths="fixed", needs="forces independent of velocities",
+    symplectic=True, lengths="fixed",
+    needs="forces independent of velocities",
+    good_for="large conservative scenes over very long times, at low accuracy",
 )  # fmt: skip
 
 _LOOKS = 3  # places at which an entry of the Jacobian must vanish to count as absent
