@@ -1,40 +1,50 @@
 """How good the choice of `auto` is: over models and tolerances, its time against the best method's at the same error.
 
-    python -m benchmarks.auto [--folders notes hard classic planar laws] [--rtol 1e-4 1e-6 1e-9] [--save NAME]
+    python -m benchmarks.auto [MODEL …] [--rtol 1e-4 1e-6 1e-9] [--seconds 3] [--keep]
 
 Every method has a curve of time over error, straight in logarithms between its tolerances. A pair (model, tolerance)
 is good where `auto` takes at most 1.5 times as long as the fastest curve at the error that `auto` has reached. The
 beginning of a long run stands for it all. Times are those of the processor, warm, in turns, the shortest of several.
+Where `auto` has used the fastest method itself, the two differ by their work, and evaluations are counted instead: they
+do not depend on what else the machine does.
+
+Results are written after each model to ``out/benchmarks/auto.jsonl``; ``--keep`` makes them those of the page.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import time
+from collections.abc import Sequence
+from pathlib import Path
 
-from benchmarks.common import ROOT, save, table
+from benchmarks.common import RESULTS, ROOT, machine, table
 
-METHODS = ("dop853", "taylor", "adams", "cvode", "radau", "gauss")
+METHODS = ("dop853", "taylor", "adams", "cvode", "cvodes", "radau", "gauss")
 TOLERANCES = (1e-4, 1e-6, 1e-9)
 GOOD = 1.5
-RUN = 0.03  # s that a run by `auto` may take
+CALIBRATED = 0.1, 30.0  # error / rtol
+RUN, LONGEST = 0.03, 1.0  # s that a run by `auto` may take, and a run by another method
+KEPT = ROOT / "docs" / "charts" / "auto.json"
 
 
-def curve(points, error: float) -> float:
-    """Seconds that a method needs for an error, infinity where it does not reach it."""
-    reached = sorted((p for p in points if p.ok and p.error > 0), key=lambda p: p.error)
+def curve(points, error: float, cost: str = "seconds") -> float:
+    """What an error costs with a method, infinity where it does not reach it."""
+    reached = sorted((p for p in points if p.ok), key=lambda p: p.error)
     if not reached or error < reached[0].error:
         return math.inf
-    best = min(p.seconds for p in reached if p.error <= error)
+    best = min(getattr(p, cost) for p in reached if p.error <= error)
     for fine, coarse in zip(reached, reached[1:], strict=False):
         if fine.error <= error < coarse.error:
-            share = math.log(error / fine.error) / math.log(coarse.error / fine.error)
-            best = min(best, fine.seconds * (coarse.seconds / fine.seconds) ** share)
+            share = math.log(error / max(fine.error, 1e-16)) / math.log(coarse.error / max(fine.error, 1e-16))
+            low, high = max(getattr(fine, cost), 1e-9), max(getattr(coarse, cost), 1e-9)
+            best = min(best, low * (high / low) ** share)
     return best
 
 
-def judge(path, tolerances) -> list[dict[str, object]]:
+def judge(path: Path, tolerances: Sequence[float], seconds: float) -> list[dict[str, object]]:
     """The pairs of one model."""
     import lmoc
     from lmoc.numerics.options import RunOptions
@@ -48,49 +58,96 @@ def judge(path, tolerances) -> list[dict[str, object]]:
     if first.seconds > RUN:
         runner = runner.until(first.begin + (first.reached - first.begin) * RUN / first.seconds)
         first = probe(runner, 3.0)
-    reference = make_reference(runner, first, 3.0, lambda text, share: None)
-    until = time.thread_time() + 8.0
-    measurement = Measurement(runner, reference.signals, 0.25, until, lambda text, share: None)
+    reference = make_reference(runner, first, 1.0, lambda text, share: None)
+    measurement = Measurement(runner, reference.signals, LONGEST, math.inf, lambda text, share: None)
     finer = sorted({*tolerances, *(t / 10 for t in tolerances)}, reverse=True)
     series = [[Setting(name, "reduced", t) for t in finer] for name in METHODS]
-    measurement.measure([[Setting("auto", "reduced", t) for t in tolerances], *series], 2)
-    rows = []
-    for rtol in tolerances:
-        own = measurement.points[Setting("auto", "reduced", rtol)]
-        row = {"model": path.stem, "rtol": rtol, "auto": own.note.split(";")[0], "error/rtol": own.error / rtol,
-               "ms": own.seconds * 1e3, "trusted": reference.uncertainty < own.error}  # fmt: skip
-        times = {n: curve([p for s, p in measurement.points.items() if s.solver == n], own.error) for n in METHODS}
-        best = min(times, key=times.__getitem__)
-        if not own.ok:
-            row |= {"best": own.status[:60], "ratio": math.inf}
-        else:
-            row |= {"best": best, "ratio": own.seconds / times[best] if math.isfinite(times[best]) else 1.0}
-        rows.append(row)
-    return rows
+    measurement.measure([[Setting("auto", "reduced", t) for t in tolerances], *series], 0)
+    measurement.until = time.thread_time() + seconds
+    measurement.measure([], 8)
+    by_method = {n: [p for s, p in measurement.points.items() if s.solver == n] for n in METHODS}
+    name = f"{path.parent.name}/{path.stem}"
+    return [
+        {"model": name, "rtol": rtol, "trusted": reference.uncertainty}
+        | _pair(measurement.points[Setting("auto", "reduced", rtol)], by_method, reference.uncertainty)
+        for rtol in tolerances
+    ]
+
+
+def _pair(own, by_method: dict[str, list], uncertainty: float) -> dict[str, object]:
+    """One row: what `auto` has done, which method is the fastest at its error, and by how much."""
+    used = own.note.split(";")[0]
+    row = {"auto": used, "error": own.error, "ms": own.seconds * 1e3, "failed": "" if own.ok else own.status[:80]}
+    if not own.ok:
+        others = [n for n, points in by_method.items() if any(p.ok for p in points)]
+        return row | {"best": ", ".join(others), "ratio": math.inf if others else 1.0}
+    error = max(own.error, uncertainty)
+    times = {n: curve(points, error) for n, points in by_method.items()}
+    best = min(times, key=times.__getitem__)
+    ratio = own.seconds / times[best] if math.isfinite(times[best]) else 1.0
+    if best == used:
+        ratio = min(ratio, own.evaluations / curve(by_method[best], error, "evaluations"))
+    return row | {"best": best, "ratio": ratio}
+
+
+def is_good(row: dict) -> bool:
+    return row["ratio"] <= GOOD
+
+
+def is_calibrated(row: dict) -> bool | None:
+    """Whether the error is near the one asked for; None where the reference is not good enough to tell."""
+    share = row["error"] / row["rtol"]
+    if row["failed"] or (row["trusted"] > row["error"] and row["trusted"] > CALIBRATED[0] * row["rtol"]):
+        return None
+    return CALIBRATED[0] <= share <= CALIBRATED[1]
+
+
+def summary(rows: Sequence[dict]) -> dict[str, tuple[int, int]]:
+    """Good and calibrated pairs, each out of how many, and those that fail where another method succeeds."""
+    judged = [r for r in rows if is_calibrated(r) is not None]
+    return {
+        "good": (sum(map(is_good, rows)), len(rows)),
+        "calibrated": (sum(map(bool, map(is_calibrated, judged))), len(judged)),
+        "not above": (sum(r["error"] <= CALIBRATED[1] * r["rtol"] for r in judged), len(judged)),
+        "failed": (sum(bool(r["failed"]) for r in rows), len(rows)),
+    }
+
+
+def models(names: Sequence[str]) -> list[Path]:
+    """The models named by parts of their paths, else all."""
+    every = sorted((ROOT / "models").glob("*/*.lmo"))
+    return [p for p in every if not names or any(n in f"{p.parent.name}/{p.stem}" for n in names)]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folders", nargs="*", default=["notes", "hard", "classic", "planar", "laws"])
-    parser.add_argument("--models", nargs="*", help="only these")
+    parser.add_argument("models", nargs="*", help="parts of their paths; all by default")
     parser.add_argument("--rtol", nargs="*", type=float, default=list(TOLERANCES))
-    parser.add_argument("--save", default="auto")
+    parser.add_argument("--seconds", type=float, default=3.0, help="of the processor for the repeats of each model")
+    parser.add_argument("--keep", action="store_true", help="keep the result for the page")
     arguments = parser.parse_args()
-    rows = []
-    for folder in arguments.folders:
-        for path in sorted((ROOT / "models" / folder).glob("*.lmo")):
-            if arguments.models and path.stem not in arguments.models:
-                continue
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    rows, without = [], {}
+    with (RESULTS / "auto.jsonl").open("a") as file:
+        for path in models(arguments.models):
             try:
-                rows += judge(path, arguments.rtol)
+                own = judge(path, arguments.rtol, arguments.seconds)
             except Exception as error:  # a scene without states, or one that is meant to fail, has no chart
-                print(f"{path.stem}: {type(error).__name__}: {str(error)[:120]}")
-    table("auto against the fastest method at the same error", list(rows[0]), [list(r.values()) for r in rows])
-    good = sum(r["ratio"] <= GOOD for r in rows)
-    calibrated = sum(0.1 <= r["error/rtol"] <= 30 for r in rows if r["trusted"])
-    print(f"\nwithin {GOOD} times of the best: {good} of {len(rows)} pairs")
-    print(f"error/rtol between 0.1 and 30: {calibrated} of {sum(r['trusted'] for r in rows)} pairs")
-    save(arguments.save, rows)
+                without[f"{path.parent.name}/{path.stem}"] = f"{type(error).__name__}: {error}"[:160]
+                print(f"{path.stem}: {type(error).__name__}: {str(error)[:120]}", flush=True)
+                continue
+            for row in own:
+                file.write(json.dumps(row) + "\n")
+                share = row["error"] / row["rtol"]
+                mark = " " if is_good(row) else "*"
+                mark += {None: "?", True: " ", False: "!"}[is_calibrated(row)]
+                print(f"{mark} {row['model']:38} {row['rtol']:.0e} {share:9.3g} {row['ms']:8.3g} ms "
+                      f"{row['ratio']:7.3g}  {row['auto']} / {row['best']} {row['failed']}", flush=True)  # fmt: skip
+            file.flush()
+            rows += own
+    table("pairs", ["", "of them", "of"], [[k, *v] for k, v in summary(rows).items()])
+    if arguments.keep:
+        KEPT.write_text(json.dumps({"machine": machine(), "pairs": rows, "without": without}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

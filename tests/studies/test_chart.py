@@ -10,6 +10,8 @@ import lmoc
 from lmoc.cli.chart import tolerances
 from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.numerics.options import RunOptions
+from lmoc.simulation import Request
 from lmoc.studies import points, reference
 from lmoc.studies.chart import Chart
 from lmoc.studies.chart_plot import spread
@@ -226,3 +228,23 @@ def test_the_command(tmp_path, capsys):
     assert "there is no solver 'nix'" in capsys.readouterr().err
     assert main(["chart", str(tmp_path / "o.lmo"), "--rtol", "3:4"]) == 2
     assert main(["chart", str(tmp_path / "o.lmo"), "--plot", "c.bmp"]) == 2
+
+
+def test_an_output_that_is_nothing_but_rounding_is_left_out():
+    """Signals in which the two methods of the reference differ by their size tell nothing of accuracy."""
+    more = OSCILLATOR.replace("output Real x = m.q;", "output Real x = m.q, e = (m.q + 1)^2 - m.q^2 - 2*m.q - 1;")
+    chart = lmoc.compile_text(more).chart(["dop853"], rtols=[1e-6], quick=True)
+    assert chart.reference.left_out == ("e",) and chart.reference.signals.names == ("x",)
+    assert chart.reference.uncertainty < 1e-10 and chart.points[0].error < 1e-3
+    assert "without e, nothing but rounding" in str(chart)
+    alone = OSCILLATOR.replace("output Real x = m.q;", "output Real e = (m.q + 1)^2 - m.q^2 - 2*m.q - 1;")
+    chart = lmoc.compile_text(alone).chart(["dop853"], rtols=[1e-6], quick=True)
+    assert chart.reference.signals.names == ("m.q", "m.v") and chart.points[0].error < 1e-3
+
+
+def test_methods_of_one_call_have_a_deadline_where_another_one_takes_their_place():
+    ball = """model B Mass m(m = 1, g = -9.81, q(start = 1, fixed = true), v(fixed = true)); Fixed w;
+      Stop s(L = 0, e = 0.7); equation connect(w.flange, s.a); connect(s.b, m.flange); end B;"""
+    for text, one_call in ((OSCILLATOR, True), (ball, False)):
+        runner = points.Runner(lmoc.compile_text(text)._session, Request(RunOptions()))
+        assert runner._is_one_call("cvodes") is one_call and not runner._is_one_call("dop853")

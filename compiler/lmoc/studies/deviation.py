@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +36,11 @@ class Signals:
         """(m,) the largest magnitude of each signal; where it is zero throughout, infinity: nothing to compare with."""
         largest = np.abs(self.values).max(axis=0)
         return np.where(largest > 0, largest, np.inf)
+
+    def only(self, names: Sequence[str]) -> Signals:
+        """Return some of them."""
+        columns = [self.names.index(name) for name in names]
+        return replace(self, names=tuple(names), values=self.values[:, columns])
 
 
 @dataclass(frozen=True)
@@ -69,12 +75,22 @@ def deviation(signals: Signals, reference: Signals) -> Deviation:
     Where a velocity jumps at an impact that comes slightly too early or too late, it is wrong by the whole jump for
     that short time. An output time between the two instants says nothing of the accuracy, and is left out.
     """
-    apart = np.abs(signals.values - reference.values) / reference.sizes
-    beside, note = _between_events(signals, reference)
-    apart = apart[~beside]
+    apart, note = _apart(signals, reference)
     if not apart.size:
         return Deviation(0.0, 0.0, note)
     return Deviation(float(apart.max()), float(apart[-1].max()), note)
+
+
+def deviations(signals: Signals, reference: Signals) -> dict[str, float]:
+    """Return the same of each signal."""
+    apart, _ = _apart(signals, reference)
+    return dict(zip(reference.names, apart.max(axis=0, initial=0.0).tolist(), strict=True))
+
+
+def _apart(signals: Signals, reference: Signals) -> tuple[np.ndarray, str]:
+    """Return the relative differences at the output times that count, and a note of odd events."""
+    beside, note = _between_events(signals, reference)
+    return (np.abs(signals.values - reference.values) / reference.sizes)[~beside], note
 
 
 def _between_events(signals: Signals, reference: Signals) -> tuple[np.ndarray, str]:

@@ -23,7 +23,7 @@ from lmoc.studies.deviation import Signals, deviation, signals_of
 from lmoc.studies.residual import constraint_residual
 from lmoc.support.records import dataclass
 
-_WITHOUT_DEADLINE = ("cvodes", "idas", "collocation", "collocation-radau")  # a run is one call, which nothing can stop
+_ONE_CALL = ("cvodes", "idas", "collocation", "collocation-radau")  # a run is one call, which nothing can stop
 NOT_RUN = "not run"  # what a status begins with where there was no time for a run
 _BUSY = 3.0  # wall time that a run may take for each second of the processor
 _SHORT = 1e-3  # of the span, a run that warms up
@@ -125,7 +125,7 @@ class Runner:
             formulation=setting.formulation,
             rtol=None if setting.fixed else setting.rtol,
             step=setting.step if setting.fixed else None,
-            max_seconds=None if limit is None or setting.solver in _WITHOUT_DEADLINE else _BUSY * limit,
+            max_seconds=None if limit is None or self._is_one_call(setting.solver) else _BUSY * limit,
         )
         request = replace(self.request, options=options)
         gc.disable()  # as timeit does
@@ -135,6 +135,12 @@ class Runner:
             return run, clock.thread_time() - begin
         finally:
             gc.enable()
+
+    def _is_one_call(self, solver: str) -> bool:
+        """Return whether a run is one call of casadi, which takes those only that have no deadline."""
+        reduced = self.session.reduced
+        looked_at = reduced.switched is not None or reduced.flat.events is not None or reduced.constraints is not None
+        return solver in _ONE_CALL and not looked_at
 
     def warm(self, setting: Setting) -> None:
         """Make a first short run, so that imports and what is kept with a scene are not counted to a method.

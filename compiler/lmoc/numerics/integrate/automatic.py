@@ -25,6 +25,8 @@ from lmoc.numerics.integrate.status import Status
 from lmoc.support.records import dataclass
 
 TRIAL = 60  # steps after which the rest of a run is judged
+CALIBRATED = 0.25  # factor on the tolerance of explicit methods, whose errors over short runs are then the one asked for
+_NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
 ADDED = 100  # steps whose errors add up to what a tolerance promises
 WORTHWHILE = 0.5  # factor on the tolerance
 LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
@@ -32,7 +34,8 @@ LEAST_UNKNOWN = 0.1  # … this
 FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
 _FINEST = 1e-13  # relative tolerance
 _SERIES = 3e-8  # tolerance of the steps from which a Taylor series is better …
-_MANY = 200  # … over so many steps at least
+_MANY = 200  # … over so many steps at least, …
+_FEWEST, _LARGE = 50, 1000  # … fewer where a scene has more rows, to which the C compiler's time is nothing
 _SHORT = (
     0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff
 )
@@ -66,12 +69,12 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     integrate : by the name of a method
     """
     way = _Way(replace(problem, patience=patience(problem.system)), integrate)
-    outcome = way.go("dop853", most=TRIAL)
-    reason, factor = "not stiff", 1.0
+    reason, factor = "not stiff", _calibration(problem.rtol)
+    outcome = way.go("dop853", factor, most=TRIAL)
     if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > TRIAL:
         mean = (outcome.time - problem.t) / max(1, outcome.counts["steps"])
-        factor = _refinement(problem, outcome, mean)
-        factor = factor if factor < WORTHWHILE else 1.0
+        finer = _refinement(problem, outcome, mean)
+        factor *= finer if finer < WORTHWHILE else 1.0
         outcome, reason = _long_way(way, factor, mean)
     if outcome.status not in _GIVEN_UP:
         return outcome, Used(tuple(way.solvers), reason)
@@ -87,11 +90,12 @@ def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
     problem = way.problem
     ahead = (problem.end - way.outcome.time) / mean
     reason = "not stiff"
-    if factor < 1:
+    if factor < _calibration(problem.rtol):
         finer = max(problem.rtol * factor, _FINEST)
         since = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
         reason += f"; at rtol {finer:.1g} from t = {way.outcome.time:.3g} s, {since}"
-    if problem.rtol * factor <= _SERIES and ahead >= _MANY and not _may_be_stiff(problem, way.outcome):
+    many = max(_FEWEST, _MANY * min(1.0, _LARGE / max(1, problem.system.plan.row_count)))
+    if problem.rtol * factor <= _SERIES and ahead >= many and not _may_be_stiff(problem, way.outcome):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
         if outcome.status not in _GIVEN_UP:
             return outcome, reason
@@ -154,6 +158,11 @@ class _Way:
 
 
 # ---------------------------------------------------------------------- how errors add up
+
+
+def _calibration(rtol: float) -> float:
+    """Return the factor on the tolerance of explicit methods for runs in which few errors add up."""
+    return max(CALIBRATED, min(1.0, _NO_FINER / rtol))
 
 
 def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
