@@ -25,7 +25,7 @@ from lmoc.numerics.integrate.status import Status
 from lmoc.support.records import dataclass
 
 TRIAL = 60  # steps after which the rest of a run is judged
-CALIBRATED = 0.25  # factor on the tolerance of explicit methods, whose errors over short runs are then the one asked for
+CALIBRATED = 0.25  # factor on the tolerance of explicit methods: over short runs their errors are then as asked for
 _NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
 ADDED = 100  # steps whose errors add up to what a tolerance promises
 WORTHWHILE = 0.5  # factor on the tolerance
