@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from lmoc.expression.dag import Expr
+from lmoc.expression.dag import ONE, Expr, slot
 from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program, Solve, needed_steps, program_rows, read, walk, written
 from lmoc.ir.reduced import Reduced
@@ -41,6 +41,9 @@ class Plan:
     states : (n,) registers integrated: the states, then the quadratures
     derivatives : (n,)
     program : input_program and what fills `derivatives`
+    held : (n,) registers by which laws hold a component: 1 where its derivative is zero, not only up to the rounding of
+        the forces on it, else 0; -1 of components that no law can hold
+    holding : the part of `program` that fills the derivatives of these
     """
 
     reduced: Reduced
@@ -54,6 +57,8 @@ class Plan:
     states: np.ndarray
     derivatives: np.ndarray
     program: Program
+    held: np.ndarray
+    holding: Program
     notes: tuple[Diagnostic, ...] = ()
     _made: dict = field(default_factory=dict)
 
@@ -100,7 +105,7 @@ class Plan:
     @cached_property
     def full_program(self) -> Program:
         """Fills every register that the reduced system knows of."""
-        return self.input_program + self.reduced.rhs + self.reduced.observe
+        return self.input_program + self.reduced.rhs + self.reduced.observe + self.holding
 
     def once(self, make: Callable[[Plan], Made]) -> Made:
         """Return ``make(self)``, made once: for what readers of a plan derive from it."""
@@ -173,20 +178,43 @@ def build_plan(reduced: Reduced, signals: Mapping[int, Signal], energy: bool, re
     keep = _wanted_quadratures(reduced, energy and not _unknown_power(reduced, inputs.absent))
     quadratures, rates = reduced.quadratures[keep], reduced.quadrature_derivatives[keep]
     extra = needed_steps(reduced.observe, rates, reduced.registers.count)
+    held, derivatives, holding = _held(reduced, count)
+    none = np.full(len(quadratures), -1)
     return Plan(
         reduced,
-        count,
+        count + sum(2 * len(step.out) for step in holding),
         known,
         np.array(inputs.sampled, int),
         tuple(inputs.samplers),
-        tuple(inputs.constants),
+        (*inputs.constants, *((register, -1) for register in held[held >= 0].tolist())),
         np.array(inputs.absent, int),
         input_program,
         np.concatenate([reduced.states, quadratures]).astype(int),
-        np.concatenate([reduced.derivatives, rates]).astype(int),
-        input_program + reduced.rhs + extra,
+        np.concatenate([derivatives, rates]).astype(int),
+        input_program + reduced.rhs + extra + holding,
+        np.concatenate([held, none]).astype(int),
+        holding,
         tuple(report.diagnostics[before:]),
     )
+
+
+def _held(reduced: Reduced, count: int) -> tuple[np.ndarray, np.ndarray, tuple[Apply, ...]]:
+    """Return the registers that hold the states, the derivatives behind them, and the step that fills these.
+
+    Parameters
+    ----------
+    count : registers so far
+    """
+    held, derivatives = np.full(len(reduced.states), -1), reduced.derivatives.astype(int)
+    rows = np.flatnonzero(~np.isin(derivatives, reduced.states))  # the others follow
+    mechanism = reduced.constraints is not None or reduced.invariants is not None  # with programs of their own
+    if reduced.switched is None or mechanism or not len(rows):
+        return held, derivatives, ()
+    held[rows] = count + np.arange(len(rows))
+    free, derivatives = derivatives[rows], derivatives.copy()
+    derivatives[rows] = held[rows] + len(rows)
+    step = Apply(slot(0) * (ONE - slot(1)), np.stack([free, held[rows]], axis=1), derivatives[rows])
+    return held, derivatives, (step,)
 
 
 class _Inputs:

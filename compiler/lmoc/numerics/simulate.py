@@ -49,7 +49,7 @@ class Simulator:
             report.diagnostics += [d for d in found.diagnostics if d.severity != "error"]
             report_alike(dict.fromkeys(found.errors), report, SHOWN)  # an input and its derivative lack one signal
             report.check()
-            self._systems[key] = plan, make_system(plan)
+            self._systems[key] = plan, make_system(plan, signals)
         return self._systems[key]
 
     def start(

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.numerics.observe.slices import slice_of
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.slices import Evaluate, slice_of
 from lmoc.numerics.observe.trajectory import Piece, Trajectory
 from lmoc.numerics.plan import Plan
 
@@ -94,12 +95,21 @@ def _rounding(piece: Piece) -> np.ndarray:
     few = np.unique(np.linspace(0, len(times) - 1, _LOOKED_AT).astype(int)) if len(times) else np.zeros(0, int)
     if not len(few):
         return np.zeros(len(plan.states))
-    rates = slice_of(plan, plan.derivatives).bind(observer.base, observer.signals)
+    rates = _rates(observer)
     signs = np.where(np.arange(len(plan.states)) % 2, 1.0, -1.0)  # neighbours move against each other, or all alike
     with np.errstate(all="ignore"):
         middle = rates(times[few], states[few])
         beside = [rates(times[few], states[few] * (1 + _EPSILON * s)) for s in (1.0, signs)]
         return np.nan_to_num(_MARGIN * np.fmax.reduce([np.abs(b - middle).max(axis=0) for b in beside]))
+
+
+def _rates(observer: Observer) -> Evaluate:
+    plan = observer.plan
+    if plan.reduced.switched is None:
+        return slice_of(plan, plan.derivatives).bind(observer.base, observer.signals)
+    from lmoc.numerics.laws.reading import rates  # imported late: most scenes have no laws
+
+    return rates(plan, observer.base, observer.signals)
 
 
 def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:

@@ -13,7 +13,7 @@ from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.evaluate.newton import Newton, dense_solve
 
-DENSE = 60  # linear blocks with more unknowns are factorized as sparse matrices
+DENSE = 120  # linear blocks with more unknowns are factorized as sparse matrices
 
 
 class Interpreter:

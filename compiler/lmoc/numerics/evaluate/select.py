@@ -6,17 +6,31 @@ takes is run by numpy over groups of rows.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from lmoc.ir.program import Program, Solve
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, can_lower
 from lmoc.numerics.evaluate.explicit_system import CasadiSystem
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal
 
 COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compiler
 
 
-def make_system(plan: Plan) -> System:
-    """Return the way of evaluating that suits the size and the blocks of a plan."""
+def make_system(plan: Plan, signals: Mapping[int, Signal] | None = None) -> System:
+    """Return the way of evaluating that suits the size and the blocks of a plan.
+
+    Parameters
+    ----------
+    signals : of the inputs; with them a scene with laws may be evaluated by its free scene
+    """
+    if signals is not None and plan.reduced.free is not None and not can_lower(plan.program):
+        from lmoc.numerics.laws.updated import UpdatedSystem, updatable
+
+        update = updatable(plan, signals)
+        if update is not None:
+            return UpdatedSystem(plan, update)
     if plan.row_count > COMPILED_ROWS or has_varying_blocks(plan.program):
         from lmoc.numerics.evaluate.native.c_code import Unsupported
 

@@ -104,6 +104,7 @@ class Happenings:
         if self.laws is not None:
             for variable, signal in self.laws.signals().items():
                 base[self.plan.reduced.register_of[variable]] = signal.value
+            base[self.plan.held[self.laws.held]] = 1.0
         return base
 
     @property
@@ -226,11 +227,8 @@ class Happenings:
     def _renew_laws(self) -> None:
         """The laws are judged with the present discrete values."""
         if self.hybrid is not None:
-            mode, idle = self.laws.mode, self.laws.idle
-            self.laws = LawSwitching(self.plan, self.values, self._with_discrete(self.open), self.given)
-            self.laws.mode, self.laws.idle = mode, idle
-            self.laws.second = np.flatnonzero(mode.closed & ~self.laws.gauge.table.complementary)
-            self._law_roots = len(mode.closed) + len(self.laws.second)
+            self.laws = self.laws.renewed(self._with_discrete(self.open))
+            self._law_roots = len(self.laws.mode.closed) + len(self.laws.second)
 
     def _renew_discrete(self) -> None:
         """The discrete equations are judged with the present modes of the laws."""

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Solution, solve
+from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Sides, Solution, solve
 from lmoc.support.records import dataclass
 
 NEWTON, POISSON = "Newton", "Poisson"
@@ -66,7 +66,9 @@ class Friction:
 NO_FRICTION = Friction(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
 
 
-def collide(delassus: Array, rate: Array, restitution: Array, friction: Friction = NO_FRICTION) -> Impact:
+def collide(
+    delassus: Array, rate: Array, restitution: Array, friction: Friction = NO_FRICTION, side: Sides | None = None
+) -> Impact:
     """Return the impact of laws that touch.
 
     Parameters
@@ -74,6 +76,7 @@ def collide(delassus: Array, rate: Array, restitution: Array, friction: Friction
     delassus : (n, n) change of the rates by unit impulses
     rate : (n,) before the impact
     restitution : (n,) coefficients, 0 … 1; 0 for friction
+    side : (n,) a guess where the impulses are between their bounds
 
     Raises
     ------
@@ -81,17 +84,19 @@ def collide(delassus: Array, rate: Array, restitution: Array, friction: Friction
         A moving body is caught between fixed ones, or no impulses satisfy the laws of friction.
     """
     try:
-        newton = _newton(delassus, rate, restitution, friction)
+        newton = _newton(delassus, rate, restitution, friction, side)
     except NoSolution:
         return _poisson(delassus, rate, restitution, friction)
     turned = float(np.abs(newton.impulse) @ (np.abs(rate) + np.abs(newton.rate)))
     return newton if -newton.lost.sum() <= CREATED * turned else _poisson(delassus, rate, restitution, friction)
 
 
-def _newton(delassus: Array, rate: Array, restitution: Array, friction: Friction) -> Impact:
+def _newton(
+    delassus: Array, rate: Array, restitution: Array, friction: Friction, side: Sides | None
+) -> Impact:
     wanted = restitution * np.minimum(rate, 0.0)
     wanted[friction.rows] = 0.0
-    found = _solved(delassus, rate + wanted, np.zeros(len(rate)), friction)
+    found = _solved(delassus, rate + wanted, np.zeros(len(rate)), friction, side)
     return _impact(rate, found.x, found.w - wanted, NEWTON, found.unique)
 
 
@@ -102,7 +107,9 @@ def _poisson(delassus: Array, rate: Array, restitution: Array, friction: Frictio
     return _impact(rate, impulse, expansion.w, POISSON, compression.unique & expansion.unique)
 
 
-def _solved(delassus: Array, q: Array, least: Array, friction: Friction) -> Solution:
+def _solved(
+    delassus: Array, q: Array, least: Array, friction: Friction, side: Sides | None = None
+) -> Solution:
     """Solve for impulses, at least some of the laws without friction; the limits of friction follow from the answer.
 
     Where sides repeat, so that each friction either sticks or gives its share of its normal impulse, the impulses
@@ -110,7 +117,7 @@ def _solved(delassus: Array, q: Array, least: Array, friction: Friction) -> Solu
     """
     upper = np.full(len(q), np.inf)
     if not len(friction.rows):
-        return solve(delassus, q, least, upper)
+        return solve(delassus, q, least, upper, side)
     lower, side = least.copy(), None
     lower[friction.rows] = upper[friction.rows] = 0.0
     found = solve(delassus, q, lower, upper)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
-from lmoc.numerics.laws.open_scene import Interpreted, OpenScene, quantities_of
+from lmoc.numerics.laws.open_scene import Interpreted, open_scene, quantities_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
@@ -113,26 +114,50 @@ class Gauge:
         self.registers, self.known = own.registers, own.known(plan, values)
         self.force = plan.reduced.register_of[form.force]
         self.table = _table(form, values)
-        made = plan.once(_kept)
-        if not made:
-            made.append(OpenScene(plan, signals))
-        self.scene = made[0]
+        self.scene = open_scene(plan, signals)
         self.stored = self.scene.has_stored
         self._present = self.scene.quantities.registers >= 0
-        self._evaluate = self.scene.bind(self.scene.base(base, values, signals), signals)
-
-    def renewed(self, base: Array) -> Gauge:
-        """Return the same with other registers that do not change between events."""
-        return Gauge(self.plan, self.values, base, self.signals)
+        self._evaluate = self.scene.bind(self.scene.base(base, signals), signals)
+        self._last: Instant | None = None
+        self._forms: Array | None = None
 
     def stand_at(self, unknowns: NDArray[np.int64], solutions: Array) -> None:
         """Begin anew at these solutions of nonlinear blocks."""
         self.base[unknowns] = solutions
+        self._last = None
         if isinstance(self._evaluate, Interpreted) and self.scene.plan is self.plan:
             self._evaluate.stand_at(unknowns, solutions)
 
+    @property
+    def rate_forms(self) -> Array:
+        """(n, states) the rates as linear forms in velocities, with coefficients that never change; NaN for others."""
+        if self._forms is None:
+            self._forms = self._find_rate_forms()
+        return self._forms
+
+    def _find_rate_forms(self) -> Array:
+        count = len(self.plan.states)
+        forms = np.full((self.form.count, count), np.nan)
+        functions, present = self.scene.functions, self._present[1]
+        if functions is None:
+            return forms
+        rest = self._at(0.0, np.zeros(count))
+        linear = np.zeros(len(present), bool)
+        linear[present] = functions.linear[-int(present.sum()) :] if present.any() else False
+        of_velocities = ~rest.slope[1][:, self.plan.held < 0].any(axis=1)
+        own = linear & of_velocities & (rest.rate == 0.0) & (self.table.degree == POSITION)
+        forms[own] = rest.slope[1][own]
+        return forms
+
     def at(self, t: float, x: Array) -> Instant:
         """Return the laws' quantities at a time and state."""
+        last = self._last
+        if last is not None and last.t == t and (last.x == x).all():
+            return last
+        self._last = self._at(t, x)
+        return self._last
+
+    def _at(self, t: float, x: Array) -> Instant:
         found, force, own = self._evaluate(t, x)
         n, present = self.form.count, self._present
         value = self.known.copy()
@@ -145,11 +170,6 @@ class Gauge:
         limits = np.maximum(slip, 0.0), np.maximum(stick, 0.0)
         stored = float(found[-1]) if self.stored else np.nan
         return Instant(t, x, gap, rate, scale[0], scale[1], slope, bias, force[:n], force[n:], *limits, stored)
-
-
-def _kept(_: Plan) -> list[OpenScene]:
-    """Return where the evaluation of a plan's open scene is kept."""
-    return []
 
 
 def _table(form: Switched, values: Array) -> Table:

@@ -7,7 +7,7 @@ blocks, which have to be followed from place to place, the switched form with al
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -70,7 +70,8 @@ def quantities_of(plan: Plan, form: Switched, degree: Indices) -> Quantities:
     degree : (n,) relative degrees
     """
     level = np.where(degree == POSITION, form.level, np.where(degree == 0, form.gap, form.rate))
-    variables = np.stack([form.gap, form.rate, level, *limits_of(form)])
+    rate = np.where((form.gap != NONE) & (degree == 0), NONE, form.rate)
+    variables = np.stack([form.gap, rate, level, *limits_of(form)])
     return Quantities(variables, np.where(variables == NONE, -1, plan.reduced.register_of[variables]))
 
 
@@ -114,9 +115,9 @@ class OpenScene:
         self.program = needed_steps(
             self.plan.full_program, np.concatenate([self.values, self.plan.derivatives]), self.plan.count
         )
-        self._lowered = _Functions(self) if fits_casadi(self.program) else None
+        self.functions = Functions(self) if fits_casadi(self.program) else None
 
-    def base(self, given: Array, values: Array, signals: Mapping[int, Signal]) -> Array:
+    def base(self, given: Array, signals: Mapping[int, Signal]) -> Array:
         """Return the registers that do not change between events.
 
         Parameters
@@ -126,10 +127,12 @@ class OpenScene:
         if self.plan is self.switched:
             return given.copy()
         plan, reduced = self.plan, self.switched.reduced
-        own = np.full(plan.reduced.flat.count, np.nan)
-        shared = reduced.lawful.count
-        own[:shared] = values[:shared]
-        base = plan.base(own, _signals_of(plan, reduced.lawful.count, signals))
+        registers, variables = self.switched.known
+        own, shared = np.full(plan.reduced.flat.count, np.nan), variables < reduced.lawful.count
+        own[variables[shared]] = given[registers[shared]]
+        base = plan.base(own, _signals_of(plan.reduced.switched, reduced.lawful.count, signals))
+        own_holds, holds = plan.held, self.switched.held
+        base[own_holds[own_holds >= 0]] = given[holds[holds >= 0]]
         if reduced.flat.events is not None:
             held = reduced.flat.events.discrete
             there = plan.reduced.register_of[held]
@@ -142,7 +145,7 @@ class OpenScene:
         It returns the registers `values`, the derivatives of the levels and of the states' rates by the forces, and
         those of gaps and rates by the states.
         """
-        return _Compiled(self, self._lowered, base, signals) if self._lowered else Interpreted(self, base, signals)
+        return _Compiled(self, self.functions, base, signals) if self.functions else Interpreted(self, base, signals)
 
     @cached_property
     def by_force(self) -> Jacobian:
@@ -153,24 +156,33 @@ class OpenScene:
         return Jacobian(self.program, self.plan.states, self.motions, self.plan.count)
 
 
+def open_scene(plan: Plan, signals: Mapping[int, Signal]) -> OpenScene:
+    """Return the evaluation for a plan, made once."""
+    made = plan.once(_kept)
+    if not made:
+        made.append(OpenScene(plan, signals))
+    return made[0]
+
+
+def _kept(_: Plan) -> list[OpenScene]:
+    """Return where that is kept."""
+    return []
+
+
 def _free_plan(plan: Plan, signals: Mapping[int, Signal]) -> Plan:
     """Return the plan of the free scene with the same states; the plan itself where there is none."""
     free = plan.reduced.free
     if free is None:
         return plan
     shared, report = plan.reduced.lawful.count, Report()
-    made = build_plan(free, _signals_of_form(free.switched, shared, signals), bool(plan.ledger.any()), report)
+    made = build_plan(free, _signals_of(free.switched, shared, signals), bool(plan.ledger.any()), report)
     own, other = (p.reduced.registers.variable[p.states] for p in (plan, made))
-    same = len(own) == len(other) and (plan.ledger == made.ledger).all()
+    same = len(own) == len(other) and (plan.ledger == made.ledger).all() and ((plan.held < 0) == (made.held < 0)).all()
     nonlinear = any(isinstance(s, Solve) and not s.linear for s in walk(made.full_program))
     return made if same and not nonlinear and not report.errors else plan
 
 
-def _signals_of(plan: Plan, shared: int, signals: Mapping[int, Signal]) -> dict[int, Signal]:
-    return _signals_of_form(plan.reduced.switched, shared, signals)
-
-
-def _signals_of_form(form: Switched, shared: int, signals: Mapping[int, Signal]) -> dict[int, Signal]:
+def _signals_of(form: Switched, shared: int, signals: Mapping[int, Signal]) -> dict[int, Signal]:
     """Return the signals of the variables that two forms share, and zero for what holds a mode."""
     held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
     return {v: s for v, s in signals.items() if v < shared} | {int(v): Constant(0.0) for v in held}
@@ -185,42 +197,83 @@ def _inputs(plan: Plan, variables: Indices) -> Indices:
 # ---------------------------------------------------------------------- one casadi function
 
 
-class _Functions:
-    """The casadi function of an open scene, and the registers that are its parameters."""
+class Functions:
+    """An open scene as casadi functions ``(t, x, p, u)``.
+
+    Attributes
+    ----------
+    parameters : registers of p; the forces are the last ones
+    sampled, samplers : registers of u, and (variable, order) of what fills them
+    """
 
     def __init__(self, scene: OpenScene) -> None:
-        import casadi as ca
-
-        plan, program = scene.plan, scene.program
-        sampled = ~np.isin(plan.sampled, scene.push)  # the forces are not: they are zero
+        plan, self.laws = scene.plan, len(scene.push)
+        sampled = ~np.isin(plan.sampled, scene.push)
         self.sampled = plan.sampled[sampled]
         self.samplers = [plan.samplers[k] for k in np.flatnonzero(sampled)]
         outputs = np.concatenate([scene.values, scene.outputs, scene.motions])
-        given = given_registers(program, plan.count, plan, outputs)
+        given = given_registers(scene.program, plan.count, plan, outputs)
         self.parameters = np.concatenate([given[~np.isin(given, scene.push)], scene.push])
-        lowered = Lowered(program, plan.count, plan.states, self.parameters, self.sampled, outputs)
-        out, forces = lowered.out, lowered.p[len(self.parameters) - len(scene.push) :]
-        value, rates, motions = (
-            out[a:b] for a, b in zip(*_ranges(len(scene.values), len(scene.outputs), len(scene.motions)), strict=True)
+        self.lowered = Lowered(scene.program, plan.count, plan.states, self.parameters, self.sampled, outputs)
+        sizes = len(scene.values), self.laws, len(plan.derivatives), len(scene.motions)
+        first = np.cumsum([0, *sizes]).tolist()
+        self.values, self.levels, self.rates, self.motions = (
+            self.lowered.out[a : a + n] for a, n in zip(first, sizes, strict=False)
         )
-        by_force = ca.densify(ca.jacobian(rates, forces)).T  # casadi's matrices are column-major
-        by_state = ca.densify(ca.jacobian(motions, lowered.x)).T
-        arguments = [lowered.time, lowered.x, lowered.p, lowered.u]
-        self.function = ca.Function("open_scene", arguments, [value, by_force, by_state])
 
+    def named(self, name: str, outputs: Sequence):
+        """Return a function of the arguments with these results."""
+        import casadi as ca
 
-def _ranges(*lengths: int) -> tuple[list[int], list[int]]:
-    edges = np.cumsum([0, *lengths]).tolist()
-    return edges[:-1], edges[1:]
+        arguments = [self.lowered.time, self.lowered.x, self.lowered.p, self.lowered.u]
+        return ca.Function(name, arguments, [ca.densify(o) for o in outputs])
+
+    @cached_property
+    def by_force(self):
+        """The derivatives of the levels by the forces."""
+        import casadi as ca
+
+        return ca.jacobian(self.levels, self._forces)
+
+    @cached_property
+    def instant(self):
+        """The function that `OpenScene.bind` returns."""
+        import casadi as ca
+
+        rates = ca.vertcat(self.by_force, ca.jacobian(self.rates, self._forces))
+        own = ca.jacobian(self.motions, self.lowered.x)
+        return self.named("instant", [self.values, rates.T, own.T])  # casadi's matrices are column-major
+
+    @cached_property
+    def has_constant_matrix(self) -> bool:
+        """Return whether the levels depend on the forces in the same way everywhere."""
+        import casadi as ca
+
+        lowered = self.lowered
+        return not ca.depends_on(self.by_force, ca.vertcat(lowered.time, lowered.x, lowered.u))
+
+    @cached_property
+    def linear(self) -> NDArray[np.bool_]:
+        """Return which of the motions are linear in the states, with coefficients that depend on parameters alone."""
+        import casadi as ca
+
+        lowered = self.lowered
+        bent = ca.which_depends(self.motions, lowered.x, 2, True)
+        driven = ca.which_depends(self.motions, ca.vertcat(lowered.time, lowered.u), 1, True)
+        return ~(np.array(bent, bool) | np.array(driven, bool))
+
+    @property
+    def _forces(self):
+        return self.lowered.p[len(self.parameters) - self.laws :]
 
 
 class _Compiled:
     """The casadi function with the parameters and signals of a run."""
 
-    def __init__(self, scene: OpenScene, made: _Functions, base: Array, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, scene: OpenScene, made: Functions, base: Array, signals: Mapping[int, Signal]) -> None:
         base = base.copy()
         base[scene.push] = 0.0
-        self._call = BoundFunction(made.function, made.parameters, made.samplers, len(scene.plan.states))
+        self._call = BoundFunction(made.instant, made.parameters, made.samplers, len(scene.plan.states))
         self._call.prepare(base, signals)
         laws, states = len(scene.push), len(scene.plan.states)
         self._shapes = (len(scene.outputs), laws), (len(scene.motions), states)

@@ -15,9 +15,10 @@ from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant
 from lmoc.numerics.laws.mode import STILL, Mode, free_mode
+from lmoc.numerics.laws.reading import reader
+from lmoc.numerics.laws.rest import held_velocities
 from lmoc.numerics.laws.transition import Transition, Trigger, transition
 from lmoc.numerics.observe.event import Event
-from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
@@ -52,17 +53,24 @@ class LawSwitching:
         self.idle = np.zeros(self.gauge.form.count)  # roots in sequence at which nothing has happened to a law
         self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
-        self.readout = _readout(plan, _registers(self.gauge))
+        self.reader = reader(self.gauge)
         self.limits = self.gauge.known[4]
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
         self.ledger = _ledger(self.gauge)
+        self.held = np.zeros(len(plan.states), bool)  # velocities that the closed laws keep at zero
+        self._signals: tuple[Mode, dict[int, Signal]] | None = None
 
     # ------------------------------------------------------------------ the mode as values
 
     def signals(self) -> dict[int, Signal]:
         """Return the values of the mode, by flat variables."""
-        pairs = self.mode.inputs(self.gauge.form)
-        return {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks, strict=True)}
+        mode = self.mode
+        if self._signals is not None and self._signals[0] is mode:
+            return self._signals[1]
+        pairs = mode.inputs(self.gauge.form)
+        values = {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks, strict=True)}
+        self._signals = mode, values
+        return values
 
     # ------------------------------------------------------------------ what ends a mode
 
@@ -74,7 +82,7 @@ class LawSwitching:
         t, x : where the piece begins
         base, signals : those of the piece
         """
-        evaluate = self.readout.bind(base, signals)
+        evaluate = self.reader(base, signals)
         table, mode = self.gauge.table, self.mode
         stuck = mode.closed & ~table.complementary
         self.second = np.flatnonzero(stuck)
@@ -135,6 +143,7 @@ class LawSwitching:
         self.touched = np.where(self.gauge.table.unilateral, now.gap <= STILL * now.gap_scale, still)
         values = self.roots(t, x, base, signals).values(np.array([t]), x[None])[0]
         if (values >= -NEAR).all():
+            self._hold()
             return x, []
         return self.happen(t, x, np.zeros(len(values), bool))
 
@@ -144,7 +153,16 @@ class LawSwitching:
         self.second = np.flatnonzero(self.mode.closed & ~self.gauge.table.complementary)
         self.now = now = self.gauge.at(t, x)
         self.forces = before.forces
+        self._hold()
         self.rounding = ROUNDING * np.abs(now.response) @ np.abs(self.forces)
+
+    def renewed(self, base: Array) -> LawSwitching:
+        """Return the laws in the same mode with other registers that do not change between events."""
+        made = LawSwitching(self.gauge.plan, self.gauge.values, base, self.gauge.signals)
+        made.mode, made.idle = self.mode, self.idle
+        made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
+        made._hold()
+        return made
 
     def happen(self, t: float, x: Array, which: NDArray[np.bool_]) -> tuple[Array, list[Event]]:
         """Return the state behind an instant at which root functions vanish, and what happened."""
@@ -175,13 +193,17 @@ class LawSwitching:
         self.mode, self.now, self.touched = found.mode, found.now, found.touched
         self.forces = found.settled.force
         self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(self.forces)
-        x = found.x.copy()
+        self._hold()
+        x = np.where(self.held, 0.0, found.x)
         if self.ledger is not None and (found.impulse.any() or found.lost.any()):
             work, heat = self.ledger
             lost = float(found.lost.sum())
             x[heat] += lost
             x[work] += lost + found.now.stored - found.before.stored
         return x, self._events(t, before, found, at_start)
+
+    def _hold(self) -> None:
+        self.held = held_velocities(self.gauge.rate_forms[self.mode.closed])
 
     def _refuse_overlaps(self, t: float, x: Array, trigger: Trigger) -> None:
         """Raise `Stopped` where a gap is negative that no motion has closed: start values or a jump have put it there.
@@ -233,27 +255,6 @@ def all_open(form: Switched) -> dict[int, Signal]:
     """Return the values with which all laws are open and give no force, by flat variables."""
     held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
     return {int(v): Constant(0.0) for v in held}
-
-
-def _registers(gauge: Gauge) -> NDArray[np.int64]:
-    """Return the registers of motions, rates, forces and sticking limits; any one in place of those that are none."""
-    gap, rate, _, _, stick = gauge.registers
-    motion = np.where(gap >= 0, gap, rate)
-    found = np.concatenate([motion, rate, gauge.force, stick])
-    return np.where(found >= 0, found, gauge.plan.states[0])
-
-
-def _readout(plan: Plan, registers: NDArray[np.int64]) -> Readout:
-    """Return what evaluates the laws in the mode that holds, made once for a plan."""
-    made = plan.once(_kept)
-    if not made:
-        made.append(Readout(plan, plan.full_program, plan.count, registers))
-    return made[0]
-
-
-def _kept(_: Plan) -> list[Readout]:
-    """Return where that is kept."""
-    return []
 
 
 def _ledger(gauge: Gauge) -> tuple[int, int] | None:

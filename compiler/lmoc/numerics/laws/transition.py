@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.law import SPRUNG
-from lmoc.numerics.laws.complementarity import Array
+from lmoc.numerics.laws.complementarity import FREE, LOWER, Array
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.impact import Friction, Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
@@ -99,12 +99,12 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     impact, over, until = None, np.zeros(len(held), bool), -np.inf
     least = _least_rate(now)
     if (now.rate[striking] < -least[striking]).any():
-        impact = _impact(table, before, sharing, table.restitution)
+        impact = _impact(table, before, sharing, mode.closed, table.restitution)
         now = _behind(gauge, before, sharing, impact)
         least = np.maximum(least, _least_rate(now))
         over, until = _last_bounces(table, now, mode, striking & (now.rate > least), trigger)
         if over.any():
-            impact = _impact(table, before, sharing, np.where(over, 0.0, table.restitution))
+            impact = _impact(table, before, sharing, mode.closed, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
         least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
@@ -150,13 +150,15 @@ def _rubbing(table: Table, striking: Mask) -> Mask:
     return table.contact & (table.degree == 2) & striking[np.where(table.contact, table.normal, 0)]
 
 
-def _impact(table: Table, now: Instant, striking: Mask, restitution: Array) -> Impact:
+def _impact(table: Table, now: Instant, striking: Mask, held: Mask, restitution: Array) -> Impact:
     which = np.flatnonzero(striking)
     rows = np.flatnonzero(table.contact[which])
     normal = np.searchsorted(which, table.normal[which[rows]])
     friction = Friction(rows, normal, now.stick[which[rows]])
     with solving(which, "no impulses keep them"):
-        return collide(now.delassus[np.ix_(which, which)], now.rate[which], restitution[which], friction)
+        matrix, rate = now.delassus[np.ix_(which, which)], now.rate[which]
+        side = np.where(held[which] | (rate < 0.0), FREE, LOWER)  # what is closed takes part in most impacts
+        return collide(matrix, rate, restitution[which], friction, side)
 
 
 def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Instant:

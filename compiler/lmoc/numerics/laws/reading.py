@@ -1,0 +1,76 @@
+"""What the end of a mode is seen by: motions, rates, forces and sticking limits of the laws in the mode that holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.numerics.evaluate.casadi_system import can_lower
+from lmoc.numerics.laws.instant import Array, Gauge
+from lmoc.numerics.laws.updated import Update, updatable
+from lmoc.numerics.observe.readout import Readout
+from lmoc.numerics.observe.slices import Evaluate, slice_of
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal
+
+Reader = Callable[[Array, Mapping[int, Signal]], Evaluate]
+
+
+def reader(gauge: Gauge) -> Reader:
+    """Return ``(base, signals) -> (times, states) -> (times, 4 laws)``: motions, rates, forces and sticking limits.
+
+    The motion is the gap of laws that have one, else the rate. Limits that are parameters are not among the values.
+    """
+    plan = gauge.plan
+    if not can_lower(plan.program):
+        update = updatable(plan, gauge.signals)
+        if update is not None:
+            return lambda base, signals: _updated(gauge, update, base, signals)
+    return _readout(plan, _registers(gauge)).bind
+
+
+def rates(plan: Plan, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
+    """Return ``(times, states) -> (times, states)``: the derivatives of the states in the mode that holds."""
+    update = None if plan.reduced.free is None or can_lower(plan.program) else updatable(plan, signals)
+    if update is not None:
+        return update.bind(update.rates, base, signals)
+    return slice_of(plan, plan.derivatives).bind(base, signals)
+
+
+def _updated(gauge: Gauge, update: Update, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
+    read, n = update.bind(update.reading, base, signals), gauge.form.count
+    registers = update.scene.quantities.registers
+    present = registers >= 0
+    has_gap = gauge.registers[0] >= 0
+
+    def evaluate(times: Array, states: Array, known: Array | None = None) -> Array:
+        found = read(times, states)
+        value = np.zeros((len(times), 5, n))
+        value[:, present] = found[:, : int(present.sum())]
+        motion = np.where(has_gap, value[:, 0], value[:, 1])
+        return np.concatenate([motion, value[:, 1], found[:, -n:], value[:, 4]], axis=1)
+
+    return evaluate
+
+
+def _registers(gauge: Gauge) -> NDArray[np.int64]:
+    """Return the registers of motions, rates, forces and sticking limits; any one in place of those that are none."""
+    gap, rate, _, _, stick = gauge.registers
+    motion = np.where(gap >= 0, gap, rate)
+    found = np.concatenate([motion, rate, gauge.force, stick])
+    return np.where(found >= 0, found, gauge.plan.states[0])
+
+
+def _readout(plan: Plan, registers: NDArray[np.int64]) -> Readout:
+    """Return what evaluates these registers in the mode that holds, made once for a plan."""
+    made = plan.once(_kept)
+    if not made:
+        made.append(Readout(plan, plan.full_program, plan.count, registers))
+    return made[0]
+
+
+def _kept(_: Plan) -> list[Readout]:
+    """Return where that is kept."""
+    return []
