@@ -189,6 +189,13 @@ HEAD = (
 )  # fmt: skip
 
 
+class Unattended(Protocol):
+    """The ability of a method to go on without Python between its steps, where nobody looks at them."""
+
+    def advance(self, time: float) -> Status:
+        """Go to an output time by as many steps as that takes; the integration's `x` is the state there."""
+
+
 class Integration(ABC):
     """A method at work on one problem: its state, and one accepted step at a time. A context manager.
 
@@ -208,7 +215,6 @@ class Integration(ABC):
     step_size: float = np.inf
     wanted: float = np.inf
     made_jump = False
-    native = False  # `advance` goes to an output time without Python between the steps
     matrix = ""
     evaluation = ""
 
@@ -216,6 +222,11 @@ class Integration(ABC):
         self.problem = problem
         self.steps = self.rejected = 0
         self._collected: list[np.ndarray] = []
+
+    @property
+    def unattended(self) -> Unattended | None:
+        """Return what goes to output times without Python between the steps; None where the method cannot."""
+        return None
 
     @abstractmethod
     def step(self) -> Status:
@@ -231,10 +242,6 @@ class Integration(ABC):
     @abstractmethod
     def jump(self, x: np.ndarray) -> None:
         """Go on from another state at the same time."""
-
-    def advance(self, time: float) -> Status:
-        """Go to an output time by as many steps as that takes; `x` is the state there. For those that are `native`."""
-        raise NotImplementedError
 
     def collect(self, times: np.ndarray) -> None:
         """Keep the states at times within the last step."""

@@ -43,7 +43,6 @@ class Multistep(Integration):
     session : owns the library's objects
     """
 
-    native = True
     session: Session
 
     def __init__(self, problem: Problem, system: System | IndexOne) -> None:
@@ -112,6 +111,10 @@ class Multistep(Integration):
     def step(self) -> Status:
         self.steps += 1
         return self._moved(self.session.step())
+
+    @property
+    def unattended(self) -> Multistep:
+        return self
 
     def advance(self, time: float) -> Status:
         return self._moved(self.session.advance(time))

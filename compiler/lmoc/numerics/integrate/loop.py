@@ -1,7 +1,7 @@
 """The loop of every integration: steps, guard, roots, output, progress, deadline, interruption.
 
 A method makes steps and knows values within the last one (`base.Integration`); everything else is here. Where nobody
-looks at the steps, a method that runs natively is left alone from one output time to the next.
+looks at the steps, a method that can is left alone from one output time to the next (`base.Unattended`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import Expired, Integration, Outcome, Problem, Watch
+from lmoc.numerics.integrate.base import Expired, Integration, Outcome, Problem, Unattended, Watch
 from lmoc.numerics.integrate.roots import RootFinder
 from lmoc.numerics.integrate.status import Status
 
@@ -45,8 +45,9 @@ class _Loop:
         run = self.run
         try:
             with run:
-                alone = run.native and not self.problem.needs_steps and self.problem.held is None
-                status = self.go_natively() if alone else self.go_stepwise()
+                watched = self.problem.needs_steps or self.problem.held is not None
+                unattended = None if watched else run.unattended
+                status = self.go_stepwise() if unattended is None else self.go_unattended(unattended)
         except Expired:
             status = Status.TOO_LONG
         except KeyboardInterrupt:
@@ -60,11 +61,11 @@ class _Loop:
             time, x, self.reached, status, run.counts(), run.step_size, run.matrix, run.evaluation, roots=found
         )
 
-    def go_natively(self) -> Status:
+    def go_unattended(self, method: Unattended) -> Status:
         """Leave the method alone from one output time to the next."""
         run = self.run
         for k, t in enumerate((*self.times, self.problem.end)):
-            status = run.advance(t)
+            status = method.advance(t)
             if status is not Status.OK:
                 return status
             if k < len(self.times):

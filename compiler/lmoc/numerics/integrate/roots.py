@@ -2,8 +2,8 @@
 
 Between the ends of a step a function may cross zero and come back. It is therefore looked at inside as well, and
 where it comes near zero and turns, at its extremum (Shampine & Thompson, Event location for ordinary differential
-equations, Comput. Math. Appl. 39, 2000). A crossing is located by the ITP method (Oliveira & Takahashi, ACM Trans.
-Math. Softw. 47, 2020), never worse than bisection, to the last digits of time.
+equations, Comput. Math. Appl. 39, 2000). A crossing is located to the last digits of time by brackets around the secant
+(`locate`), which are never worse than bisection.
 """
 
 from __future__ import annotations
@@ -43,11 +43,12 @@ class RootFinder:
         self.which = np.zeros(len(self.signs), bool)
         if roots.largest is None:
             roots.largest = np.abs(x)
+        self._inside = _INSIDE  # of the step, as shares, where the functions are looked at
         self._place = t, x.copy()  # the end of the step before: multistep methods do not interpolate it exactly
 
     def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
         """Return the place (t, x) in the last step at which the integration shall end, None where it goes on."""
-        begin = run.before
+        begin, self._inside = run.before, _INSIDE
         while True:
             found = self._next(run, begin)
             if found is None:
@@ -59,7 +60,7 @@ class RootFinder:
             begin = t
 
     def _next(self, run: Integration, begin: float) -> tuple[float, np.ndarray] | None:
-        """Return the first root of the last step behind a time, and note the signs behind it."""
+        """Return the first root of the last step after a time, and note the signs after it."""
         end = run.t
 
         def curve(times: np.ndarray) -> np.ndarray:
@@ -87,12 +88,11 @@ class RootFinder:
     def _samples(self, run: Integration, begin: float) -> tuple[np.ndarray, np.ndarray]:
         """Return times from `begin` to the end of the last step, and the functions there, close enough to follow them.
 
-        A step is as long as the states allow. Of a body that is held fast they tell nothing, while the force that holds
-        it follows the load.
+        A step is as long as the states allow. They say nothing about a body that is held fast, while the force that
+        holds it follows the load. After a root, the rest of the step is looked at as closely as before it.
         """
-        inside = _INSIDE
         while True:
-            times = begin + inside * (run.t - begin)
+            times = begin + self._inside * (run.t - begin)
             times[-1] = run.t
             states = run.interpolate(times)
             states[-1] = run.x
@@ -100,9 +100,9 @@ class RootFinder:
                 states[0] = self._place[1]
             np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
             values = self.roots.values(times, states)
-            if len(inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
+            if len(self._inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
                 return times, values
-            inside = np.linspace(0.0, 1.0, 2 * len(inside) - 1)
+            self._inside = np.linspace(0.0, 1.0, 2 * len(self._inside) - 1)
 
     def _together(
         self, times: np.ndarray, values: np.ndarray, curve: Callable[[np.ndarray], np.ndarray]
