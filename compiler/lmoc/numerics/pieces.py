@@ -100,6 +100,7 @@ class _Run:
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
+        self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
 
     def go(self, initial: Mapping[str, float] | End | Place) -> Trajectory:
         x = self._start(initial)
@@ -149,7 +150,7 @@ class _Run:
         records = (*self.impacts, *(() if happenings is None else happenings.records))
         crossing = None if happenings is None else happenings.crossing
         last = outcome.time, outcome.x
-        return Trajectory(tuple(self.pieces), self.variables, last, stats, records, notes, crossing)
+        return Trajectory(tuple(self.pieces), self.variables, last, stats, records, notes, crossing, self.begun)
 
     # ------------------------------------------------------------------ the start
 
@@ -195,8 +196,15 @@ class _Run:
         span = task.span.start, task.span.end
         self.changes.passes = False
         self.happenings = Happenings(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
+
+        def begun(base: np.ndarray) -> np.ndarray:
+            x = states(base)
+            self.begun = x.copy(), base.copy()
+            return x
+
+        going_on = isinstance(initial, End | Place)
         try:
-            x = self.happenings.start(states, initial)
+            x = self.happenings.start(states if going_on else begun, initial)
         except Stopped as stopped:
             self.report.error("E0535", f"the start has no solution: {stopped.reason}")
             self.report.check()

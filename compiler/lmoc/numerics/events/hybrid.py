@@ -311,7 +311,7 @@ class Hybrid:
         Relations that decide about continuous equations, and the model's own that are counted or true; these where no
         `when` tells of the event.
         """
-        return self.layout.plan.once(_told)
+        return self.layout.plan.once(told_variables)
 
     def _tell(self, t: float, kind: str, happened: Happened, held: np.ndarray, lost: float) -> None:
         flat, events = self.layout.flat, self.layout.events
@@ -365,7 +365,7 @@ class Hybrid:
         return Stopped(Status.UNSETTLED, reason)
 
 
-def _told(plan: Plan) -> np.ndarray:
+def told_variables(plan: Plan) -> np.ndarray:
     flat = plan.reduced.flat
     own = [b for b in flat.blocks if b.kind == Kind.DISCRETE and not b.protected and b.quantity != "Real"]
     targets = [r.target for r in flat.events.relations]

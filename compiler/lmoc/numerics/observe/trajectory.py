@@ -120,6 +120,8 @@ class Trajectory:
     events : what has happened between the pieces
     notes : what deserves a word about the run
     crossing : as of `End`
+    begun : (n,), (registers,) the states and what does not change between events, before what laws and events do at the
+        start; None without these, and for a run that continues another one
     """
 
     pieces: tuple[Piece, ...]
@@ -129,6 +131,7 @@ class Trajectory:
     events: tuple = ()
     notes: tuple[Diagnostic, ...] = ()
     crossing: np.ndarray | None = None
+    begun: tuple[np.ndarray, np.ndarray] | None = None
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -248,7 +251,7 @@ class Trajectory:
             if left > 0 or not pieces:
                 pieces.append(piece.until(left))
             left -= len(piece.time)
-        return Trajectory(tuple(pieces), self.kept, self.last, self.stats, self.events, self.notes, self.crossing)
+        return replace(self, pieces=tuple(pieces), _cache={})
 
     @cached_property
     def residual(self) -> tuple[float, float] | None:

@@ -28,6 +28,7 @@ from lmoc.numerics.integrate.automatic import (
 )
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
+from lmoc.numerics.options import MOREAU
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import lookout
@@ -36,6 +37,8 @@ from lmoc.numerics.signals.tables import Table
 from lmoc.numerics.sizes import assumed_sizes
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.code import Writer
+from lmoc.view.javascript.events import Programs, write_events
+from lmoc.view.javascript.laws import write_laws
 from lmoc.view.javascript.start import start_program
 
 MOST_ROWS = 5_000  # of all steps: more makes a large page, and a run that takes seconds
@@ -51,8 +54,8 @@ class Script:
 
     Attributes
     ----------
-    text : the JavaScript expression of ``{parameters, start, rhs, observe, breaks}``, functions of ``(w, time)``, where
-        `tab`, `blocks` and the names of `elementary.js` and `blocks.js` are known
+    text : the JavaScript expression of ``{parameters, start, rhs, observe, breaks, …}``, functions of ``(w, time)`` and
+        lists of such, where `tab`, `blocks` and the names of `elementary.js` and `blocks.js` are known
     data : what `simulate.js` reads, in plain lists, numbers and texts; None stands for NaN
     slots : (flat.count,) where the value of each parameter stands, -1 where nothing is computed from it
     registers : (flat.count,) where the value of each variable stands after ``observe``, -1: nowhere
@@ -74,23 +77,23 @@ def write_script(trajectory: Trajectory, stop: float) -> Script:
     Raises
     ------
     NotWritten
-        For what the page cannot do: laws and events, inputs that are Python functions, coordinates that change, …
+        For what the page cannot do: inputs that are Python functions, coordinates that change, …
     """
     _check(trajectory)
     observer, piece = trajectory.observer, trajectory.pieces[0]
     times, states = piece.samples
     if not len(times) or times[0] != piece.begin:
         raise NotWritten("the start of the run is not among its output times")
-    return _Scene(observer, piece.begin, stop, times[0], states[0], trajectory.stats).script()
+    return _Scene(observer, piece.begin, stop, times[0], states[0], trajectory).script()
 
 
 def _check(trajectory: Trajectory) -> None:
     observer = trajectory.observer
     reduced, flat = observer.plan.reduced, observer.flat
-    if reduced.switched is not None:
-        raise NotWritten("the scene has laws (strings, stops, friction), whose switching the page does not compute")
-    if flat.events is not None:
-        raise NotWritten("the scene has events (when, relations), which the page does not compute")
+    if (reduced.switched is not None or flat.events is not None) and trajectory.begun is None:
+        raise NotWritten("the run goes on where another one has ended, whose events the page does not know")
+    if trajectory.stats.get("solver") == MOREAU:
+        raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
     if any(p.reduced is not reduced for p in trajectory.pieces):
         raise NotWritten("the coordinates change during this run, which the page does not compute")
     for variable, _ in observer.plan.samplers:
@@ -105,12 +108,16 @@ def _check(trajectory: Trajectory) -> None:
 class _Scene:
     """One run on its way to a script."""
 
-    def __init__(self, observer: Observer, begin: float, stop: float, time: float, x: np.ndarray, stats: dict) -> None:
+    def __init__(
+        self, observer: Observer, begin: float, stop: float, time: float, x: np.ndarray, trajectory: Trajectory
+    ) -> None:
+        stats = trajectory.stats
         self.plan: Plan = observer.plan
         self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
         self.flat: FlatDAE = observer.flat
         self.rtol = float(stats.get("rtol", 1e-6))
         self.automatic = stats.get("reason") != "asked for"
+        self.first = trajectory.begun or (x, observer.base)
         self.count = self.plan.count
         self.slots = np.full(self.flat.count, -1)
         self.base = list(observer.base)
@@ -128,26 +135,40 @@ class _Scene:
         self.slots[new] = self.add(len(new), self.observer.values[new])
         return self.slots[variables]
 
+    def of_variables(self, variables: np.ndarray) -> np.ndarray:
+        """Return the registers of variables of the flat model, -1 where there are none."""
+        variables = np.asarray(variables, int)
+        known = (variables >= 0) & (self.flat.kind[variables] <= Kind.PARAMETER)
+        found = np.where(variables >= 0, self.plan.reduced.register_of[variables], -1)
+        if known.any():
+            found[known] = self.of_parameters(variables[known])
+        return found
+
     def script(self) -> Script:
         plan, writer = self.plan, Writer()
         used = plan.read_parameters
         copied = Apply(slot(0), self.of_parameters(used[1])[:, None], used[0])
-        start = start_program(self.observer, self.time, self.x, self)
+        x, base = self.first
+        before = Observer(plan, self.observer.values, base, self.observer.signals)
+        start = start_program(before, self.time, x, self)
         breaks, lines, switches = self._breaks()
         judged, checks = self._checks()
+        happening, laws, events = self._happening()
         steps = (copied, *plan.reduced.parameter_program)
-        steps = (*self._bindings((*steps, *start.wanted, *breaks, *judged)), *steps, *start.wanted, *judged)
+        reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
+        steps = (*self._bindings(reading), *steps, *start.wanted, *judged)
         base = np.array(self.base)
         base[np.concatenate([np.zeros(0, int), *map(written, steps)])] = np.nan
         rates = writer.function(plan.program)
         watched = len(writer.blocks)  # the motion depends on these alone
-        functions = {
+        functions: Programs = {
             "parameters": steps,
             "start": start.program,
             "observe": plan.full_program,
             "breaks": breaks,
         }
-        text = ",\n".join(f"{name}: {writer.function(program)}" for name, program in functions.items())
+        functions |= happening
+        text = ",\n".join(f"{name}: {_written(program, writer)}" for name, program in functions.items())
         text += f",\nrhs: {rates}"
         data = {
             "count": self.count,
@@ -158,7 +179,7 @@ class _Scene:
             "seeds": self._seeds(),
             "states": plan.states.tolist(),
             "derivatives": plan.derivatives.tolist(),
-            "x": _numbers(self.x),
+            "x": _numbers(x),
             "held": start.held,
             "begin": self.begin,
             "end": self.stop,
@@ -168,6 +189,8 @@ class _Scene:
             "curves": self._curves(),
             "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
             "checks": checks,
+            "laws": laws,
+            "events": events,
             "lines": lines,
             "switches": switches,
             "bounds": self._bounds(),
@@ -176,6 +199,18 @@ class _Scene:
         registers = plan.reduced.register_of.copy()
         registers[self.undetermined] = -1
         return Script(f"{{\n{text}\n}}", data, self.slots, registers)
+
+    def _happening(self) -> tuple[Programs, dict | None, dict | None]:
+        """Return the programs of laws and events, and the data of both; None where the scene has none."""
+        programs: Programs = {}
+        laws = events = None
+        if self.plan.reduced.switched is not None:
+            own, laws = write_laws(self.plan, self)
+            programs |= own
+        if self.flat.events is not None:
+            others, events = write_events(self.observer, self)
+            programs |= others
+        return programs, laws, events
 
     # ------------------------------------------------------------------ parameters
 
@@ -295,6 +330,16 @@ class _Scene:
         registers = np.unique(np.concatenate(unknowns))
         values = [float(self.observer.register(r, np.array([self.time]), self.x[None])[0]) for r in registers.tolist()]
         return [[r, v] for r, v in zip(registers.tolist(), values, strict=True) if np.isfinite(v)]
+
+
+def _flat(programs: Programs) -> list[Program]:
+    return [one for p in programs.values() for one in (p if isinstance(p, list) else [p])]
+
+
+def _written(program: Program | list[Program], writer: Writer) -> str:
+    if isinstance(program, list):
+        return "[" + ",\n".join(writer.function(one) for one in program) + "]"
+    return writer.function(program)
 
 
 def method() -> dict:

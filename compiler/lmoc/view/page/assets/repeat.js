@@ -1,7 +1,8 @@
 // The scene simulated again in the page, for other values of its parameters.
 
 import { Answer } from "./answer.js";
-import { Scene, simulate } from "./simulate.js";
+import { Scene } from "./scene.js";
+import { simulate } from "./simulate.js";
 
 const LIMIT = 2000; // ms that a simulation may take
 

@@ -1,0 +1,95 @@
+// The events and laws of a run, combined, as `numerics/events/happenings.py`: at an instant the laws go first, then the
+// discrete equations, and the laws again where those have changed something that they depend on.
+
+import { Hybrid } from "./hybrid.js";
+import { Stopped } from "./stopped.js";
+import { LawSwitching } from "./switching.js";
+
+const MANY_CHANGES = 500; // of laws within …
+const INSTANT = 1e-10; // … this share of the run are chattering
+const MUTUAL_ROUNDS = 20; // of laws and discrete equations that change each other at one instant
+
+export class Happenings {
+  constructor(scene) {
+    this.scene = scene;
+    const { data } = scene;
+    this.laws = data.laws === null ? null : new LawSwitching(scene);
+    this.laws?.gauge.hold();
+    this.hybrid = data.events === null ? null : new Hybrid(scene);
+    this.span = data.end - data.begin;
+    this.records = [];
+    this.lawRoots = 0;
+    this.times = []; // s, of the latest changes of laws
+  }
+
+  get until() {
+    return this.hybrid === null ? this.scene.data.end : this.hybrid.until;
+  }
+
+  get longestStep() {
+    return this.hybrid === null ? Infinity : this.hybrid.longestStep;
+  }
+
+  /** What ends the piece that begins at a place; null where nothing does. */
+  roots(t, x) {
+    const own = this.laws === null ? null : this.laws.roots(t, x);
+    this.lawRoots = own === null ? 0 : own.signs.length;
+    const other = this.hybrid !== null && this.hybrid.own.zeros.length ? this.hybrid.machine.roots() : null;
+    if (own === null || other === null) return own ?? other;
+    const value = (time, state) => Float64Array.from([...own.value(time, state), ...other.value(time, state)]);
+    return { signs: [...own.signs, ...other.signs], value };
+  }
+
+  /** The states at the start, behind what happens there. `states()` finds the states of the model. */
+  start(states) {
+    const { begin } = this.scene.data;
+    let x = this.hybrid === null ? states() : this.hybrid.start(states);
+    this.collect();
+    if (this.laws === null) return x;
+    const [state, events] = this.laws.start(begin, x);
+    this.records.push(...events);
+    x = state;
+    return this.hybrid === null ? x : this.settle(begin, x);
+  }
+
+  /** The states behind what has ended a piece at {t, x, which}; null at the end of the run. */
+  after({ t, x, which }) {
+    const ofLaws = which === null ? [] : [...which].slice(0, this.lawRoots);
+    let state = x;
+    if (ofLaws.some(Boolean)) {
+      this.times = [...this.times, t].slice(-MANY_CHANGES);
+      if (this.times.length === MANY_CHANGES && t - this.times[0] <= INSTANT * this.span) {
+        throw new Stopped(`the laws of ${this.laws.names(ofLaws)} open and close without end at t = ${t.toPrecision(6)} s`);
+      }
+      const [behind, events] = this.laws.happen(t, x, ofLaws);
+      this.records.push(...events);
+      state = behind;
+    }
+    if (this.hybrid === null) return which === null ? null : state;
+    const behind = this.hybrid.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
+    this.collect();
+    return behind === null || this.laws === null ? behind : this.settle(t, behind);
+  }
+
+  /** Let laws and discrete equations answer each other until nothing changes. */
+  settle(t, from) {
+    let x = from;
+    for (let round = 0; round < MUTUAL_ROUNDS; round++) {
+      const before = JSON.stringify(this.laws.mode);
+      this.laws.second = this.laws.stuckFriction();
+      const [state, events] = this.laws.happen(t, x, []);
+      this.records.push(...events);
+      x = state;
+      if (events.length === 0 && before === JSON.stringify(this.laws.mode)) return x;
+      x = this.hybrid.settle(t, x);
+      this.collect();
+    }
+    throw new Stopped(`laws and events change each other again and again at t = ${t.toPrecision(6)} s`);
+  }
+
+  collect() {
+    if (this.hybrid === null) return;
+    this.records.push(...this.hybrid.records);
+    this.hybrid.records = [];
+  }
+}

@@ -1,0 +1,205 @@
+// The events of a run: when the next one comes, its effect, and its record, as `numerics/events/hybrid.py`.
+
+import { nextTime, ring } from "./clock.js";
+import { Machine, nearTo } from "./machine.js";
+import { Stopped } from "./stopped.js";
+
+const CHANGES = 12; // of one condition …
+const MOMENT = 1e-9; // … within this part of the run, which is chattering
+const START_ROUNDS = 50; // of finding states and discrete values at the start that agree
+const SHORTLY = 1e-6; // part of the time since the last event
+const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
+const CONTINUOUS = 1e-9; // share of a value by which it may change at an event and still be continuous
+
+export class Hybrid {
+  constructor(scene) {
+    const { data } = scene;
+    Object.assign(this, { scene, own: data.events, begin: data.begin, end: data.end });
+    this.machine = new Machine(scene);
+    this.records = [];
+    this.next = Infinity;
+    this.last = data.begin;
+    this.times = new Map(); // when each zero function has last crossed zero
+  }
+
+  /** States and discrete values that agree, behind what happens at the start. `states()` finds the states. */
+  start(states) {
+    const { machine, begin } = this;
+    let x = this.firstStates(states);
+    machine.literal = false;
+    machine.remember();
+    this.next = nextTime(machine, begin, true);
+    return this.next <= begin + nearTo(begin) ? this.event(begin, x, "time") : x;
+  }
+
+  firstStates(states) {
+    const { machine, own, begin } = this;
+    const { w, functions } = this.scene;
+    this.flag(own.initial, 1);
+    own.initialEquations.forEach(({ value, targets }, k) => {
+      functions.initialEquations[k](w, begin);
+      for (const target of targets) w[target] = w[value];
+    });
+    let x;
+    for (let round = 0, changed = true; changed; round++) {
+      if (round === START_ROUNDS) throw new Stopped("no states and discrete values agree at the start");
+      const before = machine.discrete();
+      x = states();
+      machine.look(begin, x);
+      own.before.forEach(([now, past], k) => {
+        if (!own.held[k]) w[past] = machine.value(now);
+      });
+      machine.assign();
+      changed = machine.discrete().some((v, k) => v !== before[k] && !(Number.isNaN(v) && Number.isNaN(before[k])));
+    }
+    x = machine.reinit(begin, x) ?? x;
+    this.flag(own.initial, 0);
+    machine.remember();
+    machine.solve(begin, x);
+    return x;
+  }
+
+  flag(register, value) {
+    if (register >= 0) this.scene.w[register] = value;
+  }
+
+  /** s, where the present piece ends at the latest. */
+  get until() {
+    return Math.min(this.next, this.end);
+  }
+
+  get longestStep() {
+    return this.own.looksAtTime ? (this.end - this.begin) / LEAST_LOOKS : Infinity;
+  }
+
+  /** Do what happens where a piece has ended; the states behind it, null at the end of the run. */
+  after(t, x, roots) {
+    const { machine, own } = this;
+    if (roots !== null) {
+      const crossed = own.zeros.flatMap((_, k) => (roots[k] ? [k] : []));
+      this.noticeChatter(t, crossed);
+      const behind = this.event(t, x, "when");
+      machine.crossed(crossed);
+      return behind === x ? behind : this.leave(t, behind, crossed);
+    }
+    if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
+    if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal");
+    return null;
+  }
+
+  /** Let conditions at zero change back where the jump of states sends them to the side they came from. */
+  leave(t, x, crossed) {
+    const { machine, own, scene } = this;
+    const since = t - this.last;
+    this.last = t;
+    machine.look(t, x);
+    const near = crossed.filter((k) => !own.rounded[k] && Math.abs(machine.zero(k)) < machine.margin[k]);
+    if (near.length === 0 || !(since > 0)) return x;
+    const rates = new Float64Array(x.length);
+    scene.rates(t, x, rates);
+    const short = SHORTLY * since;
+    machine.look(t + short, x.map((v, j) => v + short * rates[j]));
+    const ahead = near.map((k) => machine.zero(k));
+    machine.look(t, x);
+    const isUp = (k) => scene.w[own.zeroTargets[k]] > 0;
+    const back = near.filter((k, i) => Math.abs(ahead[i]) > machine.margin[k] && ahead[i] > 0 !== isUp(k));
+    if (back.length === 0) return x;
+    return this.event(t, x, "when", () => {
+      for (const k of back) scene.w[own.zeroTargets[k]] = 1 - scene.w[own.zeroTargets[k]];
+    });
+  }
+
+  /** Do what follows from a change of the continuous equations at an instant. */
+  settle(t, x) {
+    return this.event(t, x, "when");
+  }
+
+  event(t, x, kind, change = () => {}) {
+    const { machine, own, scene } = this;
+    const told = own.told.map(({ register }) => scene.w[register]);
+    const discrete = machine.discrete();
+    machine.time = t;
+    const happened = machine.event(t, x, () => {
+      if (kind === "time") ring(machine, t);
+      else if (kind === "terminal") this.flag(own.terminal, 1);
+      else change();
+    });
+    this.next = nextTime(machine, t);
+    const lost = this.energy(t, x, happened);
+    this.bookSteps(t, happened.x, discrete);
+    this.tell(t, kind, happened, told, lost);
+    for (const k of happened.broken) {
+      if (own.checks[k].error) throw new Stopped(`an assertion does not hold: ${own.checks[k].message} (t = ${t.toPrecision(6)} s)`);
+    }
+    for (const k of happened.terminations) throw new Stopped(own.terminations[k].message, false);
+    return happened.x;
+  }
+
+  /** Book what energy the jump of states has cost as heat, what it has brought as work; the loss. */
+  energy(t, x, happened) {
+    const { machine, own } = this;
+    if (happened.x === x || own.stored < 0 || own.work < 0 || own.heat < 0) return 0;
+    const stored = (state) => {
+      machine.look(t, state);
+      return machine.value(own.stored);
+    };
+    const lost = stored(x) - stored(happened.x);
+    if (!Number.isFinite(lost)) return lost;
+    happened.x[lost > 0 ? own.heat : own.work] += Math.abs(lost);
+    return Math.max(lost, 0);
+  }
+
+  /** Book the work of what steps at an instant; where the motion needs the derivative of the step, the run stops. */
+  bookSteps(t, x, discrete) {
+    const { machine, scene } = this;
+    const { registers, moving, stored, names } = this.own.jumps;
+    if (registers.length === 0) return;
+    const values = () => {
+      scene.evaluate(scene.functions.jumps, t, x);
+      return [...registers, ...stored].map((register) => scene.w[register]);
+    };
+    const now = machine.discrete();
+    machine.put(discrete);
+    const before = values();
+    machine.put(now);
+    const after = values();
+    const jumped = registers.map((_, k) => {
+      return Math.abs(after[k] - before[k]) > CONTINUOUS * Math.max(Math.abs(after[k]), Math.abs(before[k]));
+    });
+    const wrong = jumped.findIndex((j, k) => j && moving[k]);
+    if (wrong >= 0) {
+      const what = `'${names[wrong]}' jumps at t = ${t.toPrecision(6)} s`;
+      throw new Stopped(`${what}, and the motion needs its derivative, which is an impulse there`);
+    }
+    if (jumped.some(Boolean) && stored.length && this.own.work >= 0) x[this.own.work] += after.at(-1) - before.at(-1);
+  }
+
+  tell(t, kind, happened, told, loss) {
+    const { own, scene } = this;
+    let lost = loss;
+    const add = (record) => this.records.push({ time: t, before: "", after: "", impulse: 0, energy_lost: 0, note: "", ...record });
+    for (const k of happened.whens) {
+      const { name, text } = own.whens[k];
+      add({ name, kind: kind === "terminal" ? "when" : kind, after: text, energy_lost: lost });
+      lost = 0;
+    }
+    own.told.forEach(({ register, name, boolean, hidden }, k) => {
+      const now = scene.w[register];
+      if (now === told[k] || (!hidden && happened.whens.size)) return;
+      const shown = (value) => (boolean ? String(Boolean(value)) : String(Number(value.toPrecision(6))));
+      add({ name, kind: hidden ? "relation" : "change", before: shown(told[k]), after: shown(now) });
+    });
+  }
+
+  /** Stop where a condition switches again and again without the run getting on. */
+  noticeChatter(t, crossed) {
+    const moment = MOMENT * Math.max(this.end - this.begin, nearTo(t));
+    for (const k of crossed) {
+      const times = [...(this.times.get(k) ?? []), t].slice(-CHANGES);
+      this.times.set(k, times);
+      if (times.length === CHANGES && t - times[0] <= moment) {
+        throw new Stopped(`'${this.own.texts[k]}' switches back and forth at t = ${t.toPrecision(6)} s`);
+      }
+    }
+  }
+}

@@ -1,0 +1,83 @@
+// The laws of a scene at one instant: gaps, rates, the effect of their forces, and their limits, as `numerics/laws/instant.py`.
+
+import { zeroMatrix } from "./matrix.js";
+
+export class Gauge {
+  /** `scene` evaluates; `scene.data.laws` says where the quantities of the laws stand among the registers. */
+  constructor(scene) {
+    const own = scene.data.laws;
+    Object.assign(this, { scene, own, count: own.force.length, ledger: own.ledger });
+    const { unilateral, complementary, dry, contact, degree, normal } = own;
+    const impulsive = complementary.map((c, k) => c && degree[k] === 2);
+    const restitution = own.restitution.map((register) => (register < 0 ? 0 : scene.w[register]));
+    this.table = { unilateral, complementary, dry, contact, degree, normal, impulsive, restitution };
+  }
+
+  /** The registers of a mode, all laws open without one. */
+  hold(mode = null) {
+    const { w } = this.scene;
+    this.own.closed.forEach((register, k) => (w[register] = Number(mode !== null && mode.closed[k] && !mode.implied[k])));
+    this.own.push.forEach((register, k) => (w[register] = mode === null ? 0 : mode.push[k]));
+    this.own.direction.forEach((register, k) => {
+      if (register >= 0) w[register] = mode === null ? 0 : mode.direction[k];
+    });
+  }
+
+  /** Values at a time and state with all laws open and their forces zero; the registers are left like that. */
+  at(t, x) {
+    const { scene, own, count } = this;
+    const { w } = scene;
+    this.hold();
+    scene.evaluate(scene.functions.gauge, t, x);
+    const values = (registers) => registers.map((register) => (register < 0 ? NaN : w[register]));
+    const limits = (registers) => values(registers).map((v) => Math.max(v, 0));
+    const found = { t, x, gap: values(own.gap), rate: values(own.rate), bias: values(own.level) };
+    Object.assign(found, { slip: limits(own.slip), stick: limits(own.stick), stored: own.stored < 0 ? NaN : w[own.stored] });
+    const derivatives = (registers, into, column) => {
+      registers.forEach((register, k) => (into[k][column] = register < 0 ? 0 : w[register]));
+    };
+    const delassus = zeroMatrix(count, count);
+    const response = zeroMatrix(x.length, count);
+    const gapSlope = zeroMatrix(count, x.length);
+    const rateSlope = zeroMatrix(count, x.length);
+    for (const seed of [...own.stateSeeds, ...own.pushSeeds]) w[seed] = 0;
+    own.stateSeeds.forEach((seed, j) => {
+      w[seed] = 1;
+      scene.functions.gaugeTangent(w, t);
+      derivatives(own.gapTangents, gapSlope, j);
+      derivatives(own.rateTangents, rateSlope, j);
+      w[seed] = 0;
+    });
+    own.pushSeeds.forEach((seed, j) => {
+      w[seed] = 1;
+      scene.functions.gaugeTangent(w, t);
+      derivatives(own.levelTangents, delassus, j);
+      derivatives(own.derivativeTangents, response, j);
+      w[seed] = 0;
+    });
+    const gapScale = scaleOfTerms(found.gap, gapSlope, x);
+    const rateScale = scaleOfTerms(found.rate, rateSlope, x);
+    return { ...found, delassus, response, gapSlope, rateSlope, gapScale, rateScale };
+  }
+}
+
+/** The sizes of the terms whose sums some values are; 0 where there are none. */
+function scaleOfTerms(values, slopes, x) {
+  return values.map((value, k) => {
+    if (Number.isNaN(value)) return 0;
+    let [sum, size] = [0, 0];
+    slopes[k].forEach((s, j) => {
+      sum += s * x[j];
+      size += Math.abs(s * x[j]);
+    });
+    return size + Math.abs(value - sum);
+  });
+}
+
+/** The laws of a scene contradict each other at an instant; `laws` take part. */
+export class Contradiction extends Error {
+  constructor(laws, reason) {
+    super(reason);
+    this.laws = laws;
+  }
+}
