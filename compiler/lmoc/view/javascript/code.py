@@ -14,6 +14,7 @@ import numpy as np
 from lmoc.ir.program import Apply, Program, Solve, Total
 from lmoc.numerics.evaluate.native.c_code import FEW, expression_lines, number_text
 from lmoc.support.records import dataclass
+from lmoc.view.javascript.varying import matrix_varies
 
 
 @dataclass
@@ -24,10 +25,12 @@ class Writer:
     ----------
     tables : lists of numbers, which the text calls ``tab[0]``, ``tab[1]``, …
     blocks : {unknowns of an implicit block: its number}; functions that solve the same block share its last solution
+    varying : (registers,) which change between events; all, where it is None
     """
 
     tables: list[list] = field(default_factory=list)
     blocks: dict[bytes, int] = field(default_factory=dict)
+    varying: np.ndarray | None = None
     _names: int = 0
 
     def name(self, lead: str) -> str:
@@ -86,6 +89,7 @@ class Writer:
         number = self.blocks.setdefault(step.unknowns.tobytes(), len(self.blocks))
         unknowns, residuals = self.table(step.unknowns), self.table(step.residuals)
         guess = "null" if step.guess is None else self.table(step.guess)
-        size, linear = step.unknowns.shape[1], "true" if step.linear else "false"
-        head = f"solve(blocks, {number}, w, time, {unknowns}, {residuals}, {size}, {linear}, {guess}, "
+        size = step.unknowns.shape[1]
+        kind = 0 if not step.linear else 1 if self.varying is None or matrix_varies(step, self.varying) else 2
+        head = f"solve(blocks, {number}, w, time, {unknowns}, {residuals}, {size}, {kind}, {guess}, "
         return [head + self.function(step.inner) + ");"]

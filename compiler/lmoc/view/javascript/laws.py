@@ -33,20 +33,20 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
     force, push = register[form.force], register[form.push]
     stored = _single(plan, "ledger.stored")
     motions = [found[name][found[name] >= 0] for name in found]
-    wanted = np.concatenate([*motions, force, plan.derivatives, np.array([stored] if stored >= 0 else [], int)])
-    wanted = wanted[wanted < plan.count]
-    gauge = needed_steps(plan.full_program, wanted, plan.count)
-    derivatives = tangent(gauge, np.concatenate([plan.states, push]), plan.count, places)
+    wanted = np.concatenate([*motions, force, plan.derivatives, [stored]]).astype(int)
+    gauge = needed_steps(plan.full_program, _own(wanted, plan), plan.count)
+    by_force = tangent(gauge, push, plan.count, places)
+    moving = _own(np.concatenate(motions[:2]), plan)
+    by_state = tangent(needed_steps(plan.full_program, moving, plan.count), plan.states, plan.count, places)
     judged = np.concatenate([*motions[:2], motions[4], force])
-    roots = needed_steps(plan.full_program, judged[judged < plan.count], plan.count)
+    roots = needed_steps(plan.full_program, _own(judged, plan), plan.count)
 
-    def slopes(registers: np.ndarray) -> list[int]:
+    def slopes(of: np.ndarray, registers: np.ndarray) -> list[int]:
         inside = (registers >= 0) & (registers < plan.count)
-        return np.where(inside, derivatives.of[np.where(inside, registers, 0)], -1).tolist()
+        return np.where(inside, of[np.where(inside, registers, 0)], -1).tolist()
 
     kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
     rows = law_rows(flat, form.laws)
-    n = len(plan.states)
     data: dict[str, Any] = {name: registers.tolist() for name, registers in found.items()}
     data |= {
         "force": force.tolist(),
@@ -60,12 +60,12 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
         "contact": (kinds == LawKind.CONTACT_FRICTION.value).tolist(),
         "normal": _normal(form),
         "restitution": of(_restitution(form)).tolist(),
-        "stateSeeds": derivatives.seeds[:n].tolist(),
-        "pushSeeds": derivatives.seeds[n:].tolist(),
-        "gapTangents": slopes(found["gap"]),
-        "rateTangents": slopes(found["rate"]),
-        "levelTangents": slopes(found["level"]),
-        "derivativeTangents": slopes(plan.derivatives),
+        "stateSeeds": by_state.seeds.tolist(),
+        "pushSeeds": by_force.seeds.tolist(),
+        "gapTangents": slopes(by_state.of, found["gap"]),
+        "rateTangents": slopes(by_state.of, found["rate"]),
+        "levelTangents": slopes(by_force.of, found["level"]),
+        "derivativeTangents": slopes(by_force.of, plan.derivatives),
         "stored": stored,
         "ledger": plan.ledger.tolist(),
         **ledger_states(plan),
@@ -75,7 +75,13 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
         "closedWords": [mode_word(laws, True) for _, laws in rows],
         "openWords": [mode_word(laws, False) for _, laws in rows],
     }
-    return {"gauge": gauge, "gaugeTangent": derivatives.program, "lawRoots": roots}, data
+    programs = {"gauge": gauge, "byForce": by_force.program, "byState": by_state.program, "lawRoots": roots}
+    return programs, data
+
+
+def _own(registers: np.ndarray, plan: Plan) -> np.ndarray:
+    """Return those that are registers of the plan."""
+    return registers[(registers >= 0) & (registers < plan.count)]
 
 
 def ledger_states(plan: Plan) -> dict[str, int]:

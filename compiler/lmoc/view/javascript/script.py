@@ -40,6 +40,7 @@ from lmoc.view.javascript.code import Writer
 from lmoc.view.javascript.events import Programs, write_events
 from lmoc.view.javascript.laws import write_laws
 from lmoc.view.javascript.start import start_program
+from lmoc.view.javascript.varying import varying_registers
 
 MOST_ROWS = 5_000  # of all steps: more makes a large page, and a run that takes seconds
 
@@ -145,7 +146,8 @@ class _Scene:
         return found
 
     def script(self) -> Script:
-        plan, writer = self.plan, Writer()
+        plan = self.plan
+        writer = Writer(varying=varying_registers(plan))
         used = plan.read_parameters
         copied = Apply(slot(0), self.of_parameters(used[1])[:, None], used[0])
         x, base = self.first

@@ -16,10 +16,11 @@ const HALVINGS = 12;
 
 /**
  * The memory of a program's blocks. While it is patient, a solution is sought from far away, too; `failed` is set where
- * none was found.
+ * none was found. While it is `same`, the matrices of linear blocks are those of the time before: only their right-hand
+ * sides change. `changes` counts those of parameters, discrete variables and modes.
  */
 export function makeBlocks(count) {
-  return { memory: Array.from({ length: count }, () => null), patient: true, failed: false };
+  return { memory: Array.from({ length: count }, () => null), patient: true, failed: false, same: false, changes: 0 };
 }
 
 /** The signs of the determinants of all nonlinear blocks, as they were factorized last; null where they were not. */
@@ -50,6 +51,7 @@ function memoryOf(blocks, number, unknowns, size, linear) {
   const instances = unknowns.length / size;
   return (blocks.memory[number] = {
     linear,
+    changes: -1,
     last: null,
     signs: new Int8Array(instances),
     a: Array.from({ length: instances }, () => new Float64Array(size * size)),
@@ -61,21 +63,24 @@ function memoryOf(blocks, number, unknowns, size, linear) {
 /**
  * Fill w[unknowns] so that w[residuals] vanish, instance after instance of `size` unknowns; NaN where nothing was found.
  *
- * `inner` computes the residuals. `guess` holds registers to begin from, or -1.
+ * `inner` computes the residuals. `guess` holds registers to begin from, or -1. `kind` is 0 of a nonlinear block, 1 of a
+ * linear one, 2 of one whose matrix depends on what changes at events only.
  */
-export function solve(blocks, number, w, time, unknowns, residuals, size, linear, guess, inner) {
+export function solve(blocks, number, w, time, unknowns, residuals, size, kind, guess, inner) {
+  const linear = kind > 0;
   const memory = memoryOf(blocks, number, unknowns, size, linear);
   const block = { memory, w, time, unknowns, residuals, size, inner };
-  if (linear) solveLinear(block);
+  if (linear) solveLinear(block, blocks.same || (kind === 2 && memory.changes === blocks.changes), blocks.changes);
   else if (!solveNonlinear(block, blocks.patient, guess)) blocks.failed = true;
   inner(w, time);
 }
 
-function solveLinear(block) {
-  const { w, unknowns, inner, time } = block;
+function solveLinear(block, same, changes) {
+  const { memory, w, unknowns, inner, time } = block;
   for (const u of unknowns) w[u] = 0;
   inner(w, time);
-  linearize(block, () => 1);
+  if (!same) linearize(block, () => 1);
+  memory.changes = changes;
   for (let round = 0; round < 2; round++) {
     correct(block);
     inner(w, time);

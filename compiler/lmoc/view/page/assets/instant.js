@@ -15,7 +15,8 @@ export class Gauge {
 
   /** The registers of a mode, all laws open without one. */
   hold(mode = null) {
-    const { w } = this.scene;
+    const { w, blocks } = this.scene;
+    blocks.changes++;
     this.own.closed.forEach((register, k) => (w[register] = Number(mode !== null && mode.closed[k] && !mode.implied[k])));
     this.own.push.forEach((register, k) => (w[register] = mode === null ? 0 : mode.push[k]));
     this.own.direction.forEach((register, k) => {
@@ -40,20 +41,24 @@ export class Gauge {
     const response = zeroMatrix(x.length, count);
     const gapSlope = zeroMatrix(count, x.length);
     const rateSlope = zeroMatrix(count, x.length);
-    for (const seed of [...own.stateSeeds, ...own.pushSeeds]) w[seed] = 0;
-    own.stateSeeds.forEach((seed, j) => {
-      w[seed] = 1;
-      scene.functions.gaugeTangent(w, t);
+    const columns = (seeds, run, read) => {
+      for (const seed of seeds) w[seed] = 0;
+      seeds.forEach((seed, j) => {
+        w[seed] = 1;
+        run(w, t);
+        read(j);
+        w[seed] = 0;
+        scene.blocks.same = true; // one matrix for all columns
+      });
+      scene.blocks.same = false;
+    };
+    columns(own.stateSeeds, scene.functions.byState, (j) => {
       derivatives(own.gapTangents, gapSlope, j);
       derivatives(own.rateTangents, rateSlope, j);
-      w[seed] = 0;
     });
-    own.pushSeeds.forEach((seed, j) => {
-      w[seed] = 1;
-      scene.functions.gaugeTangent(w, t);
+    columns(own.pushSeeds, scene.functions.byForce, (j) => {
       derivatives(own.levelTangents, delassus, j);
       derivatives(own.derivativeTangents, response, j);
-      w[seed] = 0;
     });
     const gapScale = scaleOfTerms(found.gap, gapSlope, x);
     const rateScale = scaleOfTerms(found.rate, rateSlope, x);

@@ -50,11 +50,13 @@ export class Machine {
 
   /** Put back the values of `discrete()`. */
   put(values) {
+    this.scene.blocks.changes++;
     this.own.discrete.forEach((register, k) => (this.w[register] = values[k]));
   }
 
   /** Take the continuous values at a place. */
   look(t, x) {
+    this.scene.blocks.changes++;
     this.time = t;
     this.scene.evaluate(this.scene.functions.look, t, x);
   }

@@ -20,23 +20,29 @@ export const part = (matrix, rows, columns) => rows.map((i) => columns.map((j) =
 
 export const largest = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
 
-/** The solution of a regular system; NaN where the matrix is singular. */
-export function solved(matrix, right) {
-  const n = right.length;
+/** A function that solves with a regular matrix; it answers NaN where the matrix is singular. */
+function solver(matrix) {
+  const n = matrix.length;
   const a = Float64Array.from(matrix.flatMap((row) => [...row]));
   const pivots = new Int32Array(n);
-  const x = Float64Array.from(right);
-  if (factorize(a, n, pivots) === 0) return x.fill(NaN);
-  substitute(a, n, pivots, x);
-  return x;
+  const regular = factorize(a, n, pivots) !== 0;
+  return (right) => {
+    const x = Float64Array.from(right);
+    if (regular) substitute(a, n, pivots, x);
+    else x.fill(NaN);
+    return x;
+  };
 }
+
+export const solved = (matrix, right) => solver(matrix)(right);
 
 const columnNorm = (matrix) => Math.max(...matrix.map((_, j) => matrix.reduce((sum, row) => sum + Math.abs(row[j]), 0)));
 
 /** The inverse of a square matrix whose condition is below a bound; null for others. */
 export function inverse(matrix, worst) {
   const n = matrix.length;
-  const columns = matrix.map((_, j) => solved(matrix, matrix.map((_, i) => (i === j ? 1 : 0))));
+  const by = solver(matrix);
+  const columns = matrix.map((_, j) => by(matrix.map((_, i) => (i === j ? 1 : 0))));
   if (columns.some((column) => !column.every(Number.isFinite))) return null;
   const found = matrix.map((_, i) => columns.map((column) => column[i]));
   return n === 0 || columnNorm(matrix) * columnNorm(found) < worst ? found : null;

@@ -27,6 +27,7 @@ export class Scene {
   seed() {
     this.last = this.kept = null;
     this.blocks.memory.fill(null);
+    this.blocks.changes++;
     for (const [register, value] of this.data.seeds) this.w[register] = value;
   }
 

@@ -113,10 +113,11 @@ export class LawSwitching {
   take(t, x, trigger, atStart) {
     const before = this.mode;
     const { own } = this.gauge;
-    this.refuseOverlaps(t, x, trigger);
+    const here = this.gauge.at(t, x);
+    this.refuseOverlaps(here, trigger);
     let found;
     try {
-      found = transition(this.gauge, t, x, before, trigger);
+      found = transition(this.gauge, here, before, trigger);
     } catch (failed) {
       if (!(failed instanceof Contradiction)) throw failed;
       const names = [...new Set(failed.laws.map((k) => own.names[k]))].join(", ");
@@ -134,16 +135,15 @@ export class LawSwitching {
   }
 
   /** Stop where a gap is negative that no motion has closed: start values or a jump have put it there. */
-  refuseOverlaps(t, x, trigger) {
-    const { gauge, mode } = this;
-    const { table, own } = gauge;
-    const now = gauge.at(t, x);
+  refuseOverlaps(now, trigger) {
+    const { table, own } = this.gauge;
+    const { mode } = this;
     const concerned = indices(table.unilateral.map((u, k) => u && table.degree[k] >= 1));
     const allowed = OVERLAP * Math.max(0, ...concerned.map((k) => now.gapScale[k])) + OVERLAP_ROUNDING;
     const wrong = concerned.find((k) => !mode.closed[k] && !trigger.closing[k] && now.gap[k] < -allowed);
     if (wrong === undefined) return;
     const gap = now.gap[wrong].toPrecision(6);
-    throw new Stopped(`the gap of '${own.names[wrong]}' is negative, ${gap}, at t = ${t.toPrecision(6)} s`);
+    throw new Stopped(`the gap of '${own.names[wrong]}' is negative, ${gap}, at t = ${now.t.toPrecision(6)} s`);
   }
 
   events(t, before, found, atStart) {

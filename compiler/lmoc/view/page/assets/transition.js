@@ -14,16 +14,16 @@ const BOUNCES_LEFT = 1e-9; // s; where all bounces to come would take less, they
 const LEAST_HEIGHT = 1e-14; // … as where they are lower than this share of the lengths that make the gap
 
 /**
- * What follows at an instant: {before, now, mode, force, impulse, lost, impactLaw, touched, accumulated, until}.
+ * What follows at the instant `here`: {before, now, mode, force, impulse, lost, impactLaw, touched, accumulated, until}.
  *
  * `trigger` has {closing, opening, direction}: open laws whose motion has come to zero, closed ones whose force has come
  * to its end, and the direction in which friction among them begins to slide.
  */
-export function transition(gauge, t, x, mode, trigger) {
+export function transition(gauge, here, mode, trigger) {
   const { table, count } = gauge;
   const each = (test) => Array.from({ length: count }, (_, k) => Boolean(test(k)));
   const { unilateral, degree, impulsive, contact, dry, normal } = table;
-  let now = gauge.at(t, x);
+  let now = here;
   const touching = each(
     (k) => unilateral[k] && degree[k] >= 1 && (mode.closed[k] || trigger.closing[k] || aboutToClose(now, k)),
   );
