@@ -88,7 +88,7 @@ def modes_met(session: Session, parameters: Point | None) -> list[MetMode] | Non
 
     A run that fails on its way counts up to there.
     """
-    from lmoc.symbolic.laws.equations import MetMode
+    from lmoc.symbolic.laws.equations import met_modes
 
     try:
         trajectory = simulate(session, Request(RunOptions(energy=False), parameters)).trajectory
@@ -101,12 +101,7 @@ def modes_met(session: Session, parameters: Point | None) -> list[MetMode] | Non
         if not all(d.code.startswith(OF_RUNS) for d in error.diagnostics if d.severity == "error"):
             raise
         return None
-    found: dict[tuple[bool, ...], MetMode] = {}
-    for piece in trajectory.pieces:
-        if piece.mode is not None:
-            closed = tuple(piece.mode.closed.tolist())
-            found.setdefault(closed, MetMode(closed, piece.begin))
-    return list(found.values())
+    return met_modes(trajectory)
 
 
 def _run_until(session: Session, time: float, parameters: Point | None) -> Run:

@@ -1,11 +1,10 @@
 """Runs repeated by JavaScript: the same answer as Python's, with the model's values and with others."""
 
-import json
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.in_javascript import difference, program, repeat
 from oracles.node import needs_node, run_script
 
 import lmoc
@@ -19,62 +18,16 @@ AGREE = 1e-6  # of the largest value of the same unit
 pytestmark = needs_node
 
 
-@dataclass
-class Repeated:
-    """A run of JavaScript beside that of Python."""
-
-    names: list[str]
-    values: np.ndarray  # (times, names)
-    complete: bool
-    reason: str
-    steps: int
-
-
-def program(script: Script, body: str) -> str:
-    """A script of its own around the functions of a scene."""
-    data = json.dumps(script.data, allow_nan=False)
-    made = f"new Scene({data}, (tab, blocks) => ({script.text}))"
-    return f"{{ const scene = {made};\n{body}\n}}"
-
-
-def repeat(cases: list[tuple[object, Script, list[list[float]]]]) -> list[Repeated]:
-    """Repeat runs in one process: (run of Python, its script, changed values) each."""
-    parts, names = [], []
-    for run, script, changed in cases:
-        variables = run.table_variables()
-        variables = variables[script.registers[variables] >= 0]
-        wanted = script.registers[variables].tolist()
-        names.append([run.flat.variable_name(int(v)) for v in variables])
-        call = f"simulate(scene, {json.dumps(changed)}, {json.dumps(run.time.tolist())}, {json.dumps(wanted)})"
-        parts.append(program(script, f"const r = {call};\nr.columns = r.columns.map((c) => [...c]);\nout.push(r);"))
-    text = "\n".join([joined("simulate.js"), joined("elementary.js"), "const out = [];", *parts])
-    found = run_script(text + "\nconsole.log(JSON.stringify(out));")
-    return [
-        Repeated(own, np.array(r["columns"], float).T, r["complete"], r["reason"], r["steps"])
-        for own, r in zip(names, found, strict=True)
-    ]
-
-
-def difference(run, repeated: Repeated) -> float:
-    """The largest difference by the largest value of the same unit."""
-    truth = run.values(np.concatenate([run.flat.find(name) for name in repeated.names]))
-    assert (np.isnan(truth) == np.isnan(repeated.values)).all()
-    units = np.array([run.unit(name) for name in repeated.names])
-    top = np.nanmax(np.abs(truth), axis=0, initial=0.0)
-    missed = np.nan_to_num(np.abs(truth - repeated.values)).max(axis=0)
-    return max(float(missed[units == u].max()) / (float(top[units == u].max()) or 1.0) for u in set(units.tolist()))
-
-
 def scripts(files: list[Path], **options) -> list[tuple[object, Script]]:
     runs = [lmoc.compile(f).simulate(**options) for f in files]
-    return [(run, write_script(run.trajectory, float(run.time[-1]))) for run in runs]
+    return [(run, write_script(run.trajectory)) for run in runs]
 
 
 def test_every_scene_of_the_notes_and_its_variables():
     runs = [lmoc.compile(file).simulate() for file in sorted((MODELS / "notes").glob("*.lmo"))]
     smooth = [run for run in runs if run.reduced.switched is None]
     assert len(smooth) >= 31
-    cases = [(run, write_script(run.trajectory, float(run.time[-1]))) for run in smooth]
+    cases = [(run, write_script(run.trajectory)) for run in smooth]
     for (run, script), again in zip(cases, repeat([(run, script, []) for run, script in cases]), strict=True):
         assert again.complete, (run.flat.name, again.reason)
         assert difference(run, again) < AGREE, run.flat.name
@@ -101,7 +54,7 @@ def test_other_values_of_parameters_give_what_python_gives():
     for file in files:
         dae = lmoc.compile(file)
         run = dae.simulate(points=30, rtol=1e-8)
-        script = write_script(run.trajectory, float(run.time[-1]))
+        script = write_script(run.trajectory)
         chosen = changeable(run, script)
         assert len(chosen) >= 2, file.name
         for slider in (chosen[0], chosen[-1]):
@@ -207,19 +160,22 @@ def test_no_second_branch_without_a_word():
         times = np.linspace(0, 1, 51).tolist()
         wanted = [int(script.registers[run.flat.find("y")[0]])]
         body = f"const r = simulate(scene, [], {times}, {wanted}); console.log(JSON.stringify([r, [...r.columns[0]]]));"
-        r, y = run_script("\n".join([joined("simulate.js"), joined("elementary.js"), program(script, body)]))
+        r, y = run_script("\n".join([joined("repeat.js"), joined("elementary.js"), program(script, body)]))
         x, y = 0.6 + np.array(r["time"]), np.array(y, float)
         assert r["complete"] is complete and bool(r["reason"]) is not complete
         assert np.allclose(y[x < 0.99], np.sqrt(1 - x[x < 0.99] ** 2)) and np.isnan(y[x > 1.0001]).all()
 
 
-@pytest.mark.parametrize(
-    ("file", "word"), [("laws/h19_bouncing_ball", "laws"), ("hard/h01_cartesian_pendulum", "coordinates")]
-)
-def test_what_a_page_cannot_do_is_said(file, word):
-    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
-    with pytest.raises(NotWritten, match=word):
-        write_script(run.trajectory, float(run.time[-1]))
+def test_what_a_page_cannot_do_is_said():
+    run = lmoc.compile(MODELS / "hard" / "h01_cartesian_pendulum.lmo").simulate(points=20)
+    with pytest.raises(NotWritten, match="coordinates"):
+        write_script(run.trajectory)
+    dae = lmoc.compile(MODELS / "laws" / "h19_bouncing_ball.lmo")
+    with pytest.raises(NotWritten, match="impulses"):
+        write_script(dae.simulate(points=20, solver="moreau").trajectory)
+    first = dae.simulate(stop=1, points=20)
+    with pytest.raises(NotWritten, match="another one has ended"):
+        write_script(dae.simulate(start=1, stop=2, initial=first.end).trajectory)
 
 
 def test_a_function_of_python_is_not_in_the_page():

@@ -12,6 +12,7 @@ from oracles.browser import needs_browser, open_page
 
 import lmoc
 from lmoc.view.page.contents import contents
+from lmoc.view.page.equations import equations_html
 from lmoc.view.page.page import Page
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -151,8 +152,22 @@ def test_every_scene_of_the_notes_has_a_page_below_the_limit():
 def test_laws_events_and_modes():
     run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate()
     data = contents(run, "bungee").data
-    assert data["script"]["reason"].startswith("the scene has laws")
-    assert data["modes"] == [{"name": "string", "spans": [[0.0, "slack"], *([e.time, e.after] for e in run.events)]}]
+    assert data["script"]["reason"] == "" and [e["kind"] for e in data["events"]] == [e.kind for e in run.events]
+    assert data["modes"] == [[0.0, {"string": "slack"}], *([e.time, {"string": e.after}] for e in run.events)]
+
+
+def test_the_equations_of_each_mode_that_is_met():
+    run = lmoc.compile(MODELS / "laws" / "h16_stick_slip.lmo").simulate()
+    html = equations_html(run)
+    assert html.count("<h2>friction") == 2 and "friction stick, from t = 0 s" in html and html.count("<math") >= 4
+    assert "sign" in html  # of the law, behind the equations
+
+
+def test_what_rounding_leaves_is_not_compared():
+    run = lmoc.compile(MODELS / "laws" / "elastic_string.lmo").simulate()
+    assert 0 < abs(run["string.loss"]).max() < 1e-9
+    checked = {name for name, _ in contents(run, "string").data["check"]}
+    assert "string.loss" not in checked and {"mass.q", "string.f"} <= checked
 
 
 def test_columns_are_held_once_and_constants_as_numbers():

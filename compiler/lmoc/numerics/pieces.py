@@ -150,7 +150,9 @@ class _Run:
         records = (*self.impacts, *(() if happenings is None else happenings.records))
         crossing = None if happenings is None else happenings.crossing
         last = outcome.time, outcome.x
-        return Trajectory(tuple(self.pieces), self.variables, last, stats, records, notes, crossing, self.begun)
+        planned = outcome.time if outcome.status.failed else self.task.span.end
+        pieces = tuple(self.pieces)
+        return Trajectory(pieces, self.variables, last, stats, records, notes, crossing, self.begun, planned)
 
     # ------------------------------------------------------------------ the start
 

@@ -386,4 +386,4 @@ def _where(name: str, span: Place | None) -> str:
 def _shown(quantity: str, value: float) -> str:
     if quantity == "Boolean":
         return "true" if value else "false"
-    return f"{value:g}"
+    return f"{value + 0.0:g}"  # no negative zero

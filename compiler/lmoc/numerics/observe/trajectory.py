@@ -122,6 +122,7 @@ class Trajectory:
     crossing : as of `End`
     begun : (n,), (registers,) the states and what does not change between events, before what laws and events do at the
         start; None without these, and for a run that continues another one
+    planned : s, where the run was to end, though a model may have ended it earlier; or where it has failed
     """
 
     pieces: tuple[Piece, ...]
@@ -132,6 +133,7 @@ class Trajectory:
     notes: tuple[Diagnostic, ...] = ()
     crossing: np.ndarray | None = None
     begun: tuple[np.ndarray, np.ndarray] | None = None
+    planned: float = np.nan
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property

@@ -22,6 +22,8 @@ from lmoc.symbolic.system import jet_symbol, symbolic_system
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.numerics.observe.trajectory import Trajectory
+
 MOST_MODES = 6  # whose equations are derived
 ALL_MODES = 8  # that are all derived where no run says which of them are met
 
@@ -38,6 +40,16 @@ class MetMode:
 
     closed: tuple[bool, ...]
     since: float | None = None
+
+
+def met_modes(trajectory: Trajectory) -> list[MetMode]:
+    """Return the modes of the laws that a run has met, in their order."""
+    found: dict[tuple[bool, ...], MetMode] = {}
+    for piece in trajectory.pieces:
+        if piece.mode is not None:
+            closed = tuple(piece.mode.closed.tolist())
+            found.setdefault(closed, MetMode(closed, piece.begin))
+    return list(found.values())
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
-from lmoc.ir.mode import law_rows, mode_word
+from lmoc.ir.mode import law_names, law_rows, mode_word
 from lmoc.ir.program import Program, needed_steps
 from lmoc.numerics.laws.open_scene import limits_of
 from lmoc.numerics.plan import Plan
@@ -70,6 +70,7 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
         "ledger": plan.ledger.tolist(),
         **ledger_states(plan),
         "names": [name for name, _ in rows],
+        "labels": law_names(flat, form.laws),
         "closing": [laws.closing for _, laws in rows],
         "opening": [laws.opening for _, laws in rows],
         "closedWords": [mode_word(laws, True) for _, laws in rows],

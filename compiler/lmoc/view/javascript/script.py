@@ -13,6 +13,7 @@ import numpy as np
 from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
+from lmoc.ir.law import SPRUNG
 from lmoc.ir.program import Apply, Program, Solve, Step, read, walk, written
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
@@ -68,12 +69,12 @@ class Script:
     registers: np.ndarray
 
 
-def write_script(trajectory: Trajectory, stop: float) -> Script:
+def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
     """Return a run as JavaScript.
 
     Parameters
     ----------
-    stop : s, where the run was to end
+    stop : s, where it ends; by default where the run was to end, or has failed
 
     Raises
     ------
@@ -85,6 +86,7 @@ def write_script(trajectory: Trajectory, stop: float) -> Script:
     times, states = piece.samples
     if not len(times) or times[0] != piece.begin:
         raise NotWritten("the start of the run is not among its output times")
+    stop = trajectory.planned if stop is None else stop
     return _Scene(observer, piece.begin, stop, times[0], states[0], trajectory).script()
 
 
@@ -95,6 +97,8 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("the run goes on where another one has ended, whose events the page does not know")
     if trajectory.stats.get("solver") == MOREAU:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
+    if reduced.switched is not None and (reduced.switched.degree == SPRUNG).any():
+        raise NotWritten("friction has springs alone around it, whose switching the page does not compute")
     if any(p.reduced is not reduced for p in trajectory.pieces):
         raise NotWritten("the coordinates change during this run, which the page does not compute")
     for variable, _ in observer.plan.samplers:

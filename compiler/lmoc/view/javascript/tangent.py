@@ -8,7 +8,7 @@ applied: a linear block for the derivatives of its unknowns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from lmoc.support.records import dataclass
 from typing import Protocol
 
 import numpy as np

@@ -15,10 +15,10 @@ from lmoc.report.summary import counted, energy_text, stages, times_text
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.page.contents import Contents, contents
+from lmoc.view.page.equations import equations_html
 from lmoc.view.page.join import asset, joined
 
 UPLOT = "1.6.32"
-MOST_DERIVED = 24  # states of a scene whose equations are derived for the page
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,6 @@ class Page:
             "missing": "".join(missing),
             "equations": equations_html(run),
             "system": system_html(run),
-            "events": events_html(found),
             "style": asset(f"uplot-{UPLOT}.min.css") + asset("page.css"),
             "uplot": asset(f"uplot-{UPLOT}.min.js"),
             "uplot-version": UPLOT,
@@ -95,21 +94,6 @@ def json_text(found: Contents) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def equations_html(run: Result) -> str:
-    """Return the equations of motion in MathML, or why they are not shown."""
-    from lmoc.symbolic.equations import equations_of_motion
-
-    if run.reduced.switched is not None:
-        return "<p>Those of a scene with laws change with its modes, and are not shown here.</p>"
-    count = len(run.reduced.states)
-    if count > MOST_DERIVED:
-        return f"<p>Not derived for the page: the scene has {count} states.</p>"
-    try:
-        return equations_of_motion(run.reduced, run.trajectory.observer.values).html()
-    except ModelError as error:
-        return f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>"
-
-
 def system_html(run: Result) -> str:
     """Return what was solved and what it cost, as a table."""
     stats, states = run.stats, run.states
@@ -125,15 +109,3 @@ def system_html(run: Result) -> str:
     warnings = [d.message for d in run.notes if d.severity == "warning"]
     body = "".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in rows.items())
     return f"<table>{body}</table>" + "".join(f'<p class="warning">{escape(text)}.</p>' for text in warnings)
-
-
-def events_html(found: Contents) -> str:
-    """Return the events as a table; nothing without events."""
-    events = found.data["events"]
-    if not events:
-        return ""
-    rows = ""
-    for e in events:
-        cells = f"{e['time']:.6g} s", e["name"], e["kind"], " → ".join(filter(None, (e["before"], e["after"])))
-        rows += "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
-    return f"<details><summary>Events ({len(events)})</summary><table>{rows}</table></details>"

@@ -21,9 +21,17 @@ export function placeOf(time, t) {
 }
 
 export class Answer {
-  /** `columns` maps names to arrays over time, or to numbers that do not change. */
-  constructor(time, columns, { complete = true, reason = "" } = {}) {
-    Object.assign(this, { time, columns, complete, reason });
+  /**
+   * `columns` maps names to arrays over time, or to numbers that do not change; `modes` are [since, {law: mode}], in order.
+   */
+  constructor(time, columns, { complete = true, reason = "", events = [], modes = [] } = {}) {
+    Object.assign(this, { time, columns, complete, reason, events, modes });
+  }
+
+  /** [law, mode] of each law at a time. */
+  modesAt(t) {
+    const now = this.modes.findLast(([since]) => since <= t) ?? this.modes[0];
+    return now === undefined ? [] : Object.entries(now[1]);
   }
 
   has(name) {
@@ -65,7 +73,8 @@ export function givenAnswer(data) {
     const own = column === undefined ? (value ?? NaN) : values.subarray(column * time.length, (column + 1) * time.length);
     columns.set(name, own);
   }
-  return new Answer(time, columns, { complete: data.complete, reason: data.reason });
+  const { complete, reason, events, modes } = data;
+  return new Answer(time, columns, { complete, reason, events, modes });
 }
 
 /**

@@ -18,6 +18,7 @@ export class Happenings {
     this.hybrid = data.events === null ? null : new Hybrid(scene);
     this.span = data.end - data.begin;
     this.records = [];
+    this.modes = []; // [since, {law: mode}]
     this.lawRoots = 0;
     this.times = []; // s, of the latest changes of laws
   }
@@ -33,11 +34,20 @@ export class Happenings {
   /** What ends the piece that begins at a place; null where nothing does. */
   roots(t, x) {
     const own = this.laws === null ? null : this.laws.roots(t, x);
+    if (own !== null) this.noteMode(t);
     this.lawRoots = own === null ? 0 : own.signs.length;
     const other = this.hybrid !== null && this.hybrid.own.zeros.length ? this.hybrid.machine.roots() : null;
     if (own === null || other === null) return own ?? other;
     const value = (time, state) => Float64Array.from([...own.value(time, state), ...other.value(time, state)]);
     return { signs: [...own.signs, ...other.signs], value };
+  }
+
+  /** Remember the mode that holds from a time on; at one instant the last counts. */
+  noteMode(t) {
+    const words = this.laws.words();
+    if (this.modes.length && this.modes.at(-1)[0] === t) this.modes.pop();
+    const before = this.modes.at(-1)?.[1] ?? {};
+    if (Object.entries(words).some(([law, mode]) => before[law] !== mode)) this.modes.push([t, words]);
   }
 
   /** The states at the start, behind what happens there. `states()` finds the states of the model. */

@@ -3,12 +3,14 @@
 import { read, write } from "./address.js";
 import { difference, givenAnswer } from "./answer.js";
 import { Chooser, format, Sliders } from "./controls.js";
+import { modesText, showEvents } from "./events.js";
 import { Motion, movers, Stage } from "./picture.js";
 import { Player, SPEEDS } from "./player.js";
 import { Plots } from "./plots.js";
 import { Repeater } from "./repeat.js";
 
-const AGREES = 1e-6; // of the largest value of the same unit
+const AGREES = 1e-6; // of the largest value of the same unit …
+const ADD_UP = 50; // … or this many times the tolerance: the errors of two runs
 const SLOW = 60; // ms that a simulation may take while a slider is moved
 const STEP = 200; // of these a run is walked through with the arrow keys
 const $ = (id) => document.getElementById(id);
@@ -29,7 +31,7 @@ class Page {
     this.motion = null;
     const { time } = this.given;
     this.player = new Player(time[0] ?? 0, time[time.length - 1] ?? 0, (t) => this.show(t), () => this.writePlayer());
-    const around = { events: data.events, seek: (t) => this.player.seek(t) };
+    const around = { seek: (t) => this.player.seek(t) };
     this.plots = new Plots($("plots"), around);
     const state = read(location.hash);
     const names = data.variables.map((v) => v.name);
@@ -57,10 +59,11 @@ class Page {
       return;
     }
     this.repeater = repeater;
+    this.times = repeater.timesOf(this.given.time);
     const missed = difference(again, this.data.check, this.data.sizes, this.unitOf);
     const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
     $("repeat").textContent = `Computed again by this page, the run ${text}.`;
-    $("repeat").classList.toggle("warning", !(missed <= AGREES));
+    $("repeat").classList.toggle("warning", !(missed <= Math.max(AGREES, ADD_UP * script.rtol)));
     $("repeat").dataset.difference = String(missed);
     this.sliders = new Sliders($("sliders"), script.parameters, (final) => this.changed(final));
     $("parameters").hidden = script.parameters.length === 0;
@@ -130,7 +133,7 @@ class Page {
     $("forces").checked = this.forces;
     this.against = null;
     if (state.against !== null && this.repeater !== null) {
-      this.against = { values: state.against, answer: this.repeater.run(this.given.time, state.against) };
+      this.against = { values: state.against, answer: this.repeater.run(this.times, state.against) };
     }
     if (this.sliders !== null) this.sliders.setAll(state.set);
     else this.draw();
@@ -146,7 +149,9 @@ class Page {
 
   simulate() {
     const moved = Object.keys(this.sliders.values).length > 0;
-    this.answer = moved ? this.repeater.run(this.given.time, this.sliders.values) : this.given;
+    this.answer = moved ? this.repeater.run(this.times, this.sliders.values) : this.given;
+    this.player.end = this.answer.time.at(-1) ?? this.player.end;
+    $("time").max = String(this.player.end);
     $("trouble").textContent = moved && this.answer.reason ? `With these values: ${this.answer.reason}.` : "";
     $("reset").disabled = !moved;
     this.draw();
@@ -207,6 +212,7 @@ class Page {
     if (data.energy !== null && answer.time.length > 1) {
       this.plots.drawEnergy(answer, data.energy, answer === this.given ? data.energy.text : balance(answer, data.energy));
     }
+    showEvents($("events"), answer.events, (t) => this.player.seek(t));
     $("keep").setAttribute("aria-pressed", String(against !== null));
     $("keep").textContent = against === null ? "Compare with these" : "Compare no more";
     if (data.picture !== null) this.motion = this.newMotion();
@@ -281,11 +287,7 @@ class Page {
   }
 
   writeModes(t) {
-    const now = this.data.modes.map(({ name, spans }) => {
-      const span = spans.findLast(([begin]) => begin <= t) ?? spans[0];
-      return `${name}: ${span[1]}`;
-    });
-    if (now.length) $("modes").textContent = now.join(" · ");
+    $("modes").textContent = modesText(this.answer, t);
   }
 
   writePlayer() {

@@ -96,12 +96,13 @@ const gaps = (values) => Array.from(values, (v) => (Number.isFinite(v) ? v : nul
 /** All plots of the page; `draw` makes them anew, `show` moves their cursors. */
 export class Plots {
   constructor(host, around) {
-    Object.assign(this, { host, around, panels: [] });
+    Object.assign(this, { host, around, panels: [], events: [] });
   }
 
   /** Draw the variables `names` of an answer, and dashed those of another one that it is compared with. */
   draw(names, answer, against, unitOf) {
     this.clear();
+    this.events = answer.events;
     for (const [unit, members] of byUnit(names, unitOf)) {
       const series = members.map((name, k) => ({
         stroke: style(`--c${k % COLOURS}`),
@@ -151,7 +152,7 @@ export class Plots {
     const box = document.createElement("div");
     figure.append(caption, box, legend(entries));
     this.host.append(figure);
-    this.panels.push(new Panel(box, options, data, { ...this.around, describe }));
+    this.panels.push(new Panel(box, options, data, { ...this.around, events: this.events, describe }));
   }
 
   show(t) {

@@ -4,7 +4,8 @@ import { Answer } from "./answer.js";
 import { Scene } from "./scene.js";
 import { simulate } from "./simulate.js";
 
-const LIMIT = 2000; // ms that a simulation may take
+const LIMIT = 4000; // ms that a simulation may take
+const MOST_MORE = 5000; // output times beyond those given
 
 export class Repeater {
   /** `script` is the data of a scene with its `parameters`; `make` returns the functions written by the compiler. */
@@ -15,6 +16,16 @@ export class Repeater {
     this.variables = data.variables;
     this.now = now;
     this.spent = 0; // ms that the last simulation has taken
+  }
+
+  /** Output times of a run: the given ones and, where the model may end it later with other values, more like them. */
+  timesOf(given) {
+    const { end } = this.scene.data;
+    const last = given[given.length - 1];
+    const step = (last - given[0]) / Math.max(1, given.length - 1);
+    if (!(step > 0) || !(end - last > 1e-9 * Math.abs(end))) return given;
+    const more = Math.min(MOST_MORE, Math.ceil((end - last) / step - 1e-9));
+    return Float64Array.from([...given, ...Array.from({ length: more }, (_, k) => last + ((k + 1) * (end - last)) / more)]);
   }
 
   /** The answer at `times` for parameter values by name, {name: value}; those not named are the model's. */

@@ -14,8 +14,8 @@ const NO_TIME = 1e-15; // of the time: in a shorter piece nothing moves
 /**
  * Simulate for parameter values `changed`, [[slot, value], …].
  *
- * Returns {time, columns, complete, reason, events, steps, evaluations}: the values of the registers `wanted` at those of
- * the `times` that were reached.
+ * Returns {time, columns, complete, reason, events, modes, steps, evaluations}: the values of the registers `wanted` at
+ * those of the `times` that were reached.
  */
 export function simulate(scene, changed, times, wanted, limits = {}) {
   return new Run(scene, times, wanted, limits).go(changed);
@@ -46,8 +46,8 @@ class Run {
     const { reached, reason, steps, evaluations } = this;
     const columns = this.columns.map((column) => column.subarray(0, reached));
     const complete = reason === "" && (ended || reached === this.times.length);
-    const events = scene.happenings?.records ?? [];
-    return { time: this.times.slice(0, reached), columns, complete, reason, events, steps, evaluations };
+    const { records = [], modes = [] } = scene.happenings ?? {};
+    return { time: this.times.slice(0, reached), columns, complete, reason, events: records, modes, steps, evaluations };
   }
 
   record(time, x) {

@@ -104,6 +104,12 @@ export class LawSwitching {
     return [state, events];
   }
 
+  /** {law: what its mode is called} */
+  words() {
+    const { labels, closedWords, openWords } = this.gauge.own;
+    return Object.fromEntries(labels.map((name, k) => [name, (this.mode.closed[k] ? closedWords : openWords)[k]]));
+  }
+
   /** The names of the parts whose root functions have vanished. */
   names(which) {
     const rows = [...this.mode.closed.keys(), ...this.second].filter((_, i) => which[i]);

@@ -1,0 +1,57 @@
+"""The equations of a page: those of motion in MathML; of a scene with laws, those of each mode that the run has met."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from lmoc import pipeline
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.prepared import Prepared
+from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import ModelError
+from lmoc.report.result import Result
+
+MOST_DERIVED = 24  # states of a scene whose equations are derived for the page
+
+
+def equations_html(run: Result) -> str:
+    """Return the equations, or why they are not shown."""
+    count = len(run.reduced.states)
+    if count > MOST_DERIVED:
+        return f"<p>Not derived for the page: the scene has {count} states.</p>"
+    try:
+        prepared = _as_written(run)
+        return _of_modes(prepared, run) if prepared.flat.laws else _of_motion(prepared)
+    except ModelError as error:
+        return f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>"
+
+
+def _of_motion(prepared: Prepared) -> str:
+    from lmoc.symbolic.equations import equations_of_motion
+
+    return equations_of_motion(prepared.reduced, prepared.values).html()
+
+
+def _of_modes(prepared: Prepared, run: Result) -> str:
+    from lmoc.symbolic.laws.equations import equations_of_modes, met_modes
+    from lmoc.symbolic.laws.modes import Lawful
+
+    return equations_of_modes(Lawful(prepared, _reduced), met_modes(run.trajectory)).html()
+
+
+def _as_written(run: Result) -> Prepared:
+    """Return the scene as it is in the text: with its laws, and with relations in place of discrete variables."""
+    origin = run.reduced.lawful or run.flat
+    values = run.trajectory.observer.values[: origin.count]
+    if origin.events is None:
+        return Prepared(origin, run.reduced, values)
+    from lmoc.ir.written import as_written
+
+    flat, held = as_written(origin, values)
+    return Prepared(flat, _reduced(flat, held), held)
+
+
+def _reduced(flat: FlatDAE, values: np.ndarray) -> Reduced:
+    return pipeline.reduce(flat, values, None, pipeline.Clock())

@@ -1,0 +1,186 @@
+"""Events and laws in JavaScript: the same as Python's, with the model's parameters and with others."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.in_javascript import difference, repeat
+from oracles.node import needs_node
+
+import lmoc
+from lmoc.view.javascript.script import write_script
+from lmoc.view.javascript.sliders import sliders
+
+MODELS = Path(__file__).parents[2] / "models"
+LEFT_OUT = {"bungee_jump", "wagons"}  # looked at on its own; takes long
+WITH_LAWS = [f for f in sorted((MODELS / "laws").glob("*.lmo")) if f.stem not in LEFT_OUT]
+WITH_LAWS += [MODELS / "notes" / f"{name}.lmo" for name in ("ex08_slack_cable", "fig6_slack_string")]
+
+pytestmark = needs_node
+
+
+def repeated(scenes, **options):
+    """[(name, run, its repetition)] with the model's values, and with one other value each."""
+    cases, names = [], []
+    for dae, changed in scenes:
+        run = dae.simulate(**options)
+        script = write_script(run.trajectory)
+        found = {s.name: s for s in sliders(run.trajectory.observer, script.slots) if not s.fixed and s.value}
+        cases.append((run, script, []))
+        names.append(dae.name)
+        for name, factor in changed.items() or [(next(iter(found)), 1.15)]:
+            value = factor * found[name].value
+            cases.append((dae.simulate(parameters={name: value}, **options), script, [[found[name].slot, value]]))
+            names.append(f"{dae.name}: {name}")
+    return [(name, case[0], again) for name, case, again in zip(names, cases, repeat(cases), strict=True)]
+
+
+def judge(found, least=1e-6):
+    for name, run, again in found:
+        assert again.complete, (name, again.reason)
+        ours = [(e["name"], e["kind"], e["before"], e["after"]) for e in again.events]
+        assert ours == [(e.name, e.kind, e.before, e.after) for e in run.events], name
+        assert np.allclose([e["time"] for e in again.events], [e.time for e in run.events], rtol=1e-8, atol=1e-9), name
+        impulses = np.array([e.impulse for e in run.events])
+        missed = np.abs(impulses - [e["impulse"] for e in again.events])
+        assert (missed <= 1e-6 * impulses.max(initial=1)).all(), name
+        assert difference(run, again) < least, name
+
+
+def test_every_scene_with_laws():
+    judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60))
+
+
+def test_a_small_tolerance_where_rounding_decides_about_the_steps():
+    judge(repeated([(lmoc.compile(MODELS / "laws" / "bungee_jump.lmo"), {})], rtol=1e-9, points=60))
+
+
+BOUNCE = """
+model Bounce
+  parameter Real e = 0.7, g = 9.81;
+  Real h(start = 1, fixed = true), v(start = 0, fixed = true);
+  Integer n(start = 0, fixed = true);
+  discrete Real last(start = 0);
+equation
+  der(h) = v;
+  der(v) = -g;
+  when h <= 0 then
+    reinit(v, -e*pre(v));
+    n = pre(n) + 1;
+    last = time;
+  end when;
+  annotation(experiment(StopTime = 1.5));
+end Bounce;
+"""
+SAMPLED = """
+model Sampled
+  parameter Real Ts = 0.1, K = 3, m = 2;
+  Real x(start = 1, fixed = true), v(start = 0, fixed = true);
+  discrete Real u(start = 0), I(start = 0);
+  Boolean on(start = false);
+equation
+  der(x) = v;
+  m*der(v) = u - 0.3*v + (if on then 1 else 0);
+  when sample(0.05, Ts) then
+    I = pre(I) + Ts*x;
+    u = -K*x - 0.5*I;
+  end when;
+  on = time > 0.777 and x > -0.2;
+  annotation(experiment(StopTime = 3));
+end Sampled;
+"""
+THERMOSTAT = """
+model Thermostat
+  parameter Real low = 19, high = 21, P = 8;
+  Real T(start = 18, fixed = true);
+  Boolean heat(start = true, fixed = true);
+  Integer steps;
+  output Real y = floor(2*T)/2;
+equation
+  der(T) = (if heat then P else 0) - 0.3*(T - 5);
+  heat = not (T > high) and (pre(heat) or T < low);
+  steps = integer(time/0.7);
+  annotation(experiment(StopTime = 8));
+end Thermostat;
+"""
+ENDED = """
+model Ended
+  parameter Real k = 10, stopAt = 2.2;
+  Mass m(m = 1, q(start = 0, fixed = true), v(start = 2, fixed = true));
+  Spring s(k = k);
+  Fixed w;
+  Real u = if time < 0.3 then 0 elseif time < 0.9 then sin(5*time) else 2;
+  Force f(f = u);
+equation
+  connect(w.flange, s.a);
+  connect(s.b, m.flange);
+  connect(f.flange, m.flange);
+  when m.q > 0.4 then
+    reinit(m.v, 0.5*m.v);
+  elsewhen m.q < -0.3 then
+    reinit(m.v, 0.9*m.v);
+  end when;
+  when time >= stopAt and m.v < 0 then
+    terminate("enough");
+  end when;
+  annotation(experiment(StopTime = 5));
+end Ended;
+"""
+SIGNALS = """
+model Signals
+  parameter Real a = 1.3;
+  Real x(start = 0, fixed = true);
+  Real y = if sin(a*time^2) > 0.3 then 1 else -0.5;
+  Real z = mod(time, 0.4) + integer(3*sin(time)) + div(time, 0.7);
+  Integer k;
+initial equation
+  k = 3;
+equation
+  der(x) = y - 0.1*x + z + k;
+  when sample(0, 0.3) then
+    k = if pre(k) > 5 then 0 else pre(k) + 1;
+  end when;
+  annotation(experiment(StopTime = 4));
+end Signals;
+"""
+PUSHED = """
+model Pushed "A law and events that change what it is pressed by"
+  parameter Real e = 0.6;
+  Mass ball(m = 1, g = 9.81, q(start = -1, fixed = true), v(start = 0, fixed = true));
+  Fixed ground;
+  Stop floor(e = e, L = 0);
+  discrete Real push(start = 0);
+  Force f(f = push);
+equation
+  connect(ball.flange, floor.a);
+  connect(floor.b, ground.flange);
+  connect(f.flange, ball.flange);
+  when sample(0.5, 0.5) then
+    push = if pre(push) > 0 then -3 else 4;
+  end when;
+  annotation(experiment(StopTime = 4));
+end Pushed;
+"""
+
+
+def test_events_of_all_kinds():
+    changes = {BOUNCE: {"e": 0.8}, SAMPLED: {"Ts": 1.15}, THERMOSTAT: {"P": 1.2}, ENDED: {"stopAt": 1.3}}
+    changes |= {SIGNALS: {"a": 1.15}, PUSHED: {"e": 1.15}}
+    judge(repeated([(lmoc.compile_text(text), changed) for text, changed in changes.items()]), 1e-7)
+
+
+def test_assertions_and_contradictions_end_a_run_with_their_reason():
+    asserted = BOUNCE.replace("    n = pre(n) + 1;", '    n = pre(n) + 1;\n    assert(n < 2, "one is enough");')
+    overlapping = PUSHED.replace("L = 0)", "L = deep)").replace("Real e = 0.6", "Real e = 0.6, deep = 0.1")
+    scenes = [(asserted, "one is enough", {"g": 60.0}), (overlapping, "gap of 'floor' is negative", {"deep": 1.5})]
+    cases = []
+    for text, reason, changed in scenes:
+        dae = lmoc.compile_text(text)
+        with pytest.raises(lmoc.SimulationError if "assert" in text else lmoc.ModelError, match=reason):
+            dae.simulate(stop=0.6, parameters=changed)
+        run = dae.simulate(stop=0.6, points=7)
+        script = write_script(run.trajectory)
+        slots = {s.name: s.slot for s in sliders(run.trajectory.observer, script.slots)}
+        cases.append((run, script, [[slots[name], value] for name, value in changed.items()]))
+    for again, (_, reason, _) in zip(repeat(cases), scenes, strict=True):
+        assert not again.complete and reason in again.reason
