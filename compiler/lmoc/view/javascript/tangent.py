@@ -8,7 +8,6 @@ applied: a linear block for the derivatives of its unknowns.
 
 from __future__ import annotations
 
-from lmoc.support.records import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from lmoc.expression.dag import ZERO, Expr, add, mul, slot, slots
 from lmoc.ir.program import Apply, Program, Solve, Step, Total
 from lmoc.numerics.evaluate.jacobian import partial
+from lmoc.support.records import dataclass
 
 
 class Registers(Protocol):

@@ -37,7 +37,8 @@ MOST_SCRIPT = 500_000  # characters of the page's own simulation
 MOST_EVENTS = 500
 MOST_ITEMS = 3000  # of a picture that moves
 CHECKED, CHECK_TIMES = 40, 101  # variables and times at which the page compares its own run
-LOOKED_AT, TENTH_DIGIT = 7, 1e-10  # places of each piece, and a change of the states there
+LOOKED_AT, TENTH_DIGIT = 7, 1e-10  # places of each piece, and a change of the states there …
+NOTHING_LEFT = 1e4  # … of which this many times makes a variable that cancels
 
 
 @dataclass
@@ -166,7 +167,7 @@ class _Table:
 def _of_rounding(run: Result, numbers: np.ndarray) -> np.ndarray:
     """Return which variables are nothing but what rounding leaves of terms that cancel.
 
-    A change in the tenth digit of the states then changes them as a whole.
+    A change in the tenth digit of the states then changes more than their fourth digit.
     """
     size, change = np.zeros(len(numbers)), np.zeros(len(numbers))
     for piece in run.trajectory.pieces:
@@ -179,7 +180,7 @@ def _of_rounding(run: Result, numbers: np.ndarray) -> np.ndarray:
             here, there = (piece.observer(numbers, times, x) for x in (states, aside))
         size = np.fmax(size, np.abs(here).max(axis=0))
         change = np.fmax(change, np.abs(here - there).max(axis=0))
-    return (size <= 10 * change) & (change > 0)
+    return (size <= NOTHING_LEFT * change) & (change > 0)
 
 
 def _chosen(run: Result, first: Sequence[str], missing: list[str]) -> np.ndarray:
