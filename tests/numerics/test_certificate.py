@@ -5,7 +5,7 @@ import pytest
 from conftest import ROOT
 
 import lmoc
-from lmoc.numerics.coordinates import watch
+from lmoc.numerics.coordinates import certificate, watch
 from lmoc.numerics.coordinates.compiled_certificate import Text
 from lmoc.numerics.coordinates.tableau import rank_margin
 from lmoc.numerics.evaluate.native.compiler import find_compiler, load_library
@@ -34,7 +34,9 @@ def certified_looks(scene: str, monkeypatch) -> list[tuple]:
 def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
     if compiled and find_compiler() is None:
         pytest.skip("no C compiler")
-    monkeypatch.setattr(Text, "library", waited_for if compiled else lambda self: None)
+    monkeypatch.setattr(Text, "library", waited_for)
+    monkeypatch.setattr(Text, "comes", compiled)
+    monkeypatch.setattr(certificate, "_WORTHWHILE", 1)
     seen = certified_looks(scene, monkeypatch)
     assert len(seen) > 10
     for (worst, sign, least, change, _, grown), place, begin, watched, counted in seen:
@@ -59,7 +61,7 @@ def waited_for(text: Text):
 def test_a_certified_run_is_the_one_that_is_looked_at_in_full(scene, monkeypatch):
     dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
     run = dae.simulate(points=50, rtol=1e-7, solver="dop853")
-    monkeypatch.setattr(watch, "certifier_of", lambda *_: None)
+    monkeypatch.setattr(watch, "recipe_of", lambda *_: None)
     other = dae.simulate(points=50, rtol=1e-7, solver="dop853")
     assert run.coordinates == other.coordinates
     for name in dae.states:

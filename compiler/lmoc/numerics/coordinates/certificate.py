@@ -6,6 +6,7 @@ has to be asked. Most steps of a run are certified, at a tenth of the cost.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate, Text
-from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries
+from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries, reads_of_entries
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import Tableau
 from lmoc.numerics.coordinates.unrolled_tableau import MOST_ROWS, unrolled
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 # of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
 # within a step
 UNEXPLAINED = 0.5
+_WORTHWHILE = 50  # steps after which casadi's function is made
 _SQUARINGS = 2  # of the inverse, with which the bound of the smallest singular value is within a tenth for eight rows
 
 
@@ -68,29 +70,45 @@ class _ByCasadi:
         self._call()
 
 
-@dataclass(frozen=True, eq=False)
 class Recipe:
     """What certifiers of a plan are made from.
 
     Attributes
     ----------
     reads : registers
-    function : casadi.Function
     layout : Layout
-    text : Text, for the compiler
     """
 
-    reads: np.ndarray
-    function: casadi.Function
-    layout: Layout
-    text: Text
+    def __init__(self, plan: Plan, reads: np.ndarray, layout: Layout) -> None:
+        self.reads, self.layout, self._plan = reads, layout, plan
+        own, (watched, states) = plan.reduced.constraints, layout.table
+        sizes = {"ROWS": own.rows, "COLUMNS": len(own.variable), "COUNT": len(layout.places), "STATES": states,
+                 "ENTRIES": len(own.register), "WATCHED": watched, "TOLD": layout.told, "SQUARINGS": _SQUARINGS,
+                 "UNEXPLAINED": UNEXPLAINED}  # fmt: skip
+        self._text = Text(plan, layout, "".join(f"#define {name} {value}\n" for name, value in sizes.items()))
+        self._steps = 0
 
-    def evaluation(self, plan: Plan) -> _ByCasadi | CompiledCertificate:
-        """Return the compiled function where it is there, else casadi's."""
-        library = self.text.library()
-        if library is None:
-            return _ByCasadi(self.function, self.layout)
-        return CompiledCertificate(plan, self.text.function, library, self.layout)
+    @cached_property
+    def _function(self) -> casadi.Function:
+        import casadi as ca
+
+        _, _, lowered = lowered_entries(self._plan, kept=True)
+        given, outputs = certificate(lowered.out, self._plan.reduced.constraints, self.layout)
+        arguments = [lowered.time, lowered.x, lowered.p, lowered.u, *given]
+        return ca.Function("certificate", arguments, [ca.densify(o) for o in outputs])
+
+    def evaluation(self) -> _ByCasadi | CompiledCertificate | None:
+        """Return the compiled function where it is there, casadi's where there is no compiler and it is worth it.
+
+        Called at every step as long as there is none.
+        """
+        if self._text.comes:
+            library = self._text.library()
+            return (
+                None if library is None else CompiledCertificate(self._plan, self._text.function, library, self.layout)
+            )
+        self._steps += 1
+        return None if self._steps < _WORTHWHILE else _ByCasadi(self._function, self.layout)
 
 
 class Certifier:
@@ -101,11 +119,10 @@ class Certifier:
     place : where the next step begins
     """
 
-    def __init__(self, system: System, recipe: Recipe, registers: np.ndarray) -> None:
+    def __init__(self, system: System, recipe: Recipe, registers: np.ndarray, evaluation) -> None:
         own = system.plan.reduced.constraints
         self.system, self.own, self.place = system, own, None
-        self._evaluation = recipe.evaluation(system.plan)
-        self._given, self._results = self._evaluation.given, self._evaluation.results
+        self._evaluation, self._given, self._results = evaluation, evaluation.given, evaluation.results
         self._places, self._reads, self._registers = recipe.layout.places, recipe.reads, registers
         self._shape, self._table = (own.rows, len(own.variable)), recipe.layout.table
         self._out = np.empty(system.n)
@@ -161,8 +178,8 @@ class Certifier:
         return size
 
 
-def certifier_of(system: System, registers: np.ndarray) -> Certifier | None:
-    """Return what certifies steps of a system; None where casadi does not take it, or registers are not kept.
+def recipe_of(system: System, registers: np.ndarray) -> Recipe | None:
+    """Return how certifiers of a system are made; None where casadi does not take it, or registers are not kept.
 
     Parameters
     ----------
@@ -174,10 +191,7 @@ def certifier_of(system: System, registers: np.ndarray) -> Certifier | None:
         return None
     if not np.isin(registers, plan.once(at_hand)).all():
         return None
-    recipe = plan.once(_with_coordinates if len(registers) else _without_coordinates)
-    if recipe is None or not np.isin(recipe.reads, plan.once(at_hand)).all():
-        return None
-    return Certifier(system, recipe, registers)
+    return plan.once(_with_coordinates if len(registers) else _without_coordinates)
 
 
 def _with_coordinates(plan: Plan) -> Recipe | None:
@@ -189,20 +203,10 @@ def _without_coordinates(plan: Plan) -> Recipe | None:
 
 
 def _recipe(plan: Plan, told: int) -> Recipe | None:
-    import casadi as ca
-
-    own, (_, reads, lowered) = plan.reduced.constraints, lowered_entries(plan, kept=True)
-    if lowered is None:
+    reads = reads_of_entries(plan)
+    if reads is None or not np.isin(reads, plan.once(at_hand)).all():
         return None
-    layout = Layout(own, told)
-    given, outputs = certificate(lowered.out, own, layout)
-    arguments = [lowered.time, lowered.x, lowered.p, lowered.u, *given]
-    function = ca.Function("certificate", arguments, [ca.densify(o) for o in outputs])
-    sizes = {"ROWS": own.rows, "COLUMNS": len(own.variable), "COUNT": len(layout.places), "ENTRIES": len(own.register),
-             "WATCHED": layout.table[0], "STATES": layout.table[1], "TOLD": told, "SQUARINGS": _SQUARINGS,
-             "UNEXPLAINED": UNEXPLAINED}  # fmt: skip
-    definitions = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
-    return Recipe(reads, function, layout, Text(plan, layout, definitions))
+    return Recipe(plan, reads, Layout(plan.reduced.constraints, told))
 
 
 def certificate(entries: casadi.SX, own: Constraints, layout: Layout) -> tuple[list, list]:

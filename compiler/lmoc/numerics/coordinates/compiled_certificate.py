@@ -136,6 +136,7 @@ class Text:
     Attributes
     ----------
     function : None where C does not take the constraints
+    comes : whether there will be a library
     """
 
     def __init__(self, plan: Plan, layout: Layout, definitions: str) -> None:
@@ -147,10 +148,12 @@ class Text:
             tables = _tables(own, layout)
             self.text = with_blocks(self.function.text) + definitions + tables + CERTIFICATE
 
+    @property
+    def comes(self) -> bool:
+        return self.function is not None and find_compiler() is not None
+
     def library(self) -> ctypes.CDLL | None:
         """Return what has been compiled from it; None as long as that takes."""
-        if self.function is None or find_compiler() is None:
-            return None
         if self._kept is None and self._compilation is None:
             self._kept = kept_library(self.text, _OPTION)
         if self._kept is None:

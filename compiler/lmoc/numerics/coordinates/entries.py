@@ -116,28 +116,39 @@ def _function(plan: Plan, lowered: Lowered | None) -> casadi.Function | None:
     return lowered.function("constraints", unrolled(lowered.out, own) if own.rows <= MOST_ROWS else ())
 
 
-def lowered_entries(plan: Plan, kept: bool, further: np.ndarray = NONE) -> tuple[Program, np.ndarray, Lowered | None]:
+def lowered_entries(plan: Plan, kept: bool) -> tuple[Program, np.ndarray, Lowered | None]:
     """Return the program of the entries, the registers it reads, and its expressions where casadi takes it.
 
     Parameters
     ----------
     kept : whether everything that the system computes stands in registers; else all is computed from the states
-    further : registers to be read beside
     """
     own = plan.reduced.constraints
     program = own.program if kept else needed_steps((*plan.program, *own.program), own.register, own.count)
     states, signals = (NONE, NONE) if kept else (plan.states, plan.sampled)
-    inside = np.zeros(own.count, bool)
-    for registers in (*map(written, program), states, signals):
-        inside[registers] = True
-    used = np.zeros(own.count, bool)
-    used[further] = True
-    for step in program:
-        used[read(step)] = True
-    reads = np.flatnonzero(used & ~inside)
-    if not can_lower(program) or sum(len(written(s)) for s in program) > CASADI_ROWS:
+    reads = _reads(program, own.count, states, signals)
+    if not _is_lowered(program):
         return program, reads, None
     return program, reads, Lowered(program, own.count, states, reads, signals, own.register)
+
+
+def reads_of_entries(plan: Plan) -> np.ndarray | None:
+    """Return the registers that the program of the entries reads; None where casadi does not take it."""
+    own = plan.reduced.constraints
+    return _reads(own.program, own.count) if _is_lowered(own.program) else None
+
+
+def _reads(program: Program, count: int, *given: np.ndarray) -> np.ndarray:
+    inside, used = np.zeros(count, bool), np.zeros(count, bool)
+    for registers in (*map(written, program), *given):
+        inside[registers] = True
+    for step in program:
+        used[read(step)] = True
+    return np.flatnonzero(used & ~inside)
+
+
+def _is_lowered(program: Program) -> bool:
+    return can_lower(program) and sum(len(written(s)) for s in program) <= CASADI_ROWS
 
 
 def evaluate(system: System, t: float, x: np.ndarray, out: np.ndarray) -> None:

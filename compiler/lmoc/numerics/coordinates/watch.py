@@ -8,7 +8,7 @@ from collections.abc import Collection
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.certificate import UNEXPLAINED, Scales, certifier_of
+from lmoc.numerics.coordinates.certificate import UNEXPLAINED, Certifier, Scales, recipe_of
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
 from lmoc.numerics.coordinates.entries import Unscaled, entries_of
 from lmoc.numerics.coordinates.place import Place
@@ -78,7 +78,8 @@ class CoordinateWatch:
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
-        self._certifier = certifier_of(system, self._registers)
+        self._recipe = recipe_of(system, self._registers)
+        self._certifier: Certifier | None = None
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
@@ -94,6 +95,10 @@ class CoordinateWatch:
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
+        if self._certifier is None and self._recipe is not None:
+            evaluation = self._recipe.evaluation()
+            if evaluation is not None:
+                self._certifier = Certifier(self.system, self._recipe, self._registers, evaluation)
         self.last = place = self._look(t, x)
         self.lost_rank = False
         if self._is_certain(place):

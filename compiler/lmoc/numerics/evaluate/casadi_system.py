@@ -126,6 +126,17 @@ def lower_linear(step: Solve, w: list, time) -> None:
     lower_steps(step.inner, w, time)
 
 
+def shared(expressions: list) -> list:
+    """Return expressions in which what occurs several times is computed once."""
+    import casadi as ca
+
+    ca.GlobalOptions.setSimplificationOnTheFly(False)  # as in `lower_shape`
+    try:
+        return ca.cse(expressions)
+    finally:
+        ca.GlobalOptions.setSimplificationOnTheFly(True)
+
+
 def eliminate(a, b) -> list:
     """Return the solution of a·x = b, written out."""
     if b.numel() == 1:

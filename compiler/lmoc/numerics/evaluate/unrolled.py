@@ -11,10 +11,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.program import Program, Solve, program_rows, written
-from lmoc.numerics.evaluate.casadi_system import Buffered, can_lower, eliminate, lower_linear, lower_steps
+from lmoc.numerics.evaluate.casadi_system import Buffered, can_lower, eliminate, lower_linear, lower_steps, shared
 from lmoc.numerics.evaluate.follow import SHORTEST
 from lmoc.numerics.evaluate.newton import Newton
 from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment, outside
+from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
+from lmoc.numerics.evaluate.unrolled_stepper import UnrolledStepper, steps_of
 from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -55,10 +57,33 @@ class UnrolledSystem(VectorSystem):
         self._time, self._values, self._z = np.zeros(1), np.zeros(len(self._reads)), np.zeros(len(self._unknowns))
         function = _function(plan.program, plan.count, self._reads, self._unknowns, self._writes)
         self._call = Buffered(function, (self._time, self._values, self._z))
+        self._steps: tuple | None = None  # functions of the stepper
         self._solved: tuple[np.ndarray, float] | None = None  # registers and time of the last solution
 
     def _runner(self) -> Runner:
         return _Late(self.plan)
+
+    def stepper(self) -> Stepper:
+        if self.samplers:
+            return NumpyStepper(self)
+        if self._steps is None:
+            self._steps = steps_of(self._call.function, self._reads, self._writes, self.plan)
+        return UnrolledStepper(self, *self._steps)
+
+    def stands_at(self, t: float, x: np.ndarray, solution: np.ndarray) -> None:
+        """Take a solution that has been found elsewhere as the last one."""
+        self.w[self.inputs] = x
+        self._solved, self._z[:] = (self.w[self._reads], t), solution
+
+    @property
+    def last_solution(self) -> np.ndarray:
+        """Return the unknowns of the nonlinear blocks, as solved last."""
+        return self._z
+
+    @property
+    def read_values(self) -> np.ndarray:
+        """Return the values of all registers that the program reads."""
+        return self.w[self._reads]
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
@@ -170,7 +195,7 @@ def _function(program: Program, count: int, reads: np.ndarray, unknowns: np.ndar
     out = ca.densify(ca.vertcat(ca.SX(0, 1), *[w[r] for r in writes.tolist()]))
     solution = ca.densify(ca.vertcat(ca.SX(0, 1), *[w[r] for r in unknowns.tolist()]))
     good = ca.densify(ca.vertcat(ca.logic_and(converged, near), converged))
-    return ca.Function("unrolled", [t, values, last], [out, solution, good])
+    return ca.Function("unrolled", [t, values, last], shared([out, solution, good]))
 
 
 def _iterate(step: Solve, w: list, t, start: dict) -> list[tuple]:
