@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "out" / "benchmarks"
 
@@ -49,6 +51,40 @@ def best(function: Callable[[], object], repeat: int = 3, enough: float = 5.0) -
         if spent > enough:
             break
     return min(times)
+
+
+def buffered(function, n: int) -> Callable[[float, np.ndarray], np.ndarray]:
+    """A casadi function ``f(t, x)`` of n states as a Python function, called through its buffer."""
+    buffer, evaluate = function.buffer()
+    t, x, out = np.zeros(1), np.zeros(n), np.zeros(n)
+    buffer.set_arg(0, memoryview(t))
+    buffer.set_arg(1, memoryview(x))
+    buffer.set_res(0, memoryview(out))
+
+    def rhs(time: float, state: np.ndarray) -> np.ndarray:
+        t[0] = time
+        x[:] = state
+        evaluate()
+        return out.copy()
+
+    rhs.kept = function, buffer  # which the call works on
+    return rhs
+
+
+def native(dae):
+    """The system of a scene in C, ready to be evaluated, and the seconds that took."""
+    from lmoc.messages.diagnostics import Report
+    from lmoc.numerics.evaluate.native.system import NativeSystem
+    from lmoc.numerics.plan import build_plan
+    from lmoc.numerics.signals.signals import bind_signals
+
+    report = Report()
+    signals = bind_signals(dae.flat, None, report)
+    plan = build_plan(dae.reduced, signals, False, report)
+    begin = time.perf_counter()
+    system = NativeSystem(plan)
+    system.prepare(plan.base(dae.values, signals), signals)
+    return system, time.perf_counter() - begin
 
 
 def in_process(module: str, *arguments: str, timeout: float = 1200) -> dict:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks import by_hand, translate
-from benchmarks.common import ROOT, save, table
+from benchmarks.common import ROOT, buffered, save, table
 
 POINTS = 501
 TARGETS = (1e-6, 1e-9)
@@ -156,20 +156,7 @@ def scipy_with(method: str) -> Maker:
         from scipy.integrate import solve_ivp
 
         _, start, stop = scene.hand()
-        function = compiled(scene)
-        buffer, evaluate = function.buffer()
-        t, x, out = np.zeros(1), np.zeros(len(start)), np.zeros(len(start))
-        buffer.set_arg(0, memoryview(t))
-        buffer.set_arg(1, memoryview(x))
-        buffer.set_res(0, memoryview(out))
-
-        def rhs(time: float, state: np.ndarray) -> np.ndarray:
-            t[0] = time
-            x[:] = state
-            evaluate()
-            return out.copy()
-
-        rhs.kept = function, buffer  # which the call works on
+        rhs = buffered(compiled(scene), len(start))
         times, columns = scene.times(), scene.columns()
 
         def call() -> np.ndarray:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common import save, table
+from benchmarks.common import native, save, table
 
 PENDULUMS = """model Pendulums
   import Planar.*;
@@ -71,22 +71,13 @@ def by_hand() -> ctypes.CDLL:
 def made(text: str, n: int):
     """The compiled scene, its system ready to be evaluated, its start, and the seconds all that took."""
     import lmoc
-    from lmoc.messages.diagnostics import Report
-    from lmoc.numerics.evaluate.native.system import NativeSystem
-    from lmoc.numerics.plan import build_plan
-    from lmoc.numerics.signals.signals import bind_signals
 
     begin = time.perf_counter()
     dae = lmoc.compile_text(text, parameters={"n": n})
     compiled = time.perf_counter() - begin
-    report = Report()
-    signals = bind_signals(dae.flat, None, report)
-    plan = build_plan(dae.reduced, signals, False, report)
     begin = time.perf_counter()
-    system = NativeSystem(plan)
-    base = plan.base(dae.values, signals)
+    system, _ = native(dae)
     run = dae.simulate(stop=1e-6, points=2, energy=False)
-    system.prepare(base, signals)
     return dae, system, run.trajectory.table[0].copy(), (compiled, time.perf_counter() - begin)
 
 

@@ -19,7 +19,7 @@ import time
 
 import numpy as np
 
-from benchmarks.common import ROOT, save, table
+from benchmarks.common import ROOT, buffered, native, save, table
 
 TOLERANCES = (1e-8, 1e-10)
 
@@ -29,20 +29,7 @@ def by_hand(make, rtol: float):
     from scipy.integrate import solve_ivp
 
     function, start, stop = make()
-    buffer, call = function.buffer()
-    t, x, out = np.zeros(1), np.zeros(len(start)), np.zeros(len(start))
-    buffer.set_arg(0, memoryview(t))
-    buffer.set_arg(1, memoryview(x))
-    buffer.set_res(0, memoryview(out))
-
-    def rhs(time: float, state: np.ndarray) -> np.ndarray:
-        t[0] = time
-        x[:] = state
-        call()
-        return out.copy()
-
-    times = np.linspace(0, stop, 501)
-    rhs.kept = function, buffer  # which the call works on
+    rhs, times = buffered(function, len(start)), np.linspace(0, stop, 501)
     return lambda: solve_ivp(rhs, (0, stop), start, "DOP853", times, rtol=rtol, atol=rtol * 1e-3)
 
 
@@ -87,21 +74,11 @@ def without_compiler(repeat: int) -> list[dict[str, object]]:
 def chain(n: int, repeat: int) -> dict[str, object]:
     """A chain of n bars: seconds to compile, and microseconds an evaluation through the system's own call."""
     import lmoc
-    from lmoc.messages.diagnostics import Report
-    from lmoc.numerics.evaluate.native.system import NativeSystem
-    from lmoc.numerics.plan import build_plan
-    from lmoc.numerics.signals.signals import bind_signals
 
     begin = time.perf_counter()
     dae = lmoc.compile(ROOT / "models/planar/chain.lmo", parameters={"n": n})
     compiled = time.perf_counter() - begin
-    report = Report()
-    signals = bind_signals(dae.flat, None, report)
-    plan = build_plan(dae.reduced, signals, False, report)
-    begin = time.perf_counter()
-    system = NativeSystem(plan)
-    code = time.perf_counter() - begin
-    system.prepare(plan.base(dae.values, signals), signals)
+    system, code = native(dae)
     x, out = np.random.default_rng(1).uniform(-1, 1, system.n), np.empty(system.n)
     system.rhs(0.0, x, out)
     best = np.inf

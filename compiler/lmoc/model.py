@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.names import Names
+from lmoc.ir.names import Names, inputs_of, outputs_of
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, Report
@@ -66,12 +66,12 @@ class CompiledModel:
     @cached_property
     def inputs(self) -> list[str]:
         """Names of the top-level inputs."""
-        return list(Names(self.flat, np.flatnonzero(self.flat.kind == Kind.INPUT)))
+        return inputs_of(self.flat)
 
     @cached_property
     def outputs(self) -> list[str]:
         """Names of the top-level outputs."""
-        return list(Names(self.flat, np.flatnonzero(self.flat.per_variable(lambda b: b.output, bool))))
+        return outputs_of(self.flat)
 
     @cached_property
     def variables(self) -> Names:

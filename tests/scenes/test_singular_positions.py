@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from oracles.models import CONNECTED_SLIDER_CRANK
 from scipy.integrate import solve_ivp
 
 import lmoc
@@ -34,14 +35,7 @@ ISOSCELES = """model Isosceles "a slider crank whose crank is as long as its rod
   Prismatic line(s(start = 1.7));
   Body slider(m = 1, J = 1);
 equation
-  connect(ground.frame, main.a);
-  connect(main.b, crank.a);
-  connect(crank.b, pin.a);
-  connect(pin.b, rod.a);
-  connect(rod.b, gudgeon.b);
-  connect(gudgeon.a, slider.frame);
-  connect(ground.frame, line.a);
-  connect(line.b, slider.frame);
+""" + CONNECTED_SLIDER_CRANK + """
 end Isosceles;"""
 
 

@@ -12,7 +12,7 @@ wrote stays recognizable.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from lmoc.expression.functions import FUNCTIONS
@@ -227,18 +227,21 @@ def event(a: Expr) -> Expr:
     return a if a.op in ("const", "event") else interned("event", (a,))
 
 
-def outside_events(root: Expr) -> list[Expr]:
-    """The leaves of an expression that do not stand inside `event`."""
-    found, seen, stack = [], set(), [root]
+def nodes_outside_events(root: Expr) -> Iterator[Expr]:
+    """Yield each node of an expression that is not inside `event`."""
+    seen, stack = set(), [root]
     while stack:
         node = stack.pop()
         if id(node) in seen or node.op == "event":
             continue
         seen.add(id(node))
         stack += node.args
-        if not node.args:
-            found.append(node)
-    return found
+        yield node
+
+
+def outside_events(root: Expr) -> list[Expr]:
+    """Return the leaves of an expression that are not inside `event`."""
+    return [node for node in nodes_outside_events(root) if not node.args]
 
 
 # ------------------------------------------------- functions and relations

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from lmoc.ir.flat import Block, FlatDAE
+from lmoc.ir.flat import Block, FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
 
 _SUBSCRIPT = re.compile(r"\[[^\]]*\]")
@@ -52,6 +52,16 @@ class Names(Sequence):
 
     def __repr__(self) -> str:
         return repr(list(self)) if len(self) <= 60 else f"<{len(self)} names: {self[0]} … {self[-1]}>"
+
+
+def inputs_of(flat: FlatDAE) -> list[str]:
+    """Return the names of the top-level inputs."""
+    return list(Names(flat, np.flatnonzero(flat.kind == Kind.INPUT)))
+
+
+def outputs_of(flat: FlatDAE) -> list[str]:
+    """Return the names of the top-level outputs."""
+    return list(Names(flat, np.flatnonzero(flat.per_variable(lambda b: b.output, bool))))
 
 
 def names_of(given: str | Sequence[str] | None) -> tuple[str, ...] | None:

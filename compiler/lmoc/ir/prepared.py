@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.names import Names
+from lmoc.ir.flat import FlatDAE
+from lmoc.ir.names import inputs_of, outputs_of
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.support.records import dataclass
@@ -38,9 +38,9 @@ class Prepared:
     @cached_property
     def inputs(self) -> list[str]:
         """Names of the top-level inputs."""
-        return list(Names(self.flat, np.flatnonzero(self.flat.kind == Kind.INPUT)))
+        return inputs_of(self.flat)
 
     @cached_property
     def outputs(self) -> list[str]:
         """Names of the top-level outputs."""
-        return list(Names(self.flat, np.flatnonzero(self.flat.per_variable(lambda b: b.output, bool))))
+        return outputs_of(self.flat)

@@ -57,16 +57,7 @@ _QUICK_BUDGET = Budget(total=5.0, reference=2.0, run=0.35, repeats=2)
 
 
 class Chart(Findings):
-    """A chart of speed against accuracy, as a user holds it.
-
-    Attributes
-    ----------
-    name : of the model
-    points : in the order of methods, and of tolerances from coarse to fine
-    reference : what the errors are measured against
-    note : what else there is to say
-    interrupted : it was broken off; what had been measured is there
-    """
+    """A chart of speed against accuracy, as a user holds it; attributes as of `Findings`."""
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw error against time; errors as `Run.plot`."""

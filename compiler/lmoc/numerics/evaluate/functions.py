@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.program import Program, Solve, needed_steps, program_rows
+from lmoc.ir.program import needed_steps, program_rows
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.casadi_system import can_lower, lower_shape, lower_steps
+from lmoc.numerics.evaluate.opened import open_blocks
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -190,7 +191,9 @@ def casadi_functions(
     outputs = np.flatnonzero(flat.per_variable(lambda b: b.output, bool))
     registers = reduced.register_of[outputs]
     observe = needed_steps(reduced.observe, registers[registers >= 0], reduced.registers.count)
-    program, unknowns, residuals = _open(reduced.parameter_program + reduced.rhs + observe)
+    program, unknowns, residuals = open_blocks(
+        reduced.parameter_program + reduced.rhs + observe, lambda block: not can_lower((block,))
+    )
     if program_rows(program) > MOST_ROWS:
         raise ModelError([Diagnostic("E0626", f"'{flat.name}' cannot be written as casadi functions: it is too large")])
     parameters, of_variable = _parameters(reduced)
@@ -219,20 +222,6 @@ def casadi_functions(
     right = ca.Function("right", [t, x, z, u, p], [f, y], ["t", "x", "z", "u", "p"], ["dx", "y"])
     shown = tuple(flat.variable_name(int(v)) for v in outputs)
     return Functions(names[0], names[2], names[3], shown, values[parameters], dae, right)
-
-
-def _open(program: Program) -> tuple[Program, np.ndarray, np.ndarray]:
-    """The program with every block replaced by its inner steps that has no explicit solution; unknowns, residuals."""
-    steps, unknowns, residuals = [], [np.zeros(0, int)], [np.zeros(0, int)]
-    for step in program:
-        if isinstance(step, Solve) and not can_lower((step,)):
-            inner, u, r = _open(step.inner)
-            steps += inner
-            unknowns += [step.unknowns.ravel(), u]
-            residuals += [step.residuals.ravel(), r]
-        else:
-            steps.append(step)
-    return tuple(steps), np.concatenate(unknowns), np.concatenate(residuals)
 
 
 def _parameters(reduced: Reduced) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,8 @@ sparse Newton matrix contains it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lmoc.ir.program import Program, Solve
@@ -14,12 +16,19 @@ from lmoc.ir.program import Program, Solve
 LARGE = 60  # unknowns of a block that is worth opening
 
 
-def open_blocks(program: Program, smallest: int = LARGE) -> tuple[Program, np.ndarray, np.ndarray]:
-    """The program with its large blocks replaced by their inner steps; their unknowns and residuals."""
+def is_large(block: Solve) -> bool:
+    """Return whether IDA leaves a block open by default."""
+    return block.unknowns.shape[1] >= LARGE
+
+
+def open_blocks(
+    program: Program, chosen: Callable[[Solve], bool] = is_large
+) -> tuple[Program, np.ndarray, np.ndarray]:
+    """Return the program with some blocks replaced by their inner steps; their unknowns and residuals."""
     steps, unknowns, residuals = [], [np.zeros(0, int)], [np.zeros(0, int)]
     for step in program:
-        if isinstance(step, Solve) and step.unknowns.shape[1] >= smallest:
-            inner, u, r = open_blocks(step.inner, smallest)
+        if isinstance(step, Solve) and chosen(step):
+            inner, u, r = open_blocks(step.inner, chosen)
             steps += inner
             unknowns += [step.unknowns.ravel(), u]
             residuals += [step.residuals.ravel(), r]

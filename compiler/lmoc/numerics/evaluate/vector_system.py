@@ -12,7 +12,7 @@ from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.evaluate.newton import Newton
-from lmoc.numerics.evaluate.opened import LARGE, open_blocks
+from lmoc.numerics.evaluate.opened import open_blocks
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -126,9 +126,9 @@ class OpenedSystem(VectorSystem):
     description = "numpy, index 1"
     algebraic_size = 1.0
 
-    def __init__(self, plan: Plan, smallest: int = LARGE) -> None:
+    def __init__(self, plan: Plan) -> None:
         self.closed = VectorSystem(plan)
-        program, self.algebraic, residuals = open_blocks(plan.program, smallest)
+        program, self.algebraic, residuals = open_blocks(plan.program)
         super().__init__(
             plan,
             program,

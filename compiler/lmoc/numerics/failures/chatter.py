@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, slots, sub
+from lmoc.expression.dag import Expr, nodes_outside_events, slots, sub
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Group, Kind
 from lmoc.numerics.evaluate.system import System
@@ -39,14 +39,8 @@ def _columns(expression: Expr) -> list[int]:
 
 
 def _zeros(root: Expr) -> Iterator[Expr]:
-    """Return what changes its sign where an expression jumps outside of events, where it is one of variables."""
-    stack, seen = [root], set()
-    while stack:
-        node = stack.pop()
-        if id(node) in seen or node.op == "event":
-            continue
-        seen.add(id(node))
-        stack += node.args
+    """Yield what changes its sign where an expression jumps outside of events, where it is one of variables."""
+    for node in nodes_outside_events(root):
         zero = node.args[0] if node.op == "sign" else sub(*node.args) if node.op in _RELATIONS else None
         leaves = () if zero is None else slots(zero)
         if leaves and all(leaf.value[1] == 0 for leaf in leaves):
@@ -86,7 +80,7 @@ def _rate(system: System, t: float, x: np.ndarray) -> np.ndarray:
 
 
 def _values(observer: Observer, group: Group, zero: Expr, place: Place) -> np.ndarray:
-    """Return what changes its sign at a jump, one value a row of the group."""
+    """Yield what changes its sign at a jump, one value a row of the group."""
     variables = distinct(group.slots[:, _columns(zero)].ravel())
     values = observer(variables, np.array([place[0]]), place[1][None])[0]
     result = evaluate(zero, lambda k, _: values[np.searchsorted(variables, group.slots[:, k])], place[0])
