@@ -30,6 +30,22 @@ class Path:
     unknowns: np.ndarray
     solutions: np.ndarray
 
+    def of(self, registers: np.ndarray) -> np.ndarray:
+        """Return the solutions (times, registers) of some unknowns; NaN for others."""
+        column = {int(r): k for k, r in enumerate(self.unknowns.tolist())}
+        at = np.array([column.get(r, len(column)) for r in registers.tolist()], int)
+        return np.column_stack([self.solutions, np.full(len(self.times), np.nan)])[:, at]
+
+    def between(self, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Return values (times, …) that are known at the places, at other times on straight lines between them."""
+        if len(self.times) == 1:
+            return np.repeat(values, len(times), axis=0)
+        after = np.clip(np.searchsorted(self.times, times), 1, len(self.times) - 1)
+        begin, length = self.times[after - 1], self.times[after] - self.times[after - 1]
+        share = np.clip((times - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)[:, None]
+        return (1.0 - share) * values[after - 1] + share * values[after]
+
+
 _KEPT = 100  # variables whose sources are kept with their plan, at most
 
 
@@ -75,32 +91,35 @@ class Observer:
         """Return the values (times,) of one register."""
         return self.followed(slice_of(self.plan, np.array([register])))(times, states)[:, 0]
 
-    def followed(
-        self, part: Slice, base: np.ndarray | None = None
-    ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    def followed(self, part: Slice, base: np.ndarray | None = None) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
         """Return ``(times, states) -> values`` of a slice, nonlinear equations followed along the path.
 
         Parameters
         ----------
         base : registers that do not change, where the slice has more of them than the plan
         """
-        evaluate = part.bind(self.base if base is None else base, self.signals)
-        if not part.implicit:
-            return evaluate
-
-        own = part.registers[part.unknowns]
+        base = self.base if base is None else base
+        if not part.implicit or self.path is None:
+            return part.bind(base, self.signals)
+        path, own = self.path, part.registers[part.unknowns]
+        known = path.of(own)
+        whole = bool(np.isfinite(known).all())
+        together = part.bind_together(base, self.signals) if whole else None
 
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
-            path = self.path
-            if path is None or not len(times):
+            if not len(times) or together is None:
+                return one_by_one(times, states)
+            found, good = together(times, states, path.between(known, times))
+            if not good.all():
+                found[~good] = one_by_one(times[~good], states[~good])
+            return found
+
+        def one_by_one(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            evaluate = part.bind(base, self.signals)
+            if not len(times):
                 return evaluate(times, states)
-            known = np.full((len(path.times), len(own)), np.nan)
-            column = {int(r): k for k, r in enumerate(path.unknowns.tolist())}
-            for k, register in enumerate(own.tolist()):
-                if register in column:
-                    known[:, k] = path.solutions[:, column[register]]
             before = np.flatnonzero(path.times <= times[-1])
-            if np.isfinite(known).all():  # those just before an output time are enough
+            if whole:  # those just before an output time are enough
                 before = distinct(np.maximum(np.searchsorted(path.times, times, "right") - 1, 0))
             every = np.concatenate([path.times[before], times])
             order = np.argsort(every, kind="stable")

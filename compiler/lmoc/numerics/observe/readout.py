@@ -40,9 +40,7 @@ class BoundFunction:
     states : number of components of x
     """
 
-    def __init__(
-        self, function, parameters: np.ndarray, samplers: Sequence[tuple[int, int]], states: int
-    ) -> None:
+    def __init__(self, function, parameters: np.ndarray, samplers: Sequence[tuple[int, int]], states: int) -> None:
         self.parameters, self._inputs = parameters, samplers
         self._t, self._x = np.zeros(1), np.zeros(states)
         self._p, self._u = np.zeros(len(parameters)), np.zeros(len(samplers))

@@ -26,6 +26,14 @@ class Evaluate(Protocol):
     def __call__(self, times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None, /) -> np.ndarray: ...
 
 
+class EvaluateTogether(Protocol):
+    """Values of registers at some times, and where they are good, as `Slice.bind_together` returns it."""
+
+    def __call__(
+        self, times: np.ndarray, states: np.ndarray, guesses: np.ndarray, /
+    ) -> tuple[np.ndarray, np.ndarray]: ...
+
+
 class Slice:
     """Values of registers of a plan as a function of time and states.
 
@@ -64,6 +72,40 @@ class Slice:
         """Whether it has nonlinear blocks."""
         return len(self.unknowns) > 0
 
+    def bind_together(self, base: np.ndarray, signals: Mapping[int, Signal]) -> EvaluateTogether:
+        """``(times, states, guesses (times, unknowns)) -> (times, registers)``, and at which times that is good.
+
+        The guesses are for the unknowns of nonlinear blocks; where they lead to no solution nearby, nothing counts.
+        """
+        from lmoc.numerics.evaluate.together import Together
+
+        own, together = base[self.registers], Together(self._program, len(self.registers))
+
+        def evaluate(times: np.ndarray, states: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            result, good = np.empty((len(times), len(self.out))), np.empty(len(times), bool)
+            for part in self._chunks(len(times)):
+                w = self._given(own, times[part], states[part], signals)
+                w[self.unknowns] = guesses[part].T
+                good[part] = together.fill(w, times[part])
+                result[part] = w[self.out].T
+            return result, good
+
+        return evaluate
+
+    def _chunks(self, count: int) -> list[slice]:
+        length = max(1, _CHUNK // max(1, len(self.registers)))
+        return [slice(a, a + length) for a in range(0, count, length)]
+
+    def _given(
+        self, own: np.ndarray, times: np.ndarray, states: np.ndarray, signals: Mapping[int, Signal]
+    ) -> np.ndarray:
+        """(registers, times) with what is given at each time."""
+        w = np.repeat(own[:, None], len(times), axis=1)
+        w[self.state_registers] = states[:, self.state_columns].T
+        for register, (variable, order) in zip(self.sampled, self.samplers, strict=True):
+            w[register] = sample(signals[variable], order, times)
+        return w
+
     def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
         """``(times, states (times, n)) -> (times, registers)`` for the parameter values and signals of a run.
 
@@ -74,20 +116,15 @@ class Slice:
 
         def evaluate(times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
             result = np.empty((len(times), len(self.out)))
-            chunk = max(1, _CHUNK // max(1, len(own)))
-            for a in range(0, len(times), chunk):
-                t = times[a : a + chunk]
-                w = np.repeat(own[:, None], len(t), axis=1)
-                w[self.state_registers] = states[a : a + chunk][:, self.state_columns].T
-                for register, (variable, order) in zip(self.sampled, self.samplers, strict=True):
-                    w[register] = sample(signals[variable], order, t)
+            for part in self._chunks(len(times)):
+                w = self._given(own, times[part], states[part], signals)
                 if known is None:
-                    run(w, t)
+                    run(w, times[part])
                 else:
-                    given = np.isfinite(known[a : a + chunk])
-                    w[self.unknowns] = np.where(given, known[a : a + chunk], w[self.unknowns].T).T
-                    _run_from(run, w, t, given.all(axis=1))
-                result[a : a + chunk] = w[self.out].T
+                    given = np.isfinite(known[part])
+                    w[self.unknowns] = np.where(given, known[part], w[self.unknowns].T).T
+                    _run_from(run, w, times[part], given.all(axis=1))
+                result[part] = w[self.out].T
             return result
 
         return evaluate

@@ -1,0 +1,54 @@
+"""Variables of mechanisms at all output times at once: the same as followed from one time to the next."""
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import lmoc
+from lmoc.ir.flat import Kind
+from lmoc.numerics.evaluate.together import Together
+from lmoc.numerics.observe.slices import Slice
+
+
+def one_by_one(self, base, signals):
+    """Nothing is found at many times at once."""
+    return lambda times, states, guesses: (np.full((len(times), len(self.out)), np.nan), np.zeros(len(times), bool))
+
+
+@pytest.mark.parametrize("points", [3, 40, 400])
+@pytest.mark.parametrize("scene", ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"])
+def test_variables_are_those_that_are_followed(scene, points, monkeypatch):
+    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    variables = np.flatnonzero(dae.flat.kind >= Kind.INPUT)
+    run = dae.simulate(points=points, rtol=1e-7)
+    tried: list[float] = []
+    fill = Together.fill
+
+    def counted(self, w, times):
+        good = fill(self, w, times)
+        tried.append(good.mean())
+        return good
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Together, "fill", counted)
+        found = run.values(variables)
+    assert min(tried) > 0.9, "hardly any time is left to be followed"
+    monkeypatch.setattr(Slice, "bind_together", one_by_one)
+    np.testing.assert_allclose(found, run.values(variables), rtol=1e-9, atol=1e-9 * np.abs(np.nan_to_num(found)).max())
+
+
+def test_guesses_that_lead_elsewhere_do_not_count():
+    """cos(x) = u has two solutions in a turn: from a guess beside the other one, x is not what the motion has."""
+    dae = lmoc.compile_text("model M Real u(start = 0.2, fixed = true), x(start = 1.3); equation der(u) = 0.1; "
+                            "cos(x) + 0.05*x = u; end M;")  # fmt: skip
+    run = dae.simulate(stop=1, points=11, rtol=1e-9)
+    followed = run["x"]
+    plan = run.trajectory.pieces[0].observer.plan
+    register = plan.reduced.register_of[dae.flat.find("x")]
+    part = Slice(plan, register)
+    evaluate = part.bind_together(run.trajectory.pieces[0].observer.base, {})
+    states = run.trajectory.pieces[0].table
+    values, good = evaluate(run.time, states, followed[:, None] + 0.02)
+    assert good.all() and np.abs(values[:, 0] - followed).max() < 1e-12
+    _, good = evaluate(run.time, states, np.full((11, 1), 0.02))
+    assert not good.any()
