@@ -37,6 +37,7 @@ from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
 from lmoc.numerics.one_piece import Bounds, PieceSolver
 from lmoc.numerics.options import MOREAU
 from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.steps import stepping_inputs
 from lmoc.numerics.sizes import assumed_sizes
 from lmoc.numerics.start.initialization import initial_state, seed_blocks
 from lmoc.numerics.start.targets import targets
@@ -151,8 +152,9 @@ class _Run:
         crossing = None if happenings is None else happenings.crossing
         last = outcome.time, outcome.x
         planned = outcome.time if outcome.status.failed else self.task.span.end
-        pieces = tuple(self.pieces)
-        return Trajectory(pieces, self.variables, last, stats, records, notes, crossing, self.begun, planned)
+        pieces, begun = tuple(self.pieces), self.begun
+        unbooked = (np.inf, "") if happenings is None else happenings.stepping.unbooked
+        return Trajectory(pieces, self.variables, last, stats, records, notes, crossing, begun, planned, unbooked)
 
     # ------------------------------------------------------------------ the start
 
@@ -172,7 +174,8 @@ class _Run:
             def states(base: np.ndarray) -> np.ndarray:
                 return initial_state(plan, base, signals, observer.values, span.start, wanted, report, self.impacts)
 
-        if plan.reduced.switched is None and plan.reduced.flat.events is None:
+        steps = bool(stepping_inputs(plan, signals))
+        if plan.reduced.switched is None and plan.reduced.flat.events is None and not steps:
             x = states(stretch.base)
         else:
             x = self._start_of_events(states, initial)
@@ -224,7 +227,8 @@ class _Run:
 
     def _after(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state after what has ended a piece, and begin the next one; None at the end of the run."""
-        stretch, time = self.stretch, outcome.time
+        stretch, time = self.stretch, self.happenings.instant(outcome.time)
+        outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
             x = None if outcome.status.failed else self.happenings.after(outcome)

@@ -243,7 +243,7 @@ class _Inputs:
             _report_rough(self.reduced, variable, order, required, isinstance(signal, Table), report)
         elif isinstance(signal, Formula):
             self.formulas.setdefault(signal.derivative(order), []).append((register, signal.variables))
-            if order and signal.kinked:
+            if signal.kinked and (order > 2 or (order == 2 and not required)):
                 _report_kink(self.reduced, variable, order, report)
         else:
             self.sampled.append(register)
@@ -290,7 +290,7 @@ def _report_rough(reduced: Reduced, variable: int, order: int, required: bool, t
             f"the signal of input '{name}' does not give its derivative {jet}",
             flat.block_at(variable).span,
             expected=f"a signal with {order} derivative{'s' * (order > 1)}: it prescribes a motion",
-            hint="a table has two derivatives, and none where a time occurs twice: there its values jump"
+            hint="a table has two derivatives, and one where a time occurs twice: there its values jump"
             if table
             else "a formula in time has all derivatives, a table two, a callable those of its method derivative(n)",
         )

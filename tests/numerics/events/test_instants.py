@@ -352,32 +352,3 @@ equation
 end Relay;"""
     result = run(text, stop=4 * sqrt(2), rtol=1e-8, points=3)
     assert result["x"][-1] == pytest.approx(1, abs=1e-5)
-
-
-def stepped(part: str) -> str:
-    return f"""model Stepped
-  Motion base(q = if time < 1 then 0 else 0.1);
-  {part};
-  Mass m(m = 2, q(start = 0, fixed = true), v(start = 0, fixed = true));
-equation
-  connect(base.flange, d.a);
-  connect(d.b, m.flange);
-end Stepped;"""
-
-
-def test_a_step_of_the_end_of_a_spring_supplies_what_the_spring_then_holds() -> None:
-    result = run(stepped("Spring d(k = 10)"), stop=2, points=21)
-    assert result["m.q"][-1] == pytest.approx(0.1 * (1 - np.cos(sqrt(5))), abs=1e-9)
-    assert result.energy.supplied[-1] == pytest.approx(0.05, abs=1e-12)
-    assert result.energy.balance < 1e-8
-
-
-def test_a_step_that_a_rigid_body_would_have_to_follow_is_refused() -> None:
-    with pytest.raises(lmoc.SimulationError, match=r"jumps from 0 to 0.1 at t = 1 s, .* impulse"):
-        run(stepped("Rod d(L = 0)").replace(", q(start = 0, fixed = true), v(start = 0, fixed = true)", ""), stop=2)
-
-
-@pytest.mark.parametrize("part", ["Damper d(c = 5)", "SpringDamper d(k = 10, c = 5)"])
-def test_a_step_whose_derivative_moves_a_mass_is_refused(part: str) -> None:
-    with pytest.raises(lmoc.SimulationError, match=r"'base.q' jumps from 0 to 0.1 at t = 1 s, .* impulse"):
-        run(stepped(part), stop=2)

@@ -18,7 +18,7 @@ NUMERICS: dict[str, Entry] = {
     "E0522": Entry(
         "a signal cannot be differentiated",
         "The input prescribes a motion: velocities and forces follow from its derivatives. A formula has all of them, "
-        "a table two (and none where it jumps), a callable only those it provides by `derivative(n)`.",
+        "a table two (one where it jumps), a callable only those it provides by `derivative(n)`.",
     ),
     "N0523": Entry(
         "a derivative of a signal is unknown",
@@ -26,8 +26,8 @@ NUMERICS: dict[str, Entry] = {
     ),
     "W0524": Entry(
         "a signal with kinks is differentiated",
-        "Where the formula has a kink or a jump its derivative is an impulse, which the run omits. Smooth the "
-        "signal, or give its motion as a table.",
+        "Where the formula has a kink its second derivative is an impulse. What moves jumps there, but forces that\n"
+        "are observed alone are shown without the impulse. Smooth the signal, or give its motion as a table.",
     ),
     "W0525": Entry(
         "a table does not cover the run",
@@ -116,6 +116,12 @@ NUMERICS: dict[str, Entry] = {
     "N0552": Entry(
         "the model has ended the run",
         "`terminate(message)` in a `when` ends a run before its stop time.",
+    ),
+    "N0554": Entry(
+        "no energy ledger from a step on",
+        "A step in a prescribed position passes through a damper as an impulse of force: velocities jump by a finite\n"
+        "amount, while the heat in the damper and the work of the source grow beyond all bounds with the steepness of\n"
+        "the step. From then on `run.energy` has no value (NaN). With a ramp of finite length it has one.",
     ),
     "W0551": Entry(
         "an assertion of level warning does not hold",

@@ -16,6 +16,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.events.hybrid import Hybrid, Starter
+from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.mode import Mode
@@ -59,8 +60,12 @@ class Happenings:
         self.span, self.report = span, report
         reduced = plan.reduced
         self.laws = None if reduced.switched is None else LawSwitching(plan, values, self.open, signals)
-        self.hybrid = None if reduced.flat.events is None else Hybrid(plan, values, base, signals, span, report)
+        self.stepping = Stepping(plan, base, signals, span, report)
+        self.hybrid = None
+        if reduced.flat.events is not None:
+            self.hybrid = Hybrid(plan, values, base, signals, span, report, self._step)
         self.records: list[Event] = []
+        self._reached = span[0]  # s, of the latest instant
         self._law_roots = 0
         self._times: deque[float] = deque(maxlen=_CHATTER)  # s, of the latest changes of laws
 
@@ -132,7 +137,13 @@ class Happenings:
     @property
     def until(self) -> float:
         """s, where the present piece ends at the latest."""
-        return self.span[1] if self.hybrid is None else self.hybrid.until
+        end = self.span[1] if self.hybrid is None else self.hybrid.until
+        return min(end, self.stepping.next(self._reached))
+
+    def instant(self, t: float) -> float:
+        """Return when what has ended a piece happens: integrators stop a few digits before a jump of an input."""
+        exact = self.stepping.instant(t)
+        return t if exact is None else exact
 
     @property
     def longest_step(self) -> float:
@@ -174,6 +185,9 @@ class Happenings:
         else:
             x = self.hybrid.start(lambda base: states(base[: self.plan.count]), initial)
             self._collect()
+        if not self.report.errors and not isinstance(initial, End):
+            x = self._input_steps(self.span[0], x)
+            self._collect()
         if self.laws is None or self.report.errors:
             return x
         self._renew_laws()
@@ -184,7 +198,7 @@ class Happenings:
             return x
         x, events = self.laws.start(self.span[0], x)
         self.records += events
-        return x if self.hybrid is None else self._settle(self.span[0], x)
+        return x if self.hybrid is None else self._settle(self.span[0], x, x)
 
     def after(self, outcome: Outcome) -> np.ndarray | None:
         """Return the states behind what has ended a piece; None at the end of the run.
@@ -194,35 +208,53 @@ class Happenings:
         Stopped
         """
         t, x, root = outcome.time, outcome.x, outcome.status is Status.ROOT
+        stepped = self.stepping.instant(t) is not None
+        x = self._input_steps(t, x)
+        self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if of_laws.any():
             self._times.append(t)
             if len(self._times) == _CHATTER and t - self._times[0] <= _MOMENT * (self.span[1] - self.span[0]):
                 names = ", ".join(self.laws.names(of_laws))
                 raise Stopped(Status.CHATTERING, f"the laws of {names} open and close without end at t = {t:.6g} s")
-            x, events = self.laws.happen(t, x, of_laws)
+            x, events = self.laws.happen(t, x, of_laws, jumped=stepped)
+            self.records += events
+        elif stepped and self.laws is not None:
+            x, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), jumped=True)
             self.records += events
         if self.hybrid is None:
-            return x if root else None
+            self._collect()
+            return x if root or stepped else None
         self._renew_discrete()
         crossed = outcome.roots[self._law_roots :] if root else None
         behind = self.hybrid.after(replace(outcome, x=x, roots=crossed))
+        if behind is None and stepped and t < self.span[1]:
+            behind = self.hybrid.settle(t, x)
         self._collect()
-        return behind if behind is None or self.laws is None else self._settle(t, behind)
+        return behind if behind is None or self.laws is None else self._settle(t, x, behind)
 
-    def _settle(self, t: float, x: np.ndarray) -> np.ndarray:
-        """Let laws and discrete equations answer each other until nothing changes."""
+    def _settle(self, t: float, before: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Let laws and discrete equations answer each other until nothing changes.
+
+        Parameters
+        ----------
+        before, x : the states as the laws have left them, and as they are now
+        """
         for _ in range(_ROUNDS):
             self._renew_laws()
             mode = self.laws.signals()
-            x, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool))
+            before, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), self._differ(before, x))
             self.records += events
             if not events and mode == self.laws.signals():
-                return x
+                return before
             self._renew_discrete()
-            x = self.hybrid.settle(t, x)
+            x = self.hybrid.settle(t, before)
             self._collect()
         raise Stopped(Status.UNSETTLED, f"laws and events change each other again and again at t = {t:g} s")
+
+    def _differ(self, before: np.ndarray, x: np.ndarray) -> bool:
+        """Return whether states have been changed, whatever the ledger says."""
+        return bool((before != x)[~self.plan.ledger].any())
 
     def _renew_laws(self) -> None:
         """The laws are judged with the present discrete values."""
@@ -235,6 +267,21 @@ class Happenings:
         base = self.base()
         self.hybrid.machine.base[: len(base)] = base
 
+    def _input_steps(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return the states after what inputs do at an instant; `Stopped` as of `Stepping`."""
+        if self.stepping.instant(t) is None:
+            return x
+        base = self._with_discrete(self.open)
+        return self._step(t, x, base, base)
+
+    def _step(self, t: float, x: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Return the states after a step, with what the laws that are closed pass on; `Stopped` as of `Stepping`."""
+        moved = self.stepping(t, x, before, after)
+        return moved if self.laws is None else self.laws.strike(t, x, moved)
+
     def _collect(self) -> None:
-        self.records += self.hybrid.records
-        self.hybrid.records = []
+        self.records += self.stepping.records
+        self.stepping.records = []
+        if self.hybrid is not None:
+            self.records += self.hybrid.records
+            self.hybrid.records = []

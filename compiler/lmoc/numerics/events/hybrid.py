@@ -23,6 +23,7 @@ from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
+from lmoc.structure.laws.degree import dependent
 
 _CHATTER = 12  # changes of one condition …
 _MOMENT = 1e-9  # … within this part of the run, which is chattering
@@ -30,6 +31,7 @@ _ROUNDS = 50  # of finding states and discrete values at the start that agree
 _SHORTLY = 1e-6  # part of the time since the last event
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
 
+Step = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # as `stepping.Stepping`
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
 
 
@@ -56,7 +58,9 @@ class Hybrid:
         signals: Mapping[int, Signal],
         span: tuple[float, float],
         report: Report,
+        step: Step,
     ) -> None:
+        self.step = step
         self.layout = plan.once(EventLayout)
         self.machine = Machine(self.layout, values, base, signals, span[0])
         self.begin, self.end = span
@@ -107,6 +111,7 @@ class Hybrid:
                 if self.layout.flat.kind[variables[0]] == Kind.DISCRETE:
                     machine.v[variables] = value
             machine.remember()
+            machine.early = self._moving_relations()
             x = self._first(states)
         machine.literal = False
         machine.remember()
@@ -115,6 +120,17 @@ class Hybrid:
         if self.next <= self.begin + near_to(self.begin):
             return self._event(self.begin, x, "time")
         return x
+
+    def _moving_relations(self) -> frozenset[int]:
+        """Return the relations of time that decide about what has derivatives: a jump of it at the start is one."""
+        layout = self.layout
+        plan = layout.plan
+        jets = plan.once(Steps).registers
+        if not len(jets):
+            return frozenset()
+        targets = [(timed.relation, layout.events.relations[timed.relation].target) for timed in layout.timed]
+        found = ((k, dependent(plan.full_program, plan.reduced.register_of[own], plan.count)) for k, own in targets)
+        return frozenset(k for k, depends in found if depends[jets].any())
 
     def _first(self, states: Starter) -> np.ndarray:
         machine, events = self.machine, self.layout.events
@@ -247,12 +263,12 @@ class Hybrid:
         happened = self._guarded(lambda: machine.event(t, x, begin), t)
         self.next = next_time(machine, t)
         lost = self._energy(t, x, happened)
-        self._step(t, happened.x, base)
+        behind = self.step(t, happened.x, base, machine.base)
         self._tell(t, kind, happened, held, lost)
         self._judge(t, happened)
         for k in happened.terminations:
             raise Stopped(Status.OK, events.terminations[k].message)
-        return happened.x
+        return behind
 
     def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
         """Book what energy the jump of states has cost as heat, what it has brought as work; return the loss."""
@@ -269,24 +285,6 @@ class Hybrid:
             happened.x[self._lost if lost > 0 else self._work] += abs(lost)
             lost = max(lost, 0.0)
         return lost
-
-    def _step(self, t: float, x: np.ndarray, base: np.ndarray) -> None:
-        """Book the work of what steps at an instant, such as the end of a spring.
-
-        Raises `Stopped` where the motion needs the derivative of the step: that is an impulse.
-        """
-        machine, steps = self.machine, self.layout.plan.once(Steps)
-        if not len(steps.registers):
-            return
-        before, after = (steps.values(t, x, b, machine.signals) for b in (base, machine.base))
-        jumped = steps.jumped(before, after)
-        for k in np.flatnonzero(jumped & steps.moving)[:1].tolist():
-            name = self.layout.plan.reduced.register_name(int(steps.registers[k]))
-            what = f"'{name}' jumps from {before[k]:.6g} to {after[k]:.6g} at t = {t:.6g} s"
-            why = "the motion needs its derivative, which is an impulse there"
-            raise Stopped(Status.UNSETTLED, f"{what}, and {why} (give a ramp of finite length instead of a step)")
-        if jumped.any() and steps.stored and self._work >= 0:
-            x[self._work] += after[-1] - before[-1]
 
     def _guarded(self, work, t: float):
         try:

@@ -86,6 +86,7 @@ class Machine:
         # what a function that has just crossed zero may come back by rounding, and its largest magnitude since
         self.margin, self.largest = np.zeros(layout.zero_count), np.zeros(layout.zero_count)
         self.literal = True  # relations of time are taken as they are written, not as what they are right behind
+        self.early: frozenset[int] = frozenset()  # relations that are then taken as what they were right before
         self.remember()
 
     def adopt(self, layout: EventLayout, base: np.ndarray) -> None:
@@ -130,19 +131,19 @@ class Machine:
         if len(rows) and rows[0] >= 0:
             rounding = np.abs(self.zero[rows]) < self.margin[rows]
             return np.where(rounding, self.v[step.target], decide(step.op, self.zero[rows]))
-        if self.literal:
-            zero = self.values(step.value, step.slots)
-        else:
-            return self._timed(step)
-        return decide(step.op, zero)
+        if not self.literal:
+            return self._timed(step, 1.0)
+        if step.relation in self.early:
+            return self._timed(step, -1.0)
+        return decide(step.op, self.values(step.value, step.slots))
 
-    def _timed(self, step: DiscreteStep) -> np.ndarray:
-        """Return a relation of time as it is right behind the present time."""
+    def _timed(self, step: DiscreteStep, side: float) -> np.ndarray:
+        """Return a relation of time as it is right behind the present time, side = 1, or right before it, −1."""
         slope, offset = self.line(step.relation, step.slots)
         with np.errstate(all="ignore"):
             zero, near = slope * self.time + offset, np.abs(slope) * near_to(self.time)
         nearest = np.round(zero) if step.op == "floor" else np.zeros(len(zero))
-        behind = nearest + np.sign(slope) * 0.5  # any value on the side to which it goes
+        behind = nearest + side * np.sign(slope) * 0.5  # any value on the side to which it goes
         return decide(step.op, np.where((np.abs(zero - nearest) <= near) & (slope != 0), behind, zero))
 
     def line(self, relation: int, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ from lmoc.numerics.laws.instant import Gauge, Instant
 from lmoc.numerics.laws.mode import STILL, Mode, free_mode
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
-from lmoc.numerics.laws.transition import Transition, Trigger, transition
+from lmoc.numerics.laws.transition import Transition, Trigger, resisted, transition
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
@@ -164,17 +164,30 @@ class LawSwitching:
         made._hold()
         return made
 
-    def happen(self, t: float, x: Array, which: NDArray[np.bool_]) -> tuple[Array, list[Event]]:
-        """Return the state behind an instant at which root functions vanish, and what happened."""
+    def happen(self, t: float, x: Array, which: NDArray[np.bool_], jumped: bool = False) -> tuple[Array, list[Event]]:
+        """Return the state behind an instant at which root functions vanish, and what happened.
+
+        Parameters
+        ----------
+        jumped : the states have been changed from outside
+        """
         closed = self.mode.closed
         first, second = which[: len(closed)], np.zeros(len(closed), bool)
         second[self.second] = which[len(closed) :]
         direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
-        trigger = Trigger(first & ~closed, (first | second) & closed, direction)
+        trigger = Trigger(first & ~closed, (first | second) & closed, direction, jumped)
         found = self._take(t, x, trigger)
         idle = (first | second) & (closed == self.mode.closed) & (not found[1])
         self.idle = np.where(idle, self.idle + 1, 0.0 if found[1] else self.idle)
         return found
+
+    def strike(self, t: float, before: Array, x: Array) -> Array:
+        """Return states that a step has moved, with the impulses of closed laws that keep them closed.
+
+        What steps does so ever faster, and what is closed does not bounce on that way: the impact is plastic.
+        """
+        now = self.gauge.at(t, x)
+        return now.x if (x == before).all() else resisted(self.gauge, now, self.mode.closed).x
 
     def names(self, which: NDArray[np.bool_]) -> list[str]:
         """Return the names of the parts whose root functions have vanished."""

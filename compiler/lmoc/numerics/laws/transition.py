@@ -39,11 +39,13 @@ class Trigger:
     closing : (n,) open laws whose gap or sliding velocity has come to zero
     opening : (n,) closed laws whose force has come to its end
     direction : (n,) in which friction among them begins to slide
+    jumped : the states have been changed from outside: what is closed may move
     """
 
     closing: Mask
     opening: Mask
     direction: NDArray[np.int64]
+    jumped: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +92,10 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     """
     table = gauge.table
     now = gauge.at(t, x)
+    holding = mode.closed & (_turning(now) | (not trigger.jumped))
     held = mode.closed | trigger.closing
     touching = table.unilateral & (table.degree >= 1) & (held | _about_to_close(now))
-    at_rest = mode.closed | (trigger.closing & _turning(now))
+    at_rest = holding | (trigger.closing & _turning(now))
     before = now = project(gauge, now, touching, at_rest & ~table.unilateral & (table.degree == 2))
     striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
     sharing = striking | _rubbing(table, striking)
@@ -108,7 +111,7 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
             now = _behind(gauge, before, sharing, impact)
         least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
-        least = np.where(mode.closed, np.inf, least)
+        least = np.where(holding, np.inf, least)
     relaxed = relax(gauge, now, mode, trigger.opening, trigger.direction)
     now = relaxed.now
     candidate = _candidates(table, now, touching, least) & ~(trigger.opening & ~table.dry)
@@ -126,6 +129,15 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
     lost += relaxed.lost
     touched = touching | (candidate & ~table.unilateral) | (table.degree == SPRUNG)
     return Transition(before, now, settled, impulse, lost, impact.law if impact else "", touched, over, until)
+
+
+def resisted(gauge: Gauge, now: Instant, closed: Mask) -> Instant:
+    """Return an instant behind impulses by which closed laws resist rates that would close them further."""
+    striking = gauge.table.impulsive & closed
+    if not (now.rate[striking] < -_least_rate(now)[striking]).any():
+        return now
+    sharing = striking | _rubbing(gauge.table, striking)
+    return _behind(gauge, now, sharing, _impact(gauge.table, now, sharing, closed, np.zeros(len(closed))))
 
 
 def _turning(now: Instant) -> Mask:

@@ -34,6 +34,7 @@ class Energy:
         stored, and what the stores have exchanged (an undamped oscillator is judged by the energy that swings); where
         all these are mere rounding, of what is stored, and of the work of the laws' forces over the lengths around
     held : J, that work: what forces hold at rest supplies and loses nothing but rounding
+    reason : why a part of it has no value, where that is known
     """
 
     stored: np.ndarray
@@ -41,6 +42,7 @@ class Energy:
     lost: np.ndarray
     exchanged: float
     held: float = 0.0
+    reason: str = ""
 
     @property
     def residual(self) -> np.ndarray:
@@ -54,11 +56,13 @@ class Energy:
     @property
     def balance(self) -> float:
         worst = float(np.abs(self.residual).max())
+        if np.isnan(worst):
+            return np.nan
         return worst / self.scale if self.scale > 0 else 0.0 if worst == 0 else np.inf
 
     def __str__(self) -> str:
         if not np.isfinite(self.balance):
-            return "unknown: a part of the ledger has no value"
+            return f"unknown: {self.reason or 'a part of the ledger has no value'}"
         if not (self.stored.any() or self.supplied.any() or self.lost.any()):
             return "none stored, supplied or lost"
         change = self.stored[-1] - self.stored[0]
@@ -71,9 +75,11 @@ class Energy:
         return f"<Energy: {self}>"
 
 
-def measure(stored: np.ndarray, work: np.ndarray, heat: np.ndarray, exchanged: float, held: float) -> Energy:
+def measure(
+    stored: np.ndarray, work: np.ndarray, heat: np.ndarray, exchanged: float, held: float, reason: str
+) -> Energy:
     """Return the ledger from the values of ``ledger.stored``, ``ledger.work`` and ``ledger.heat`` over time."""
-    return Energy(stored, work - work[0], heat - heat[0], exchanged, held)
+    return Energy(stored, work - work[0], heat - heat[0], exchanged, held, reason)
 
 
 def exchanged_energy(flat: FlatDAE, pieces: Sequence[tuple[Observe, np.ndarray, np.ndarray]]) -> float:

@@ -123,6 +123,7 @@ class Trajectory:
     begun : (n,), (registers,) the states and what does not change between events, before what laws and events do at the
         start; None without these, and for a run that continues another one
     planned : s, where the run was to end, though a model may have ended it earlier; or where it has failed
+    unbooked : s, and why: from when on the energy ledger has no value
     """
 
     pieces: tuple[Piece, ...]
@@ -134,6 +135,7 @@ class Trajectory:
     crossing: np.ndarray | None = None
     begun: tuple[np.ndarray, np.ndarray] | None = None
     planned: float = np.nan
+    unbooked: tuple[float, str] = (np.inf, "")
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -276,8 +278,10 @@ class Trajectory:
                 return None
         sampled = [(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
         stored, work, heat = (self[f"ledger.{n}"] for n in ("stored", "work", "heat"))
+        since, reason = self.unbooked
+        work, heat = (np.where(self.time < since, values, np.nan) for values in (work, heat))
         held = max((_held_energy(*sample) for sample in sampled), default=0.0)
-        return measure(stored, work, heat, exchanged_energy(self.flat, sampled), held)
+        return measure(stored, work, heat, exchanged_energy(self.flat, sampled), held, reason)
 
 
 def _held_energy(observer: Observer, times: np.ndarray, states: np.ndarray) -> float:

@@ -36,8 +36,8 @@ class Table:
         return self.curve.jumps
 
     def gives(self, order: int) -> bool:
-        """Return whether the curve has a derivative of that order: where the values jump it has none."""
-        return order == 0 or (order <= curves.SMOOTHEST and not len(self.jumps))
+        """Return whether the curve has a derivative of that order: where the values jump, the first is an impulse."""
+        return order <= (1 if len(self.jumps) else curves.SMOOTHEST)
 
     def smooth(self, order: int) -> Table:
         """Return the points joined by a curve with that many continuous derivatives, at most two."""

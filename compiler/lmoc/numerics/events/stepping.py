@@ -1,0 +1,95 @@
+"""The steps of inputs and of discrete values in a run: when they come, what they do, and how they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.events.impulse import NoImpulse
+from lmoc.numerics.events.steps import Jump, Steps
+from lmoc.numerics.integrate.status import Status, Stopped
+from lmoc.numerics.observe.event import Event
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.signals import Formula, Signal, Table
+from lmoc.numerics.signals.steps import stepping_inputs
+
+KIND = "step"
+_NEAR = 1e-14  # of the time: integrators end a piece a few units of its last digit before a jump
+
+
+class Stepping:
+    """The steps of one run.
+
+    Attributes
+    ----------
+    times : s, at which inputs step whose derivatives the equations hold
+    records : of the steps that have moved something, or done work
+    unbooked : s, and why: from when on the energy ledger has no value
+    """
+
+    def __init__(
+        self, plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], span: tuple[float, float], report: Report
+    ) -> None:
+        self.plan, self.signals, self.report = plan, signals, report
+        self.records: list[Event] = []
+        self.unbooked: tuple[float, str] = (np.inf, "")
+        self.times = _times(plan, base, signals, span)
+
+    def next(self, t: float) -> float:
+        """Return the next time at which inputs step, infinity where there is none."""
+        ahead = self.times[self.times > t + _NEAR * abs(t)]
+        return float(ahead[0]) if len(ahead) else np.inf
+
+    def instant(self, t: float) -> float | None:
+        """Return the time at which inputs step, for one as near to it as integrators come; None elsewhere."""
+        near = self.times[np.abs(self.times - t) <= _NEAR * abs(t)]
+        return float(near[0]) if len(near) else None
+
+    def __call__(self, t: float, x: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Return the states after what steps at an instant, with all laws open.
+
+        Parameters
+        ----------
+        before, after : registers that do not change between events, on both sides
+
+        Raises
+        ------
+        Stopped
+            The motion has no finite answer to the step.
+        """
+        try:
+            jump = self.plan.once(Steps).jump(t, x, before, after, self.signals)
+        except NoImpulse as none:
+            raise Stopped(Status.UNSETTLED, str(none)) from None
+        return x if jump is None else self._taken(t, x, jump)
+
+    def _taken(self, t: float, x: np.ndarray, jump: Jump) -> np.ndarray:
+        if jump.moved or jump.work != 0.0:
+            self.records.append(Event(t, jump.name, KIND, f"{jump.before:.6g}", f"{jump.after:.6g}"))
+        moved = jump.x.copy()
+        if np.isfinite(jump.work):
+            moved[self._work] += jump.work
+        elif t < self.unbooked[0]:
+            reason = f"the step of '{jump.name}' at t = {t:.6g} s makes a damper infinitely hot"
+            self.unbooked = t, reason
+            self.report.note("N0554", f"no energy ledger from then on: {reason}")
+        return moved
+
+    @property
+    def _work(self) -> np.ndarray:
+        """(k,) the place of the sources' work among the states; empty where it is not integrated."""
+        found = self.plan.reduced.flat.find("ledger.work")
+        return np.flatnonzero(self.plan.states == (-1 if found is None else self.plan.reduced.register_of[found[0]]))
+
+
+def _times(plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], span: tuple[float, float]) -> np.ndarray:
+    """Return the times within a run, its start included, at which inputs step or bend whose derivatives are in use."""
+    own = [signals[v] for v in stepping_inputs(plan, signals)]
+    times = [s.jumps for s in own if isinstance(s, Table)]
+    if any(isinstance(s, Formula) for s in own):
+        times.append(kinks.break_times(plan, base, *span))
+    every = np.unique(np.concatenate([np.zeros(0), *times]))
+    return every[(every >= span[0]) & (every <= span[1])]
