@@ -37,7 +37,7 @@ MOST_SCRIPT = 500_000  # characters of the page's own simulation
 MOST_EVENTS = 500
 MOST_ITEMS = 3000  # of a picture that moves
 CHECKED, CHECK_TIMES = 40, 101  # variables and times at which the page compares its own run
-LOOKED_AT, TENTH_DIGIT = 7, 1e-10  # places of each piece, and a change of the states there …
+LOOKED_AT, TENTH_DIGIT = 100, 1e-10  # places of each piece, and a change of the states there …
 NOTHING_LEFT = 1e4  # … of which this many times makes a variable that cancels
 
 
