@@ -26,7 +26,7 @@ from lmoc.support.records import dataclass
 
 TRIAL = 60  # steps after which the rest of a run is judged
 CALIBRATED = 0.25  # factor on the tolerance of explicit methods: over short runs their errors are then as asked for
-_NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
+NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
 ADDED = 100  # steps whose errors add up to what a tolerance promises
 WORTHWHILE = 0.5  # factor on the tolerance
 LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
@@ -162,7 +162,7 @@ class _Way:
 
 def _calibration(rtol: float) -> float:
     """Return the factor on the tolerance of explicit methods for runs in which few errors add up."""
-    return max(CALIBRATED, min(1.0, _NO_FINER / rtol))
+    return max(CALIBRATED, min(1.0, NO_FINER / rtol))
 
 
 def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:

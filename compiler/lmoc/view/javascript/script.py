@@ -7,6 +7,7 @@ the flat model that something is computed from. What is a number is data, so tha
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -20,10 +21,12 @@ from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.integrate import dop853_table
 from lmoc.numerics.integrate.automatic import (
     ADDED,
+    CALIBRATED,
     EIGENVALUES,
     FORGOTTEN,
     LEAST_FACTOR,
     LEAST_UNKNOWN,
+    NO_FINER,
     TRIAL,
     WORTHWHILE,
 )
@@ -38,6 +41,7 @@ from lmoc.numerics.signals.tables import Table
 from lmoc.numerics.sizes import assumed_sizes
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.code import Writer
+from lmoc.view.javascript.coordinates import pairs, passage, write_constraints
 from lmoc.view.javascript.events import Programs, write_events
 from lmoc.view.javascript.laws import write_laws
 from lmoc.view.javascript.start import start_program
@@ -87,7 +91,33 @@ def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
     if not len(times) or times[0] != piece.begin:
         raise NotWritten("the start of the run is not among its output times")
     stop = trajectory.planned if stop is None else stop
-    return _Scene(observer, piece.begin, stop, times[0], states[0], trajectory).script()
+    first = _Scene(observer, piece.begin, stop, times[0], states[0], trajectory)
+    others = [_Scene(o, piece.begin, stop, t, x, trajectory) for o, t, x in _other_choices(trajectory)]
+    return _with_choices(first, others) if others else first.script()
+
+
+def _other_choices(trajectory: Trajectory) -> Iterator[tuple[Observer, float, np.ndarray]]:
+    """Yield an observer, a time and the state there for each choice of coordinates that the run has changed to."""
+    known = [trajectory.pieces[0].reduced]
+    for piece in trajectory.pieces:
+        times, states = piece.samples
+        if piece.reduced not in known and len(times):
+            known.append(piece.reduced)
+            yield piece.observer, times[0], states[0]
+
+
+def _with_choices(first: _Scene, others: list[_Scene]) -> Script:
+    """Return the script of a run that changes its coordinates."""
+    main, rest = first.script(), [scene.script() for scene in others]
+    text = ",\n".join(f"(tab, blocks) => ({script.text})" for script in rest)
+    data = [
+        script.data | {"slots": pairs(main.slots, script.slots), "observed": pairs(main.registers, script.registers)}
+        for script in rest
+    ]
+    scenes = [first, *others]
+    passages = [[passage(a.observer, b.plan) for b in scenes] for a in scenes]
+    choices = {"choices": data, "passages": passages}
+    return Script(f"{{ ...{main.text}, choices: [{text}] }}", main.data | choices, main.slots, main.registers)
 
 
 def _check(trajectory: Trajectory) -> None:
@@ -99,8 +129,9 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
     if reduced.switched is not None and (reduced.switched.degree == SPRUNG).any():
         raise NotWritten("friction has springs alone around it, whose switching the page does not compute")
-    if any(p.reduced is not reduced for p in trajectory.pieces):
-        raise NotWritten("the coordinates change during this run, which the page does not compute")
+    changes = any(p.reduced is not reduced for p in trajectory.pieces)
+    if changes and (reduced.switched is not None or flat.events is not None):
+        raise NotWritten("the coordinates of a scene with events change during this run, which the page does not compute")
     for variable, _ in observer.plan.samplers:
         if isinstance(observer.signals[variable], Function):
             name = flat.variable_name(variable)
@@ -160,6 +191,7 @@ class _Scene:
         breaks, lines, switches = self._breaks()
         judged, checks = self._checks()
         happening, laws, events = self._happening()
+        constraints, watch = write_constraints(plan, self)
         steps = (copied, *plan.reduced.parameter_program)
         reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
         steps = (*self._bindings(reading), *steps, *start.wanted, *judged)
@@ -173,7 +205,7 @@ class _Scene:
             "observe": plan.full_program,
             "breaks": breaks,
         }
-        functions |= happening
+        functions |= happening | {"constraints": constraints}
         text = ",\n".join(f"{name}: {_written(program, writer)}" for name, program in functions.items())
         text += f",\nrhs: {rates}"
         data = {
@@ -195,6 +227,7 @@ class _Scene:
             "curves": self._curves(),
             "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
             "checks": checks,
+            "watch": watch,
             "laws": laws,
             "events": events,
             "lines": lines,
@@ -306,7 +339,7 @@ class _Scene:
         """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start."""
         plan = self.plan
         constants = {"trial": TRIAL, "added": ADDED, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
-        constants |= {"least": LEAST_FACTOR, "slowest": None}
+        constants |= {"least": LEAST_FACTOR, "slowest": None, "calibrated": CALIBRATED, "noFiner": NO_FINER}
         jacobian = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
         w = self._at_start(plan.program)
         n = plan.state_count

@@ -21,6 +21,9 @@ export class Scene {
     this.blocks = makeBlocks(data.blocks);
     this.functions = make(data.tables, this.blocks);
     this.w = numbers(data.base);
+    this.happenings = null;
+    const others = (data.choices ?? []).map((own, k) => new Scene(own, this.functions.choices[k]));
+    this.choices = others.length ? [this, ...others] : []; // of coordinates, where the run has changed them
     this.seed();
   }
 
@@ -93,13 +96,42 @@ export class Scene {
     return broken === undefined ? "" : broken[1];
   }
 
-  /** The states at the start for parameter values `changed`, [[slot, value], …]. */
-  start(changed) {
-    const { data, functions, w, blocks } = this;
+  /** Take parameter values, [[slot, value], …]. */
+  put(changed) {
+    const { w, data } = this;
     w.set(numbers(data.base));
     this.seed();
     for (const [slot, value] of changed) w[slot] = value;
-    functions.parameters(w, NaN);
+    this.functions.parameters(w, NaN);
+  }
+
+  /** Whether this choice of coordinates has these flat variables for its states. */
+  hasStates(variables) {
+    const { rows, variable } = this.data.watch;
+    const own = variable.slice(rows);
+    return own.length === variables.length && variables.every((v) => own.includes(v));
+  }
+
+  /** The states of another choice where this one stands at {t, x}; its nonlinear blocks begin there. */
+  passTo(other, passage, t, x) {
+    const w = this.observe(t, x);
+    other.seed();
+    for (const [there, here] of passage) other.w[there] = here < 0 ? NaN : w[here];
+    const states = Float64Array.from(other.data.states, (register) => other.w[register]);
+    other.blocks.patient = true;
+    other.observe(t, states);
+    other.blocks.patient = false;
+    return states;
+  }
+
+  /** The states at the start for parameter values `changed`, [[slot, value], …]. */
+  start(changed) {
+    const { data, functions, w, blocks } = this;
+    this.put(changed);
+    for (const other of this.choices.slice(1)) {
+      const slots = new Map(other.data.slots);
+      other.put(changed.flatMap(([slot, value]) => (slots.get(slot) >= 0 ? [[slots.get(slot), value]] : [])));
+    }
     this.happenings = null;
     if (this.refused() !== "") return new Float64Array(0);
     const states = () => {

@@ -1,6 +1,7 @@
 // A run in the page: start, integrate from kink to kink and from event to event, observe.
 
 import { signsOf, turned } from "./blocks.js";
+import { Watch } from "./coordinates.js";
 import { Dop853 } from "./dop853.js";
 import { nearTo } from "./machine.js";
 import { RootFinder } from "./roots.js";
@@ -9,6 +10,7 @@ import { Stopped } from "./stopped.js";
 
 const CLOCK = 16; // steps between two looks at the clock
 const SAME = 1e-14; // of the time: an output time that is that of an event
+const FINER = 0.1; // factor on the tolerances behind a change of coordinates
 const NO_TIME = 1e-15; // of the time: in a shorter piece nothing moves
 
 /**
@@ -23,7 +25,13 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
 
 class Run {
   constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 200000 }) {
-    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps });
+    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, watch: null, tried: new Set() });
+    this.registers = [wanted]; // of each choice of coordinates
+    for (const other of scene.choices.slice(1)) {
+      const observed = new Map(other.data.observed);
+      this.registers.push(wanted.map((register) => observed.get(register) ?? -1));
+    }
+    Object.assign(this, { main: scene, choice: 0, finer: 1 });
     this.columns = wanted.map(() => new Float64Array(times.length).fill(NaN));
     this.reached = this.steps = this.evaluations = 0;
     this.reason = "";
@@ -52,21 +60,29 @@ class Run {
 
   record(time, x) {
     const w = this.scene.observe(time, x);
-    for (let c = 0; c < this.wanted.length; c++) this.columns[c][this.reached] = w[this.wanted[c]];
+    const registers = this.registers[this.choice];
+    for (let c = 0; c < registers.length; c++) this.columns[c][this.reached] = registers[c] < 0 ? NaN : w[registers[c]];
     this.reached++;
   }
 
   /** Go from event to event. */
   pieces(from) {
-    const { scene, times } = this;
-    const { happenings, data } = scene;
+    const { times } = this;
+    const { happenings, data } = this.scene;
     let x = from;
     let begin = data.begin;
+    this.watched(begin, x);
     for (;;) {
       const end = happenings?.until ?? data.end;
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
       const outcome = this.piece(begin, x, end, happenings?.roots(begin, x) ?? null);
       if (this.reason !== "") return;
+      if (outcome.changes) {
+        x = this.otherCoordinates(outcome);
+        if (x === null) return;
+        begin = outcome.t;
+        continue;
+      }
       const behind = happenings === null ? null : happenings.after(outcome);
       if (behind === null) {
         while (this.reached < times.length && times[this.reached] <= data.end) this.record(times[this.reached], outcome.x);
@@ -79,6 +95,34 @@ class Run {
       }
       [begin, x] = [outcome.t, behind];
     }
+  }
+
+  /** Watch the coordinates from a place on, where there are others. */
+  watched(t, x) {
+    this.watch = this.main.choices.length ? new Watch(this.scene, t, x) : null;
+  }
+
+  /** Go on at {t, x} in better coordinates; the state there, null where the page has none that serve. */
+  otherCoordinates({ t, x, stuck }) {
+    const { watch, main } = this;
+    for (const variables of watch.better()) {
+      const choice = main.choices.findIndex((other) => other.hasStates(variables));
+      const key = `${t} ${choice}`;
+      if (choice < 0 || this.tried.has(key)) continue; // it has begun here with them already
+      this.tried.add(key);
+      const other = main.choices[choice];
+      const state = this.scene.passTo(other, main.data.passages[this.choice][choice], t, x);
+      if (!state.every(Number.isFinite)) continue;
+      Object.assign(this, { scene: other, choice, finer: FINER });
+      this.watched(t, state);
+      return state;
+    }
+    if (!stuck && !watch.passedSingular()) {
+      watch.tolerate();
+      return x;
+    }
+    this.reason = `the coordinates would have to change at t = ${t.toPrecision(4)} s, to some that this page does not have`;
+    return null;
   }
 
   /** Integrate to `end`, or to the first root before: {t, x, which}; `which` is null where there was none. */
@@ -100,7 +144,7 @@ class Run {
       }
       if (begin >= end) break;
       const outcome = this.smooth(begin, state, Math.min(end, edge - margin / 2), Math.min(edge + margin, end), roots);
-      if (outcome.which !== null || this.reason !== "") return outcome;
+      if (outcome.which !== null || outcome.changes || this.reason !== "") return outcome;
       [begin, state] = [edge + margin / 2, outcome.x];
     }
     return { t: end, x: state, which: null };
@@ -110,13 +154,14 @@ class Run {
   smooth(begin, x, end, until, roots) {
     const { scene, times } = this;
     const { data, happenings } = scene;
-    const { rtol, atol } = data;
+    const factor = this.finer * calibration(data.refine, data.rtol * this.finer);
+    const tolerances = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor) };
     const maxStep = Math.min(scene.longest(begin, end), happenings?.longestStep ?? Infinity);
     const finder = roots === null ? null : new RootFinder(roots, begin, x);
     const place = new Float64Array(x.length);
     let trying = data.refine !== null && x.length > 0;
     let method = x.length
-      ? new Dop853(data.method, scene, begin, x, end, { rtol, atol, maxStep })
+      ? new Dop853(data.method, scene, begin, x, end, { ...tolerances, maxStep })
       : new Standing(begin, x, end, maxStep);
     const outputs = (last) => {
       while (this.reached < times.length && times[this.reached] <= until) {
@@ -131,11 +176,15 @@ class Run {
     while (method.t < end) {
       if (trying && method.steps + method.rejected >= data.refine.trial) {
         trying = false;
-        method = this.refined(method, begin, end, maxStep);
+        method = this.refined(method, begin, end, maxStep, factor);
       }
       const wanted = finder === null ? times[this.reached] : -Infinity;
-      if (!method.step(wanted)) this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
-      else if (turned(this.signs, signsOf(scene.blocks), data.watched)) {
+      if (!method.step(wanted)) {
+        if (this.watch?.isStuck()) return this.stopped(method, method.t, method.x, true);
+        this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
+      } else if (this.watch !== null) {
+        if (!this.watch.judge(method.t, method.x)) return this.stopped(method, method.before, method.last, false);
+      } else if (turned(this.signs, signsOf(scene.blocks), data.watched)) {
         this.reason = `the coordinates would have to change at t = ${method.t.toPrecision(4)} s`;
       }
       if (this.reason !== "") break;
@@ -151,15 +200,21 @@ class Run {
     return { t: end, x: Float64Array.from(method.x), which: null };
   }
 
+  /** The end of a piece whose coordinates have become bad. */
+  stopped(method, t, x, stuck) {
+    this.count(method);
+    return { t, x: Float64Array.from(x), which: null, changes: true, stuck };
+  }
+
   judge(method) {
     if (method.steps % CLOCK === 0 && this.now() > this.deadline) this.reason = "it takes too long";
     if (this.steps + method.steps + method.rejected > this.mostSteps) this.reason = "it takes too many steps";
   }
 
   /** Go on with tolerances such that the errors of all steps together keep the one that was asked for. */
-  refined(method, begin, end, maxStep) {
+  refined(method, begin, end, maxStep, coarse) {
     const { data } = this.scene;
-    const factor = refinement(data.refine, (method.t - begin) / Math.max(1, method.steps), end - begin);
+    const factor = coarse * refinement(data.refine, (method.t - begin) / Math.max(1, method.steps), end - begin);
     const finer = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor), maxStep, firstStep: method.stepSize };
     this.count(method);
     return new Dop853(data.method, this.scene, method.t, method.x, end, finer);
@@ -169,6 +224,11 @@ class Run {
     this.steps += method.steps;
     this.evaluations += method.evaluations;
   }
+}
+
+/** The factor on the tolerance with which the errors of few steps are as asked for. */
+function calibration(refine, rtol) {
+  return refine === null ? 1 : Math.max(refine.calibrated, Math.min(1, refine.noFiner / rtol));
 }
 
 /** The factor on the tolerance of steps of a mean length, such that a run as a whole keeps the tolerance. */
