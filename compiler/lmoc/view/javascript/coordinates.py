@@ -60,6 +60,15 @@ def passage(observer: Observer, other: Plan) -> list[list[int]]:
     return found
 
 
+def passed(observer: Observer, time: float, x: np.ndarray, other: Plan) -> np.ndarray:
+    """Return the states of another plan where the observer's stands at a time and state; NaN for what is not known."""
+    found = np.full(len(other.states), np.nan)
+    for k, (_, source) in enumerate(passage(observer, other)[: len(found)]):
+        if source >= 0:
+            found[k] = observer.register(source, np.array([time]), x[None])[0]
+    return found
+
+
 def pairs(here: np.ndarray, there: np.ndarray) -> list[list[int]]:
     """Return [register here, register there] of what has one here."""
     own = here >= 0

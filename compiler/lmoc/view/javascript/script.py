@@ -41,7 +41,7 @@ from lmoc.numerics.signals.tables import Table
 from lmoc.numerics.sizes import assumed_sizes
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.code import Writer
-from lmoc.view.javascript.coordinates import pairs, passage, write_constraints
+from lmoc.view.javascript.coordinates import pairs, passage, passed, write_constraints
 from lmoc.view.javascript.events import Programs, write_events
 from lmoc.view.javascript.laws import write_laws
 from lmoc.view.javascript.start import start_program
@@ -98,12 +98,18 @@ def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
 
 def _other_choices(trajectory: Trajectory) -> Iterator[tuple[Observer, float, np.ndarray]]:
     """Yield an observer, a time and the state there for each choice of coordinates that the run has changed to."""
-    known = [trajectory.pieces[0].reduced]
-    for piece in trajectory.pieces:
+    first = trajectory.pieces[0]
+    known = [first.reduced]
+    for piece in sorted(trajectory.pieces, key=lambda p: not len(p.time)):  # those with output times first
+        if piece.reduced in known:
+            continue
+        known.append(piece.reduced)
         times, states = piece.samples
-        if piece.reduced not in known and len(times):
-            known.append(piece.reduced)
+        if len(times):
             yield piece.observer, times[0], states[0]
+        else:
+            time, states = first.samples[0][0], first.samples[1]
+            yield piece.observer, time, passed(first.observer, time, states[0], piece.observer.plan)
 
 
 def _with_choices(first: _Scene, others: list[_Scene]) -> Script:
