@@ -23,7 +23,7 @@ class Registers(Protocol):
 
 
 def write_constraints(plan: Plan, registers: Registers) -> tuple[Program, dict[str, Any] | None]:
-    """Return what fills the entries of the constraint matrix from the registers of the right-hand side, and their places.
+    """Return what fills the constraint matrix from the registers of the right-hand side, and where its entries are.
 
     None where the choice never changes.
     """

@@ -137,7 +137,7 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("friction has springs alone around it, whose switching the page does not compute")
     changes = any(p.reduced is not reduced for p in trajectory.pieces)
     if changes and (reduced.switched is not None or flat.events is not None):
-        raise NotWritten("the coordinates of a scene with events change during this run, which the page does not compute")
+        raise NotWritten("the coordinates of a scene with events change, which the page does not compute")
     for variable, _ in observer.plan.samplers:
         if isinstance(observer.signals[variable], Function):
             name = flat.variable_name(variable)
