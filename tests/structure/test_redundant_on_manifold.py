@@ -107,3 +107,59 @@ end Square;
 def test_dropped_constraints_are_watched():
     dae = lmoc.compile_text(RODS)
     assert any("no longer follows" in check.message for check in dae.reduced.flat.checks)
+
+
+def on_a_line(direction: tuple[float, float], angle: float) -> str:
+    """A body with three of its points on one line; only the sum of the normal forces is unique."""
+    nx, ny = direction
+    return f"""
+model Line
+  import Planar.*;
+  inner World world;
+  Body body(m = 1, J = 0.1, x(start = 0), y(start = 0), vx(start = 1, fixed = true), theta(start = {angle}));
+  PointOf p(rx = 0.5), q(rx = -0.5), s(rx = 0.1);
+  Guide g(nx = {nx}, ny = {ny}), h(nx = {nx}, ny = {ny}), i(nx = {nx}, ny = {ny});
+  Real total = g.fn + h.fn + i.fn;
+equation
+  connect(body.frame, p.frame); connect(body.frame, q.frame); connect(body.frame, s.frame);
+  connect(p.point, g.point); connect(q.point, h.point); connect(s.point, i.point);
+end Line;"""
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (1, 0.3), (0.5, -2)])
+def test_three_points_of_a_body_on_one_line(direction):
+    angle = float(np.arctan2(direction[1], direction[0]))
+    run = lmoc.compile_text(on_a_line(direction, angle)).simulate(stop=1, points=11, rtol=1e-9)
+    along, across = np.cos(angle), np.sin(angle)
+    way = run.time / along - 9.81 * across * run.time**2 / 2
+    np.testing.assert_allclose(run["body.x"], way * along, atol=1e-8)
+    np.testing.assert_allclose(run["body.y"], way * across, atol=1e-8)
+    assert run["total"] == pytest.approx(np.full(11, 9.81 * along), rel=1e-7)
+    assert all(np.isnan(run[f"{guide}.fn"]).all() for guide in "ghi")
+    assert codes(run).count("N0415") == 1
+
+
+TWICE = """
+model Twice "a point of a body on the same line twice, each time with a mass that goes along"
+  import Planar.*;
+  inner World world(g = 0);
+  Body body(m = 1, J = 0.1, x(start = 0.3), y(start = 0.2), theta(start = 0.2), omega(start = 1, fixed = true));
+  PointOf p(rx = 0.5), q(rx = 0.5);
+  Guide g(nx = 1, ny = 0.3), h(nx = 1, ny = 0.3);
+  Mass m(m = 1), n(m = 2, v(start = 0.5, fixed = true));
+equation
+  connect(body.frame, p.frame); connect(body.frame, q.frame);
+  connect(p.point, g.point); connect(q.point, h.point);
+  connect(g.flange, m.flange); connect(h.flange, n.flange);
+end Twice;"""
+
+
+def test_the_same_guide_twice():
+    """Both masses are one of 3 kg, and momentum along the line stays."""
+    run = lmoc.compile_text(TWICE).simulate(stop=2, points=21, rtol=1e-9)
+    np.testing.assert_allclose(run["m.q"], run["n.q"], atol=1e-12)
+    size = np.hypot(1, 0.3)
+    momentum = 3 * run["m.v"] + (run["body.vx"] + 0.3 * run["body.vy"]) / size
+    np.testing.assert_allclose(momentum, momentum[0], rtol=1e-7)
+    assert run.energy.balance < 1e-7
+    assert np.isnan(run["g.fn"]).all() and np.isnan(run["h.fn"]).all()

@@ -48,11 +48,18 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
     judgement.overdetermined(work, report)
     sums = _finish_sums(work)
     guards = list(work.splitter.guards)
-    doubtful = constraints(work.groups, work.marked(lambda b: b.flow and b.connector) & ~work.coordinates)
-    if doubtful is not None:
-        repeated |= judgement.dependent(work, doubtful, guards, report)
+    flow = work.marked(lambda b: b.flow and b.connector)
+    doubtful = constraints(work.groups, flow & ~work.coordinates)
+    all_groups = work.groups
+    dropped = {} if doubtful is None else judgement.dependent(work, doubtful, guards, report)
     report.check()
-    undetermined = _fix_reactions(work, sums, list(repeated)) if repeated else np.zeros(0, np.int64)
+    reactions = _free_reactions(work, sums) if repeated or dropped else ([], np.zeros(0, np.int64))
+    if dropped and flow.any() and len(reactions[0]) < len(repeated) + len(dropped):
+        # leverages are tied to each other by the constraints: `loops.manifold` looks at places that satisfy these
+        work.groups, dropped = all_groups, {}
+        reactions = _free_reactions(work, sums) if repeated else reactions
+    repeated |= dropped
+    undetermined = _fix_reactions(work, reactions, list(repeated)) if repeated else np.zeros(0, np.int64)
     root, order, factor, offset = _way_back(work.table, work.zero, work.derived)
     derived_values = work.derived.known[flat.count :].copy()
     work.derived.finish()
@@ -91,18 +98,20 @@ def _asked(flat: FlatDAE, states: Sequence[str] | None, report: Report) -> np.nd
 # --------------------------------------------------------------------- reactions
 
 
-def _fix_reactions(work: Elimination, sums: LongSums, repeated: list[int]) -> np.ndarray:
-    """For every repeated constraint set one reaction of its loop to zero; returns the variables left undetermined."""
-    flat = work.flat
-    coordinate = work.coordinates
+def _free_reactions(work: Elimination, sums: LongSums) -> tuple[list[int], np.ndarray]:
+    """The reactions of which only combinations are determined, as `free_reactions` returns them."""
     port = work.marked(lambda b: b.connector) & (work.kind == UNKNOWN)
     long = SumRows(np.repeat(np.arange(sums.rows), np.diff(sums.start)), sums.index, sums.coefficient, sums.source)
-    chosen, free = free_reactions(work.groups, long, coordinate, port, work.derived.known)
-    chosen = np.array(chosen[: len(repeated)], np.int64)
+    return free_reactions(work.groups, long, work.coordinates, port, work.derived.known)
+
+
+def _fix_reactions(work: Elimination, reactions: tuple[list[int], np.ndarray], repeated: list[int]) -> np.ndarray:
+    """For every repeated constraint set one reaction of its loop to zero; returns the variables left undetermined."""
+    chosen, free = np.array(reactions[0][: len(repeated)], np.int64), reactions[1]
     if not len(chosen):
         return np.zeros(0, np.int64)
     work.groups.append(Rows(slot(0), (UNKNOWN,), chosen[:, None], np.array(repeated[: len(chosen)])))
-    lost = np.zeros(flat.count + 1, bool)
+    lost = np.zeros(work.flat.count + 1, bool)
     lost[free] = True
     return np.flatnonzero(lost[work.table.root[:-1]])
 

@@ -45,6 +45,7 @@ ASIDE = 2e-2
 # a row depends on others when no more than this share of it is left: first beside a place at which the rows to be
 # dropped spoil the accuracy, then without them
 SUSPECT, DEPENDENT = 1e-4, 1e-7
+_STEPS = 20  # of Newton's method for a value that follows from others
 # of rows nearly as long as the longest one, the first is kept
 NEARLY = 0.7
 # what a row may be beside the size of its terms where it follows from others
@@ -67,15 +68,14 @@ def without_dependent(normalized: Normalized) -> Normalized:
     found = _Judged.of(system, core.groups)
     if not found.dropped:
         return normalized
-    for g in core.groups:  # what only constraints know is a position, too: the offset of a point on a turned body
-        for leaf in leaves_of(g.shape, g.kinds, UNKNOWN):
-            masks.coordinate[g.column(leaf)] = True
+    place, told = _completed(found.place, core.groups, rows)
+    masks.coordinate[told] = True  # what only constraints know is a position, too: the offset of a point on a body
     gone = np.zeros(normalized.flat.equation_count, bool)
     gone[list(found.dropped)] = True
     kept = [g.take(np.flatnonzero(~gone[g.source])) for g in rows]
     s = normalized.sums
     sums = SumRows(np.repeat(np.arange(s.rows), np.diff(s.start)), s.index, s.coefficient, s.source)
-    chosen, free = free_reactions(kept, sums, masks.coordinate, masks.port, normalized.all_values, found.place.value)
+    chosen, free = free_reactions(kept, sums, masks.coordinate, masks.port, normalized.all_values, place)
     if len(chosen) < len(found.dropped):
         return normalized  # the equations stay as they are, and are refused for their own reason
     zero = np.array(chosen[: len(found.dropped)])
@@ -159,6 +159,49 @@ class _Judged:
                 size |= dict(zip(part.source.tolist(), part.sizes(place).tolist(), strict=True))
         order, root = np.divmod(np.concatenate(jets), value.shape[1])
         return _Judged(dropped, replace(start, value=value), (root, order, np.concatenate(at_start)), size)
+
+
+def _completed(place: Sample, core: tuple[Rows, ...], rows: list[Rows]) -> tuple[np.ndarray, np.ndarray]:
+    """Add what follows from the constraints one by one, as the offset of a point on a body that is held elsewhere.
+
+    Returns
+    -------
+    The values of the jets (orders, extended) at the place, and the roots of those that the constraints tell.
+    """
+    value, width = place.value.copy(), place.value.shape[1]
+    known = np.zeros(value.size, bool)
+    for g in core:
+        for leaf in leaves_of(g.shape, g.kinds, UNKNOWN):
+            known[g.column(leaf) + leaf.value[1] * width] = True
+    more = True
+    while more:
+        more = False
+        for g in rows:
+            leaves = leaves_of(g.shape, g.kinds, UNKNOWN)
+            if not leaves or max(leaf.value[1] for leaf in leaves) >= len(value):
+                continue
+            jets = np.stack([g.column(leaf) + leaf.value[1] * width for leaf in leaves])
+            lacking = ~known[jets]
+            for leaf, jet, own in zip(leaves, jets, lacking & (lacking.sum(axis=0) == 1), strict=True):
+                part = g.take(np.flatnonzero(own))
+                if own.any() and _solved(part, leaf, jet[own], value, place.time):
+                    known[jet[own]] = more = True
+    return value, np.unique(np.flatnonzero(known) % width)
+
+
+@np.errstate(all="ignore")
+def _solved(g: Rows, leaf: Expr, jets: np.ndarray, value: np.ndarray, time: float) -> bool:
+    """Put the values of one jet of some rows into `value`, by Newton's method; whether that has succeeded."""
+    before, slope = value.flat[jets], differentiate(g.shape, leaf)
+    for _ in range(_STEPS):
+        found = (evaluate(e, lambda k, n: value[n, g.slots[:, k]], time) for e in (g.shape, slope))
+        residual, factor = (np.broadcast_to(x, len(jets)) for x in found)
+        change = -residual / factor
+        value.flat[jets] += change
+        if (np.abs(change) <= FOLLOWS * (1.0 + np.abs(value.flat[jets]))).all():
+            return True
+    value.flat[jets] = before
+    return False
 
 
 def _watched(flat: FlatDAE, judged: _Judged) -> Iterator[Check]:
@@ -249,7 +292,8 @@ class _Component:
 
     def sizes(self, values: np.ndarray) -> np.ndarray:
         """(rows,) what the terms of each constraint sum up to."""
-        return np.abs(self._jacobian(values)) @ np.maximum(np.abs(values), np.sqrt(np.mean(values**2)))
+        ordinary = max(float(np.mean(v**2)) for v in (values, self.start.value.flat[self.jets])) ** 0.5
+        return np.abs(self._jacobian(values)) @ np.maximum(np.abs(values), ordinary)
 
     def _vanishing(self, values: np.ndarray, rows: np.ndarray) -> bool:
         return bool((np.abs(self._residual(values))[rows] <= FOLLOWS * self.sizes(values)[rows]).all())
