@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.messages.diagnostics import Report
 from lmoc.numerics.failures.chatter import chatters, jumps
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import Outcome, Problem, Roots
@@ -22,10 +24,12 @@ from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Way
+    from lmoc.numerics.laws.step_length import Stepped
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
+ACCEPTED = 0.01  # share of the ranges of positions by which they may be off before a run warns of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +97,16 @@ class PieceSolver:
         stretch.largest = None if bounds.roots is None else bounds.roots.largest
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
 
-    def march(self, stretch: Stretch, x: np.ndarray, steps: TimeStepping) -> Outcome:
-        """Go to the end of the run by steps of equal length, in which impulses of the laws take the place of events."""
-        span, recorder = self.task.span, stretch.recorder
+    def march(self, stretch: Stretch, x: np.ndarray, begin: Callable[[], TimeStepping]) -> Stepped:
+        """Go to the end of the run by steps of equal length, in which impulses of the laws take the place of events.
+
+        Parameters
+        ----------
+        begin : returns what makes the steps, at the start
+        """
+        from lmoc.numerics.laws.step_length import stepped
+
+        span, recorder, plan = self.task.span, stretch.recorder, stretch.plan
         done = recorder.reached
         problem = Problem(
             stretch.system,
@@ -110,7 +121,12 @@ class PieceSolver:
             progress=self._progress,
             step=self.task.options.step_length(span),
         )
-        return self.cost.add(steps.march(problem), stretch.system, MOREAU, "requested")
+        positions = np.isin(plan.derivatives, plan.states) & ~plan.ledger
+        found = stepped(problem, begin, positions, self.task.options.step is not None)
+        self.cost.add(found.outcome, stretch.system, MOREAU, "requested")
+        self.cost.stats |= {"step": found.step, "estimated_error": found.error}
+        _tell(found, self.task.report)
+        return found
 
     def holding_jump(self, stretch: Stretch, t: float, x: np.ndarray) -> str:
         """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
@@ -163,6 +179,18 @@ class PieceSolver:
             self.task.report.warning("W0526", text)
         given = break_times(self.task.signals, begin, end, kinks.MOST // 10)
         return distinct(np.concatenate([own, given]))
+
+
+def _tell(found: Stepped, report: Report) -> None:
+    """Say what the error of time stepping is estimated to be."""
+    if np.isnan(found.error):
+        return
+    text = f"time stepping with steps of {found.step:.3g} s: positions are off by about {100 * found.error:.2g} % of"
+    if found.error > ACCEPTED:
+        hint = "the error is proportional to the step: `--step` asks for a shorter one"
+        report.warning("W0555", f"{text} their ranges", hint=hint)
+    else:
+        report.note("N0555", f"{text} their ranges, estimated from steps twice as long")
 
 
 def _times_ahead(stretch: Stretch, end: float) -> np.ndarray:

@@ -287,10 +287,9 @@ class _Run:
         self.stretch = Stretch(observer, old.system, begin, self.task.span.times, old.first, self.variables)
         self._record_start(x)
         old.system.prepare(observer.base, observer.signals)
-        steps = now.steps()
-        outcome = self.solver.march(self.stretch, x, steps)
-        now.records += steps.records
-        return outcome
+        found = self.solver.march(self.stretch, x, now.steps)
+        now.records += found.steps.records
+        return found.outcome
 
     def _known_reason(self, outcome: Outcome) -> str:
         """Return why the run cannot go on, where that is known better than from the status; else nothing."""

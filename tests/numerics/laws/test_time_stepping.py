@@ -76,3 +76,28 @@ def test_many_contacts_rest_on_each_other_without_sinking():
 def test_scenes_that_it_is_not_made_for(text, reason):
     with pytest.raises(lmoc.ModelError, match=f"(?s)E0540.*moreau.*{reason}"):
         lmoc.compile_text(text).simulate(stop=1, solver="moreau")
+
+
+@pytest.mark.parametrize(
+    "name, variable, steps, code",
+    [
+        ("h16_stick_slip", "mass.q", 400, "W0555"),
+        ("h06_bungee", "lower.q", 50, "W0555"),
+        ("h06_bungee", "lower.q", 500, "N0555"),
+    ],
+)
+def test_the_error_is_estimated_and_told(name, variable, steps, code):
+    """Twice the estimate bounds the error against the run from event to event; long steps are warned of."""
+    dae = compiled(name)
+    exact = dae.simulate(points=51, rtol=1e-10)
+    run = dae.simulate(points=51, solver="moreau", step=exact.time[-1] / steps)
+    error = np.abs(run[variable] - exact[variable]).max() / np.ptp(exact[variable])
+    assert error < 2 * run.stats["estimated_error"] and code in [note.code for note in run.notes]
+    assert run.stats["step"] == exact.time[-1] / steps
+
+
+def test_without_a_length_the_steps_are_halved_until_the_error_is_small():
+    dae = compiled("clutch_lock")
+    exact, run = dae.simulate(points=11, rtol=1e-10), dae.simulate(points=11, solver="moreau")
+    assert run.stats["estimated_error"] <= 0.01
+    assert np.abs(run["load.theta"] - exact["load.theta"]).max() < 0.01 * np.ptp(exact["load.theta"])

@@ -127,6 +127,18 @@ NUMERICS: dict[str, Entry] = {
         "an assertion of level warning does not hold",
         "An assertion of the model with `AssertionLevel.warning` is violated; the message is the model's own.",
     ),
+    "N0555": Entry(
+        "the estimated error of time stepping",
+        "`--solver moreau` makes steps of equal length, of order one. A second run with steps twice as long tells how\n"
+        "far off the positions are, as a share of the range of each. Without `--step` the steps are halved until that\n"
+        "is at most 1 %.",
+    ),
+    "W0555": Entry(
+        "the steps of time stepping are long",
+        "Positions are estimated to be off by more than 1 % of their ranges. The error is proportional to the step,\n"
+        "which `--step` sets. Without `--step` the steps have been halved five times, which has not been enough: the\n"
+        "scene may bounce in such a way that small differences grow.",
+    ),
     "W0553": Entry(
         "the energy balance does not close",
         "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"

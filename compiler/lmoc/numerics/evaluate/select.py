@@ -31,6 +31,9 @@ def make_system(plan: Plan, signals: Mapping[int, Signal] | None = None) -> Syst
         update = updatable(plan, signals)
         if update is not None:
             return UpdatedSystem(plan, update)
+    small = plan.reduced.switched is not None and plan.row_count <= COMPILED_ROWS and can_lower(plan.program)
+    if small:  # of short pieces: what a compiler would take is not won back
+        return CasadiSystem(plan)
     if plan.row_count > COMPILED_ROWS or has_varying_blocks(plan.program):
         from lmoc.numerics.evaluate.native.c_code import Unsupported
 

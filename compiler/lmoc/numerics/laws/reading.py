@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lmoc.numerics.evaluate.casadi_system import can_lower
 from lmoc.numerics.laws.instant import Array, Gauge
 from lmoc.numerics.laws.updated import Update, updatable
-from lmoc.numerics.observe.readout import Readout
+from lmoc.numerics.observe.readout import readout_of
 from lmoc.numerics.observe.slices import Evaluate, slice_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -28,7 +28,7 @@ def reader(gauge: Gauge) -> Reader:
         update = updatable(plan, gauge.signals)
         if update is not None:
             return lambda base, signals: _updated(gauge, update, base, signals)
-    return _readout(plan, _registers(gauge)).bind
+    return readout_of(plan, _registers(gauge)).bind
 
 
 def rates(plan: Plan, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
@@ -61,16 +61,3 @@ def _registers(gauge: Gauge) -> NDArray[np.int64]:
     motion = np.where(gap >= 0, gap, rate)
     found = np.concatenate([motion, rate, gauge.force, stick])
     return np.where(found >= 0, found, gauge.plan.states[0])
-
-
-def _readout(plan: Plan, registers: NDArray[np.int64]) -> Readout:
-    """Return what evaluates these registers in the mode that holds, made once for a plan."""
-    made = plan.once(_kept)
-    if not made:
-        made.append(Readout(plan, plan.full_program, plan.count, registers))
-    return made[0]
-
-
-def _kept(_: Plan) -> list[Readout]:
-    """Return where that is kept."""
-    return []

@@ -28,7 +28,7 @@ from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, NoSolution, S
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 from lmoc.numerics.laws.mode import STILL
 from lmoc.numerics.observe.event import Event
-from lmoc.numerics.observe.slices import slice_of
+from lmoc.numerics.observe.readout import readout_of
 from lmoc.numerics.options import MOREAU
 from lmoc.numerics.signals.signals import Function
 from lmoc.structure.laws.switched import POSITION
@@ -124,12 +124,15 @@ class TimeStepping:
         self.constant = False
         gaps, rates = gauge.registers[:2]
         registers = np.concatenate([np.where(gaps >= 0, gaps, rates), rates])
-        self._motions = slice_of(gauge.plan, registers).bind(gauge.base, gauge.signals)
+        self._motions = readout_of(gauge.plan, registers).bind(gauge.base, gauge.signals)
         self._jacobian: Array = np.zeros((0, 0))
         self._inverse: Array = np.zeros((0, 0))
 
     def march(self, problem: Problem) -> Outcome:
-        """Make steps to the end of a problem."""
+        """Make steps to the end of a problem; the forces are those of these steps."""
+        for force in self.forces:
+            force.ends.clear()
+            force.values.clear()
         count = max(1, round((problem.end - problem.t) / problem.step))
         edges = np.linspace(problem.t, problem.end, count + 1)
         watch, reached = Watch(problem), 0
@@ -166,10 +169,7 @@ class TimeStepping:
         system.rhs(middle, state.x, rate)
         jacobian = system.jacobian(middle, state.x)
         inverse = self._inverted(jacobian, h)
-        response = now.response.copy()
-        if self.ledger is not None:
-            response[self.ledger[1]] = 0.0
-        effect = inverse @ response
+        effect = inverse @ self._effect(now)
         free = state.x + inverse @ (h * rate)
         _, loose = self.motions(end, free)
         slope = now.slope[1] @ effect
@@ -234,11 +234,18 @@ class TimeStepping:
         gap, rate = np.split(self._motions(np.array([t]), x[None])[0], 2)
         return np.where(self.gauge.table.unilateral, gap, np.nan), rate
 
+    def _effect(self, now: Instant) -> Array:
+        """Return the effect of the forces on the states' rates; their heat is entered from the impulses."""
+        response = now.response.copy()
+        if self.ledger is not None:
+            response[self.ledger[1]] = 0.0
+        return response
+
     def _is_constant(self, now: Instant) -> bool:
         """Return whether the effect of the forces is the same everywhere, by generic points."""
         dice = np.random.default_rng(1)
         fields: tuple[Callable[[Instant], Array], ...] = (
-            lambda i: i.slope, lambda i: i.delassus, lambda i: i.response, lambda i: i.slip, lambda i: i.stick
+            lambda i: i.slope, lambda i: i.delassus, self._effect, lambda i: i.slip, lambda i: i.stick
         )  # fmt: skip
         for _ in range(_GENERIC):
             away = now.x + dice.uniform(0.5, 1.5, len(now.x)) * (1.0 + np.abs(now.x))

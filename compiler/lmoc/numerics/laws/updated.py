@@ -31,7 +31,7 @@ from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
-MOST_LAWS = 150  # with more, products with full matrices cost more than a sparse block
+MOST_LAWS = 400  # with more, products with full matrices cost more than a sparse block
 
 
 def updatable(plan: Plan, signals: Mapping[int, Signal]) -> Update | None:
