@@ -105,3 +105,11 @@ def test_names_of_joined_modules_are_told_apart(monkeypatch):
     monkeypatch.setattr(join, "asset", texts.__getitem__)
     with pytest.raises(ValueError, match=r"x is a name of b\.js and of a\.js"):
         join.joined.__wrapped__("a.js")
+
+
+def test_the_rim_of_a_turning_disk():
+    """Lines in front of the disk, where they are by its angle; each comes back after a whole turn."""
+    found = run_script(joined("rim.js") + "console.log(JSON.stringify([0, 0.3, 2 * Math.PI, Math.PI].map(linesAt)));")
+    still, turned, whole, half = (dict(lines) for lines in found)
+    assert still[0] == 0 and turned[0] == pytest.approx(np.sin(0.3)) and 0 not in half
+    assert set(whole) == set(still) and all(-1 <= share <= 1 for share in turned.values())

@@ -142,3 +142,15 @@ def test_a_slider_changes_the_events():
     assert found["now"] == f"t = {found['after'][0]:.3f} s" and found["modes"]
     lost = sum(e.energy_lost for e in runs[1].events)
     assert f"({len(runs[1].events)})" in found["title"] and (f"{lost:.3g}" in found["title"] or not lost)
+
+
+def test_shafts_seen_from_the_side_turn():
+    html = lmoc.compile(MODELS / "notes" / "ex07_two_inertias.lmo").view().html
+    seen = open_page(html, FACTS + """
+      const marks = () => [...document.querySelectorAll("#stage .disk path.accent")].map((p) => p.getAttribute("d"));
+      const before = marks();
+      $("time").value = String(0.3 * Number($("time").max)); $("time").dispatchEvent(new Event("input"));
+      return [before, marks()];
+    """)  # fmt: skip
+    before, after = seen.answer
+    assert seen.console == [] and len(before) == 2 and all(a != b for a, b in zip(before, after, strict=True))

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lmoc.cli import terminal
-from lmoc.cli.arguments import Parser, add_model_arguments
+from lmoc.cli.arguments import Parser, UsageError, add_model_arguments, number
+from lmoc.messages.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
     from lmoc.view.drawing import Drawing
@@ -17,6 +18,7 @@ def configure(parser: Parser) -> None:
     add_model_arguments(parser)
     parser.add_argument("-o", "--output", metavar="FILE", type=Path, required=True, help="picture: .svg, .png, .pdf")
     parser.add_argument("--free-body", action="store_true", help="each body cut out, with the forces on it")
+    parser.add_argument("--at", metavar="TIME", type=number, help="of free bodies: the forces of a run at a time")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -24,6 +26,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from lmoc.report.files import PICTURES, check_target
 
     check_target(arguments.output, PICTURES)
+    if arguments.at is not None and not arguments.free_body:
+        raise UsageError([Diagnostic("E0620", "--at is for free-body diagrams", hint="--free-body --at 0.6")])
     drawing = _drawn(arguments)
     path = drawing.save(arguments.output)
     if not arguments.quiet:
@@ -52,7 +56,8 @@ def _drawn(arguments: argparse.Namespace) -> Drawing:
             from lmoc.view.bodies.compose import free_body_picture
 
             dae = DAE(scene, flat, clock)
-            picture = free_body_picture(dae.prepare(), start=dae.at_start)
+            run = None if arguments.at is None else dae.simulate()
+            picture = free_body_picture(dae.prepare(), run, arguments.at, dae.at_start)
         else:
             from lmoc.view.scene.compose import picture_of
 

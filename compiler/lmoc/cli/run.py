@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lmoc.cli import process, terminal
-from lmoc.cli.arguments import Parser, UsageError
+from lmoc.cli.arguments import Parser, Range, UsageError
 from lmoc.cli.simulation import add_simulation_arguments, check_formulation, ranges_of, simulate, sweep
-from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError, nearest
 
 if TYPE_CHECKING:
+    from lmoc.ir.flat import FlatDAE
     from lmoc.run import Run
 
 FAILED_RUN = 3
@@ -26,6 +27,11 @@ def configure(parser: Parser) -> None:
     add = parser.add_argument
     add("-o", "--output", metavar="FILE", type=Path, help="write the result: .csv, .npz, .parquet, .mat")
     add("--plot", metavar="FILE", type=Path, help="draw the result: .png, .svg, .pdf")
+    add("--show", metavar="NAME,…", help="variables to draw (outputs, else states)")
+    add("--phase", metavar="FILE", type=Path, help="draw one variable over another: the two of --show, else two states")
+    add("--spectrum", metavar="FILE", type=Path, help="draw the amplitudes over the frequency")
+    add("--root-locus", metavar="FILE", type=Path,
+        help="draw the eigenvalues of the linear model over the values of --set k=FIRST:STEP:LAST")
     add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
     add("--events", action="store_true", help="list the events, and the modes of laws over time")
     add("--quiet", action="store_true", help="print nothing but errors")
@@ -64,8 +70,11 @@ def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]
             raise UsageError([Diagnostic("E0623", message)]) from None
         written.append(f"table written to {arguments.output}")
     if arguments.plot is not None:
-        found.plot(path=arguments.plot, units=arguments.units)
+        found.plot(_found(found.runs[0].flat, _names(arguments)), path=arguments.plot, units=arguments.units)
         written.append(f"picture written to {arguments.plot}")
+    if arguments.root_locus is not None:
+        found.root_locus(arguments.root_locus)
+        written.append(f"root locus written to {arguments.root_locus}")
     if arguments.json:
         print(json.dumps(plain(table.to_dict("records")), indent=2, ensure_ascii=False))
     elif not arguments.quiet:
@@ -76,15 +85,34 @@ def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]
 def _check_choices(arguments: argparse.Namespace) -> None:
     """Refuse what cannot work before time is spent."""
     from lmoc.report.display import display
-    from lmoc.report.files import FORMATS, PICTURES, check_target
+    from lmoc.report.files import FORMATS, check_target
 
     display(arguments.units)
 
     check_formulation(arguments)
     if arguments.output is not None:
         check_target(arguments.output, tuple(FORMATS))
-    if arguments.plot is not None:
-        check_target(arguments.plot, PICTURES)
+    _check_pictures(arguments)
+
+
+def _check_pictures(arguments: argparse.Namespace) -> None:
+    """Refuse pictures that cannot be drawn."""
+    from lmoc.report.files import PICTURES, check_target
+
+    for picture in (arguments.plot, arguments.phase, arguments.spectrum, arguments.root_locus):
+        if picture is not None:
+            check_target(picture, PICTURES)
+    several = any(isinstance(given, Range) for _, given in arguments.set)
+    wrong = {"--root-locus": not several and arguments.root_locus, "--phase": several and arguments.phase}
+    wrong["--spectrum"] = several and arguments.spectrum
+    for option in (name for name, given in wrong.items() if given):
+        expected = "a parameter with several values" if option == "--root-locus" else "one value of each parameter"
+        hint = "--set k=10:10:50" if option == "--root-locus" else None
+        raise UsageError([Diagnostic("E0620", f"{option} is for {expected}", hint=hint)])
+    names = _names(arguments)
+    if arguments.phase is not None and names is not None and len(names) != 2:
+        message = f"--phase draws one variable over another, not {len(names)}"
+        raise UsageError([Diagnostic("E0620", message, hint="--phase phase.svg --show body.q,body.v")])
 
 
 def _tell(run: Run, arguments: argparse.Namespace) -> None:
@@ -121,10 +149,33 @@ def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:
     written = []
     if arguments.output is not None:
         written.append(("result", run.save(arguments.output)))
+    names = _found(run.flat, _names(arguments))
     if arguments.plot is not None:
-        run.plot(path=arguments.plot, units=arguments.units)
+        run.plot(names, path=arguments.plot, units=arguments.units)
         written.append(("picture", arguments.plot))
+    if arguments.phase is not None:
+        if names is None and len(run.states) < 2:
+            raise UsageError([Diagnostic("E0620", "--phase: the run has no two states", hint="--show NAME,NAME")])
+        run.phase(*(names or ()), path=arguments.phase)
+        written.append(("phase portrait", arguments.phase))
+    if arguments.spectrum is not None:
+        run.spectrum(names, arguments.spectrum)
+        written.append(("spectrum", arguments.spectrum))
     return written
+
+
+def _found(flat: FlatDAE, names: list[str] | None) -> list[str] | None:
+    """Return the names, all of which the model has."""
+    for name in names or ():
+        if flat.find(name) is None:
+            hint = nearest(name, [block.pattern for block in flat.blocks]) or None
+            raise UsageError([Diagnostic("E0622", f"there is no variable '{name}'", hint=hint)])
+    return names
+
+
+def _names(arguments: argparse.Namespace) -> list[str] | None:
+    """The variables to draw; None for those that a picture chooses."""
+    return None if arguments.show is None else [name.strip() for name in arguments.show.split(",") if name.strip()]
 
 
 def _failed(failure: SimulationError | RunInterrupted, arguments: argparse.Namespace) -> int:

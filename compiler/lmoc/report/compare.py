@@ -14,12 +14,14 @@ from lmoc.report.events import mark_events
 from lmoc.report.plots import COLOURS, DASHES, choose, finished, group_by_unit, stacked
 from lmoc.report.result import Result
 from lmoc.support.records import dataclass
+from lmoc.symbolic.notebook import table_html
 from lmoc.symbolic.styles import unit_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+MOST_ROWS = 40  # of a table in a notebook
 MOST_LABELLED = 12  # runs with names of their own; more are coloured by their place in the list
 
 
@@ -102,6 +104,18 @@ class Comparison:
             first, *_, last = self.runs
             axes[0].set_title(f"{len(self.runs)} runs, from {first} (dark) to {last} (bright)", loc="right", fontsize=8)
         return finished(figure, path)
+
+    def _repr_html_(self) -> str:
+        """Return the HTML representation for notebooks: the runs, and the largest differences from the first."""
+        title = repr(self).strip("<>")
+        try:
+            names = self.names()
+        except ValueError:  # they have nothing in common
+            names = []
+        found = self.differences(names).reset_index()
+        rows = found.head(MOST_ROWS).to_numpy().tolist()
+        head = ["run", "variable", "largest difference", "at t in s", "of the largest value"]
+        return table_html(title, head, rows, len(found) - len(rows))
 
     def __repr__(self) -> str:
         return f"<Comparison of {', '.join(list(self.runs)[:MOST_LABELLED])}>"

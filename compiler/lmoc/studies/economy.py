@@ -15,6 +15,7 @@ from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
 from lmoc.support.records import dataclass
+from lmoc.symbolic.notebook import table_html
 
 _REPEATS = 3
 
@@ -51,7 +52,16 @@ class Economy:
         return self.form, self.solver, str(self.states), str(self.unknowns), f"{1e3 * self.seconds:.1f} ms", how
 
 
-def economy(session: Session, request: Request, seconds: float = 20.0) -> tuple[Economy, ...]:
+class Economies(tuple[Economy, ...]):
+    """What a scene costs in each form."""
+
+    def _repr_html_(self) -> str:
+        """Return the HTML representation for notebooks."""
+        head = ["form", "solver", "states", "unknowns", "time", "error"]
+        return table_html("What reduction saves", head, [one.row for one in self])
+
+
+def economy(session: Session, request: Request, seconds: float = 20.0) -> Economies:
     """Return what a scene costs in each form, at the tolerance of the request.
 
     Parameters
@@ -76,7 +86,7 @@ def economy(session: Session, request: Request, seconds: float = 20.0) -> tuple[
     comparison = _Comparison(names, reference, expected, rtol, seconds)
     rows = [*_unreduced(prepared, request, comparison)]
     rows += [_reduced(session, _with(request, rtol, solver), comparison) for solver in ("ida", "auto")]
-    return tuple(rows)
+    return Economies(rows)
 
 
 @dataclass(frozen=True, eq=False)

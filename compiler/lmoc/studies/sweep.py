@@ -15,12 +15,14 @@ from lmoc.report.compare import Comparison
 from lmoc.report.plots import COLOURS, GREY, stacked, write
 from lmoc.run import Run
 from lmoc.support.records import dataclass
+from lmoc.symbolic.notebook import table_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
 MOST_RUNS = 1000
+MOST_ROWS = 40  # of a table in a notebook
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,13 @@ class Sweep:
         if path is not None:
             write(figure, Path(path))
         return figure
+
+    def _repr_html_(self) -> str:
+        """Return the HTML representation for notebooks: the table of the runs."""
+        table = self.to_dataframe()
+        shown = table.head(MOST_ROWS)
+        rows = list(zip(*(shown[name].tolist() for name in table.columns), strict=True))
+        return table_html(repr(self).strip("<>"), list(table.columns), rows, len(table) - len(rows))
 
     def __len__(self) -> int:
         return len(self.runs)

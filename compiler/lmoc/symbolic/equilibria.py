@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, replace
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
+from lmoc.symbolic.notebook import MOST_SHOWN, table_html
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.roots import Root, closed_roots, scan, search
 from lmoc.symbolic.slope import slope
@@ -149,6 +151,15 @@ class Equilibria(list):
     def __init__(self, found: Iterable[Equilibrium], how: str = "exact"):
         super().__init__(found)
         self.how = how
+
+    def _repr_html_(self) -> str:
+        """Return the HTML representation for notebooks: the states of each, and whether it is stable."""
+        if not self:
+            return f"<p><b>no equilibrium</b> ({escape(self.how)})</p>"
+        names = list(dict.fromkeys(name for e in self for name in e))[:MOST_SHOWN]
+        rows = [[k, *(e.get(name, "") for name in names), e.stability or "", e.how] for k, e in enumerate(self, 1)]
+        kind = "equilibrium" if len(self) == 1 else "equilibria"
+        return table_html(f"{len(self)} {kind}", ["", *names, "stability", "found"], rows)
 
 
 def equilibria(

@@ -1,4 +1,4 @@
-"""HTML for notebooks: matrices with names at their rows and columns."""
+"""HTML for notebooks: matrices with names at their rows and columns, tables."""
 
 from __future__ import annotations
 
@@ -16,6 +16,22 @@ Named = tuple[str, Any, Sequence[str], Sequence[str]]  # title, numpy or sympy m
 def matrices_html(title: str, matrices: Iterable[Named]) -> str:
     """Return HTML of a title and of the matrices that are not zero."""
     return f"<p><b>{escape(title)}</b></p>" + "".join(_table(*named) for named in matrices)
+
+
+def table_html(title: str, head: Sequence[str], rows: Iterable[Sequence[object]], more: int = 0) -> str:
+    """Return HTML of a title and a table; numbers with six digits.
+
+    Parameters
+    ----------
+    more : number of rows that are left out
+    """
+    def cell(value: object) -> str:
+        return f"<td>{f'{value:.6g}' if isinstance(value, float) else escape(str(value))}</td>"
+
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows)
+    rest = f"<p>and {more} more</p>" if more > 0 else ""
+    return f"<p><b>{escape(title)}</b></p><table><tr>{top}</tr>{body}</table>{rest}"
 
 
 def _table(title: str, matrix: Any, rows: Sequence[str], columns: Sequence[str]) -> str:

@@ -2,6 +2,8 @@
 //
 // The description and what moves it are explained in `view/scene/picture.py`.
 
+import { hasRim, Rim } from "./rim.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 const ARROW = 56; // px, the longest arrow of a force
 
@@ -17,6 +19,7 @@ export function movers(picture) {
   for (const item of picture.items) {
     for (const end of item.ends) for (const move of end.moves) names.add(move.variable);
     if (item.turn.variable) names.add(item.turn.variable);
+    if (hasRim(item)) names.add(item.variables.angle);
   }
   return [...names];
 }
@@ -38,6 +41,10 @@ export class Motion {
     this.index = new Map(names.map((name, k) => [name, k]));
     this.references = references;
     this.scales = groupScales(picture, this.index, references, extremes);
+  }
+
+  value(name, values) {
+    return values[this.index.get(name)];
   }
 
   change(move, values) {
@@ -116,7 +123,7 @@ export class Stage {
       const shapes = item.shapes.map((shape) => shapeElement(shape));
       group.append(...shapes);
       this.svg.append(group);
-      this.parts.push({ item, shapes });
+      this.parts.push({ item, shapes, rim: hasRim(item) ? new Rim(item, group, svgElement) : null });
     }
     this.arrows = svgElement("g", { class: "arrows", "aria-hidden": "true" });
     this.svg.append(this.arrows);
@@ -125,8 +132,9 @@ export class Stage {
 
   /** Place everything for the values of the variables of a motion. */
   show(motion, values) {
-    for (const { item, shapes } of this.parts) {
+    for (const { item, shapes, rim } of this.parts) {
       const frame = motion.frame(item, values);
+      rim?.show(motion.value(item.variables.angle, values), (vertex) => place(frame, vertex));
       for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
     }
   }
