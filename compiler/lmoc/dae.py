@@ -53,7 +53,7 @@ class DAE(CompiledModel):
         rtol: float | None = None,
         atol: float | None = None,
         solver: str = "auto",
-        formulation: str = "reduced",
+        formulation: str = "auto",
         parameters: Mapping[str, Value] | None = None,
         initial: Point | str | None = None,
         inputs: Mapping[str, object] | None = None,

@@ -194,11 +194,11 @@ class Session:
             E0626: the scene cannot be run in this formulation.
         """
         minimal, form = prepared.reduced, wanted.form
-        if form.name == "reduced":
+        if form.name in ("auto", "reduced"):
             return prepared
         if prepared.flat.laws or prepared.flat.events is not None:
             message = f"a scene with laws or events cannot be run in formulation '{form.name}'"
-            raise ModelError([Diagnostic("E0626", message, expected="reduced")])
+            raise ModelError([Diagnostic("E0626", message, expected="auto or reduced")])
         if minimal.invariants is None:
             note = Diagnostic("N0634", f"no closed loops are left in this scene: {form.name} is the same as reduced")
             return replace(prepared, notes=(*prepared.notes, note))
@@ -250,7 +250,7 @@ class Session:
         with self._busy:
             simulator, values = self.simulator(prepared.reduced), prepared.values
             if prepared.minimal is None:
-                return simulator.run(values, options, inputs, initial, progress, OtherCoordinates(self, values))
+                return simulator.run(values, options, inputs, initial, progress, OtherCoordinates(self, prepared))
             place = self.simulator(prepared.minimal).start(values, options, inputs, initial)
             return simulator.run(values, options, inputs, place, progress)
 
@@ -266,8 +266,8 @@ class Session:
 class OtherCoordinates:
     """The systems of a session with other variables as states, for one set of parameter values."""
 
-    def __init__(self, session: Session, values: np.ndarray) -> None:
-        self.session, self.values = session, values
+    def __init__(self, session: Session, prepared: Prepared) -> None:
+        self.session, self.prepared, self.values = session, prepared, prepared.values
 
     def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
         """Return the plan and the system with some variables as states; None where they cannot be."""
@@ -279,5 +279,18 @@ class OtherCoordinates:
             reduced = session._reduction(self.values, key, Clock())
         except ModelError:  # some of them cannot be states
             session._reductions[key] = [None]
+            return None
+        return session.simulator(reduced).system(signals, energy, Report())
+
+    def of_loops(self, signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
+        """Return the plan and the system with all coordinates of the loops as states; None where they cannot be."""
+        from lmoc.numerics.formulations.table import TABLE, Requested
+
+        session, prepared = self.session, self.prepared
+        if prepared.reduced.invariants is None:
+            return None
+        try:
+            reduced = session.formulated(prepared, Requested(TABLE["projected"]), Clock()).reduced
+        except ModelError:  # not all of them can be states
             return None
         return session.simulator(reduced).system(signals, energy, Report())

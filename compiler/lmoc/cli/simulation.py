@@ -37,8 +37,8 @@ def add_simulation_arguments(parser: Parser, ranges: bool = False) -> None:
     add("--step", type=positive, metavar="S",
         help=f"length of every step (a thousandth of the run): {', '.join(FIXED_STEP)}; gauss")  # fmt: skip
     add("--solver", type=choice(SOLVERS, solver_hint), metavar="NAME", default="auto", help=", ".join(SOLVERS))
-    add("--formulation", metavar="NAME", default="reduced",
-        help=f"of closed loops: {', '.join(TABLE)}; baumgarte:25 with a gain in 1/s (reduced)")  # fmt: skip
+    add("--formulation", metavar="NAME", default="auto",
+        help=f"of closed loops: {', '.join(TABLE)}; baumgarte:25 with a gain in 1/s (auto)")  # fmt: skip
     add("--keep", metavar="NAME", action="append",
         help="retain only this variable or array (large models); may be repeated")  # fmt: skip
 

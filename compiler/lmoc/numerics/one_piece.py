@@ -166,6 +166,7 @@ class PieceSolver:
             guard=stretch.watch or loops,
             roots=bounds.roots,
             correction=None if loops is None else loops.correction,
+            landing=None if loops is None or loops.landing is None else loops,
             index_one=None if loops is None else loops.index_one,
             held=held if stretch.plan.once(jumps) else None,
             step=options.step_length(task.span),

@@ -88,7 +88,7 @@ class RunOptions:
     rtol: float | None = None
     atol: float | None = None
     solver: str = "auto"
-    formulation: str = "reduced"
+    formulation: str = "auto"
     energy: bool = True
     keep: Sequence[str] | None = None
     max_step: float | None = None

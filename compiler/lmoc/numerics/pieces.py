@@ -47,7 +47,6 @@ from lmoc.numerics.tolerances import Tolerances
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes, Way
     from lmoc.numerics.events.happenings import Happenings
-    from lmoc.numerics.formulations.watch import LoopWatch
 
 _FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
 _SAME = 1e-14  # of the time: roots after a jump are found a few units of the last place after it
@@ -97,7 +96,7 @@ class _Run:
         self.stretch = Stretch(observer, system, span.start, span.times, 0, self.variables)
         self.pieces: list[Piece] = []
         self.ended: Status | None = None  # an event has ended the run
-        self.longest = np.inf if options.max_step is None else options.max_step
+        self.longest = self._longest_step = np.inf if options.max_step is None else options.max_step
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
@@ -144,7 +143,7 @@ class _Run:
             "states": first.state_count,
             "rtol": self.tolerances.rtol,
         }
-        if self.stretch.loops is not None:
+        if self.stretch.plan.reduced.in_all_coordinates and not self._went_over and self.stretch.loops is not None:
             stats |= self.stretch.loops.stats
         self._note_changes()
         notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
@@ -273,11 +272,13 @@ class _Run:
         if now is not None:
             bounds = replace(bounds, longest=min(self.longest, now.longest_step))
         # what follows from the states is known less well than they are, where one choice after the other divides by it
-        if self.stretch.watch is not None and self.pieces:
+        if self.pieces and (self.stretch.watch is not None or self._went_over):
             bounds = replace(bounds, finer=_FINER)
         outcome = self.solver(self.stretch, x, bounds)
         if self.stretch.loops is not None and outcome.status.failed:
             self.lost = self.stretch.loops.why(outcome.status)
+            if outcome.status is Status.SINGULAR and self._went_over:
+                outcome.status = Status.COORDINATES
         return outcome
 
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
@@ -298,6 +299,11 @@ class _Run:
             return self.lost
         jump = self.solver.holding_jump(self.stretch, outcome.time, outcome.x)
         return f"{jump} ({FRICTION_HINT})" if jump else ""
+
+    @property
+    def _went_over(self) -> bool:
+        """Whether the run has gone over to all coordinates of its loops on its way."""
+        return "changes" in self.__dict__ and self.changes.together is not None
 
     @cached_property
     def changes(self) -> Changes:
@@ -323,13 +329,20 @@ class _Run:
 
     def _with_other_coordinates(self, outcome: Outcome) -> Outcome:
         """Go on from where the coordinates have ceased to be good."""
-        if self.stretch.loops is not None:
-            return self._in_shorter_steps(self.stretch.loops, outcome)
-        tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.stretch, outcome.x)
-        way = self.changes.onward(self.stretch, outcome, _FINER * tolerance)
-        if way is None:
+        loops = self.stretch.loops
+        if loops is not None:
+            way = self.changes.apart(self.stretch, outcome) if self._went_over and loops.is_near else None
+            longest = loops.length() if way is None else np.inf
+            if way is None and longest is not None:
+                return self._in_shorter_steps(longest, outcome)
+            self.lost, self.longest = loops.reason, self._longest_step
+        else:
+            tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.stretch, outcome.x)
+            way = self.changes.onward(self.stretch, outcome, _FINER * tolerance)
             self.lost = self.changes.reason
+        if way is None:
             return replace(outcome, status=Status.SINGULAR)
+        self.lost = ""
         if way.stretch is not self.stretch:
             self._finish(outcome)
             self.pieces += way.between
@@ -360,19 +373,18 @@ class _Run:
         """Have the closures watched, in a formulation where all coordinates of the loops are states."""
         task, stretch = self.task, self.stretch
         if stretch.loops is None and stretch.plan.reduced.in_all_coordinates:
+            from lmoc.numerics.formulations.table import TABLE
             from lmoc.numerics.formulations.watch import LoopWatch
 
             scale = assumed_sizes(stretch.plan, task.values, x, task.sizes)
-            stretch.loops = LoopWatch(stretch.observer, scale, task.options.requested.form, task.span)
+            wanted = task.options.requested.form
+            form = TABLE["projected"] if wanted.name == "auto" else wanted
+            stretch.loops = LoopWatch(stretch.observer, scale, form, task.span)
             stretch.loops.begin(begin, x)
 
-    def _in_shorter_steps(self, loops: LoopWatch, outcome: Outcome) -> Outcome:
+    def _in_shorter_steps(self, longest: float, outcome: Outcome) -> Outcome:
         """Go on from before a step that has led too far where closures nearly depend on each other."""
-        longest = loops.length()
-        if longest is None:
-            self.lost = loops.reason
-            return replace(outcome, status=Status.SINGULAR)
-        self.longest = min(longest, np.inf if self.task.options.max_step is None else self.task.options.max_step)
+        self.longest = min(longest, self._longest_step)
         return self._integrate(outcome.x, outcome.time)
 
     def _finish(self, outcome: Outcome) -> None:
@@ -391,6 +403,10 @@ class _Run:
             sets = "; ".join(", ".join(n) for n in dict.fromkeys(names))
             often = "once" if changes == 1 else f"{changes} times"
             self.report.note("N0632", f"coordinates changed {often}, between {sets}")
+        if self._went_over:
+            begin, end = self.changes.together, self.changes.returned
+            when = f"from t = {begin:.6g} s on" if end is None else f"from t = {begin:.6g} s to {end:.6g} s"
+            self.report.note("N0635", f"all coordinates of the loops were integrated {when}: few changed often")
         passed = self.changes.passed if "changes" in self.__dict__ else []
         if passed:
             often = "a singular position was" if len(passed) == 1 else f"{len(passed)} singular positions were"

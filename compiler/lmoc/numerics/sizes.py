@@ -65,10 +65,11 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
         group = _group(run.flat, array)
         groups[group] = max(top, groups.get(group, 0.0))
     noise = _TIED if any(p.reduced.in_all_coordinates for p in run.pieces) else _NOISE
-    found, drift = {}, _drift(run)
-    for array, top in largest.items():
-        size = max(top, noise * groups[_group(run.flat, array)])
-        found[array] = size if size > max(_REST, drift.get(array, 0.0)) else assumed[array]
+    met = {array: max(top, noise * groups[_group(run.flat, array)]) for array, top in largest.items()}
+    if not any(met[array] < _LOOSE * assumed[array] for array in met):
+        return None
+    drift = _drift(run)
+    found = {a: size if size > max(_REST, drift.get(a, 0.0)) else assumed[a] for a, size in met.items()}
     return found if any(found[array] < _LOOSE * assumed[array] for array in found) else None
 
 

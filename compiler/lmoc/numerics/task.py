@@ -34,6 +34,9 @@ class Coordinates(Protocol):
     def system(self, states: Sequence[str], signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
         """Return the plan and the system with some variables as states; None where they cannot be."""
 
+    def of_loops(self, signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
+        """Return the same with all coordinates of the loops as states."""
+
 
 @dataclass(frozen=True, eq=False)
 class Task:

@@ -134,6 +134,13 @@ CATALOGUE: dict[str, Entry] = {
         "and kept. With `stateSelect` or `states=[…]` an angle that is valid in all positions can be preferred, where\n"
         "there is one.",
     ),
+    "N0635": Entry(
+        "all coordinates integrated",
+        "The coordinates have changed several times, and as often as that again many times over the rest of the run.\n"
+        "Each change starts the integration anew. So the run goes on with all coordinates of the closed loops as\n"
+        "states, which are moved onto the closures after each step (formulation `projected`). The closures hold to\n"
+        "rounding in either way. `formulation='reduced'` (`--formulation reduced`) keeps to few coordinates.",
+    ),
     "N0633": Entry(
         "singular position passed",
         "The constraints of a mechanism depend on each other in some positions: the bars of a parallelogram in line.\n"

@@ -11,6 +11,7 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.coordinates.change import carried_over, registers_at, with_solutions
 from lmoc.numerics.coordinates.passage import passage
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.formulations.table import STEPPED_IN_C
 from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.observe.observer import Observer, Path
 from lmoc.numerics.observe.trajectory import Piece
@@ -20,6 +21,8 @@ from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.task import Stretch, Task
 from lmoc.support.records import dataclass
 
+_OFTEN = 3  # changes of coordinates after which …
+_AHEAD = 40  # … all are integrated where so many more lie ahead
 _STALLED = 40  # attempts to come on from one place
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
 
@@ -74,12 +77,18 @@ class Changes:
     passes : whether places where the constraints depend on each other are passed: not with laws and events, which might
         happen on the way
     passed : s, the times at which it has passed a place where the constraints depend on each other
+    together : s, when it has gone over to all coordinates of the loops; None where it has not
+    returned : s, when it has come back from them; None where it has not
     """
 
     def __init__(self, task: Task, variables: np.ndarray | None) -> None:
         self.task, self.variables, self.reason = task, variables, ""
         self.passes = True
         self.passed: list[float] = []
+        self.together: float | None = None
+        self.returned: float | None = None
+        self._minimal: tuple[Plan, System] | None = None  # what it has been in before
+        self._times: list[float] = []  # of changes of coordinates
         self._tried: set[tuple[float, tuple[str, ...]]] = set()  # coordinates, and since when
         self._refused: set[int] = set()  # flat variables that cannot be states
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
@@ -112,6 +121,31 @@ class Changes:
             return Way(stretch, outcome.x, until, distance)
         self._nowhere(stretch)
         return None
+
+    def apart(self, stretch: Stretch, outcome: Outcome) -> Way | None:
+        """A piece in few coordinates again; None where the run has been in all coordinates from its start."""
+        self.returned = outcome.time
+        return None if self._minimal is None else self._begun(stretch, outcome, *self._minimal)
+
+    def _all_together(self, stretch: Stretch, outcome: Outcome) -> Way | None:
+        """A piece in all coordinates of the loops, where they change too often; once in a run.
+
+        A change costs as much as hundreds of steps in C, and each one restarts the integration.
+        """
+        task, t = self.task, outcome.time
+        span, requested = task.span, task.options.requested
+        self._times += [t] * (t not in self._times)
+        if self.together is not None or len(self._times) < _OFTEN or not self.passes or self.passed:
+            return None
+        ahead = (len(self._times) - 1) * (span.end - t) / (t - self._times[0])
+        suits = requested.form.name == "auto" and task.options.solver in STEPPED_IN_C
+        if ahead < _AHEAD or not suits or task.others is None:
+            return None
+        made = task.others.of_loops(stretch.observer.signals, task.options.energy)
+        way = None if made is None else self._begun(stretch, outcome, *made)
+        if way is not None:
+            self._minimal, self.together = (stretch.plan, stretch.system), t
+        return way
 
     def _beyond(self, stretch: Stretch, tolerance: np.ndarray) -> Way | None:
         """A new piece behind a place where the constraints depend on each other; None where none is found.
@@ -150,7 +184,10 @@ class Changes:
         return piece
 
     def _changed(self, stretch: Stretch, outcome: Outcome) -> Way | None:
-        """A new piece with better coordinates; None where there are no better ones."""
+        """A new piece with better coordinates, or with all of them; None where there are no better ones."""
+        way = self._all_together(stretch, outcome)
+        if way is not None:
+            return way
         for variables, names in self._candidates(stretch):
             key = outcome.time, tuple(sorted(names))
             if key in self._tried:  # it has begun here with them already

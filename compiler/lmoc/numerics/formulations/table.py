@@ -11,6 +11,7 @@ GAIN = 10.0  # 1/s, of Baumgarte's stabilization
 # methods of one step: the state may be moved between two of them without loss
 _ONE_STEP = ("auto", "dop853", "taylor", "radau", "gauss", "rk4", "midpoint")
 _IMPLICIT = ("auto", "ida")
+STEPPED_IN_C = ("auto", "dop853", "taylor")  # of these, those for which projection costs little
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Formulation:
 
 
 _ALL = (
+    Formulation("auto", "reduced; where the coordinates change often, projected from then on"),
     Formulation("reduced", "minimal coordinates, changed along the motion where others are better"),
     Formulation("projected", "all coordinates of the loops, projected onto the closures after each step", _ONE_STEP),
     Formulation("index1", "all coordinates of the loops, closures differentiated twice: they drift"),

@@ -49,6 +49,7 @@ class LoopWatch:
         self.manifold = Manifold(plan, base, signals, scale)
         self.form, self.span = form, span.end - span.start
         self.correction = self.correct if form.name == "projected" else None
+        self.landing = self.manifold.landing if self.correction is not None else None
         self.index_one: Closed | None = None
         if form.implicit:
             from lmoc.numerics.formulations import index_two
@@ -63,22 +64,36 @@ class LoopWatch:
 
     def begin(self, t: float, x: np.ndarray) -> None:
         """Take the place where a run begins for the first one."""
-        self._last, self.before = self._look(t, x), t
+        self.resume(t, x)
+
+    @property
+    def address(self) -> int:
+        """Of what judges and corrects steps in C."""
+        return self.landing.address
+
+    def resume(self, t: float, x: np.ndarray) -> None:
+        """Take a place that steps judged in C have led to for the last one."""
+        self._accept(t, x, self._look(t, x))
+        self._firm = self.landing is not None and self.landing.begin(t, x)
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where it is to be made again, of another length (`length`)."""
-        now = self._look(t, x)
-        if self._last.margin < _SINGULAR:
+        if self._firm and self.longest == np.inf and self.landing.follows(t, x):
+            self._accept(t, x, None)
+            return Status.OK
+        last, now = self._last or self._look(*self._place), self._look(t, x)
+        if last.margin < _SINGULAR:
             self.reason = _BRANCH
             return Status.SINGULAR
-        if self._turned(now):
-            self._least = min(now.margin, self._last.margin)
+        if self._turned(last, now):
+            self._least = min(now.margin, last.margin)
             self.longest, self._beyond = (t - self.before) / 4, max(t, self._beyond)
             return Status.COORDINATES
-        if self.longest < np.inf and self.before > self._beyond and min(now.margin, self._last.margin) > _NEAR:
+        if self.longest < np.inf and self.before > self._beyond and min(now.margin, last.margin) > _NEAR:
             self.longest = np.inf
             return Status.COORDINATES
-        self._last, self.before, self._least = now, t, now.margin
+        self._accept(t, x, now)
+        self._firm = self.landing is not None and self.landing.begin(t, x)
         if self.correction is None:
             self._note(t, x)
         return Status.OK
@@ -89,6 +104,11 @@ class LoopWatch:
             self.reason = _BRANCH
             return Status.SINGULAR
         return status
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the closures come near to a place where they depend on each other, or there is no way on."""
+        return bool(self.reason) or self._least < _NEAR
 
     def why(self, status: Status) -> str:
         """Return why a run could not go on, where more is known than its status."""
@@ -106,6 +126,8 @@ class LoopWatch:
     def correct(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return the end of a step moved onto the closures; NaN where there is no way."""
         moved = self.manifold.project(np.array([t]), x[None])[0]
+        if self._firm:  # what is left has been noted in C
+            return moved
         if not np.isfinite(moved).all():
             self.reason = "the state cannot be projected onto the closures of its loops"
             return moved
@@ -120,11 +142,19 @@ class LoopWatch:
     @property
     def stats(self) -> dict[str, object]:
         """For the statistics of the run."""
-        return {"position_residual": self.position, "velocity_residual": self.velocity}
+        position, velocity = (0.0, 0.0) if self.landing is None else self.landing.residuals
+        return {
+            "position_residual": max(self.position, position), "velocity_residual": max(self.velocity, velocity)
+        }  # fmt: skip
 
     def _note(self, t: float, x: np.ndarray) -> None:
         position, velocity = self.manifold.residuals(np.array([t]), x[None])
         self.position, self.velocity = max(self.position, position), max(self.velocity, velocity)
+
+    def _accept(self, t: float, x: np.ndarray, look: _Look | None) -> None:
+        """Take the end of a step for the last place; how the closures stand there is found out when it is needed."""
+        self._place, self._last, self.before = (t, x.copy()), look, t
+        self._least = 1.0 if look is None else look.margin
 
     def _look(self, t: float, x: np.ndarray) -> _Look:
         """Return how the closures stand at a place."""
@@ -142,9 +172,8 @@ class LoopWatch:
             tangents.append(q[..., m:])
         return _Look(across, tangents, margin)
 
-    def _turned(self, now: _Look) -> bool:
+    def _turned(self, last: _Look, now: _Look) -> bool:
         """Whether a step may have led over a singular place: closures that turn, or change much near to it."""
-        last = self._last
         least = min(now.margin, last.margin)
         if not least >= 0:  # no number
             return True

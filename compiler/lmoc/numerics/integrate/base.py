@@ -45,6 +45,7 @@ class Problem:
     shortest : s, mean length of its steps below which a Taylor series is STIFF
     step : s, the length of all steps of a method with fixed steps; None where it chooses them
     correction : (t, x) -> x, moves the end of an accepted step; None where it stays as it is
+    landing : the same and the guard in C; None where they are left to Python
     index_one : what IDA integrates in place of the system, with the states first among its components
     held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
         None where nothing jumps
@@ -71,6 +72,7 @@ class Problem:
     shortest: float = 0.0
     step: float | None = None
     correction: Callable[[float, np.ndarray], np.ndarray] | None = None
+    landing: Landing | None = None
     index_one: IndexOne | None = None
     held: Callable[[float, np.ndarray], bool] | None = None
 
@@ -88,6 +90,20 @@ class Guard(Protocol):
 
     def stuck(self, status: Status) -> Status:
         """Return why there are no more steps, where the method has found the step size collapsed or values lost."""
+
+
+class Landing(Protocol):
+    """What guard and correction do, in C, for many steps at once.
+
+    Attributes
+    ----------
+    address : of an ``lmoc_hold`` (`native/c/taylor.c`)
+    """
+
+    address: int
+
+    def resume(self, t: float, x: np.ndarray) -> None:
+        """Take a place that steps judged in C have led to for the last one."""
 
 
 @dataclass(eq=False)
@@ -196,6 +212,18 @@ class Unattended(Protocol):
         """Go to an output time by as many steps as that takes; the integration's `x` is the state there."""
 
 
+class Batches(Protocol):
+    """The ability of a method to make many steps with their output without Python between them."""
+
+    def several(self, times: np.ndarray, most: int) -> tuple[Status, int]:
+        """Make up to `most` steps; keep the states at the first of `times` that they reach.
+
+        Returns
+        -------
+        as `Integration.step`, or DOUBTFUL where the next step is to be judged in Python; the number of times reached
+        """
+
+
 class Integration(ABC):
     """A method at work on one problem: its state, and one accepted step at a time. A context manager.
 
@@ -226,6 +254,11 @@ class Integration(ABC):
     @property
     def unattended(self) -> Unattended | None:
         """Return what goes to output times without Python between the steps; None where the method cannot."""
+        return None
+
+    @property
+    def batches(self) -> Batches | None:
+        """Return what makes many steps at once; None where the method cannot."""
         return None
 
     @abstractmethod

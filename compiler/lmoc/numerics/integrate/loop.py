@@ -7,16 +7,18 @@ looks at the steps, a method that can is left alone from one output time to the 
 from __future__ import annotations
 
 import math
+import time as clock
 from bisect import bisect_right
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import Expired, Integration, Outcome, Problem, Unattended, Watch
+from lmoc.numerics.integrate.base import Batches, Expired, Integration, Outcome, Problem, Unattended, Watch
 from lmoc.numerics.integrate.roots import RootFinder
 from lmoc.numerics.integrate.status import Status
 
 _BATCH = 200_000  # numbers collected before they are handed on
-_LOOK = 32  # steps between two looks at the clock
+_LOOK = 32  # steps between two looks at the clock …
+_MANY, _QUICK = 4096, 5e-3  # … up to so many where a batch of steps takes less than these seconds
 _STALL = 10_000  # steps after which it is judged whether they get on …
 _PACE = 1e-8  # … by this part of what lies ahead on average
 _OK = Status.OK  # attributes of an enumeration are slow to look up
@@ -45,9 +47,12 @@ class _Loop:
         run = self.run
         try:
             with run:
-                watched = self.problem.needs_steps or self.problem.held is not None
-                unattended = None if watched else run.unattended
-                status = self.go_stepwise() if unattended is None else self.go_unattended(unattended)
+                if self.batches is not None:
+                    status = self.go_in_batches(self.batches)
+                else:
+                    watched = self.problem.needs_steps or self.problem.held is not None
+                    unattended = None if watched else run.unattended
+                    status = self.go_stepwise() if unattended is None else self.go_unattended(unattended)
         except Expired:
             status = Status.TOO_LONG
         except KeyboardInterrupt:
@@ -76,6 +81,38 @@ class _Loop:
             if self.watch.expired(t):
                 return Status.TOO_LONG
         return Status.OK
+
+    @property
+    def batches(self) -> Batches | None:
+        """Return what makes many steps at once; None where somebody looks at each of them in Python."""
+        problem = self.problem
+        if problem.roots is not None or problem.held is not None:
+            return None
+        alone = problem.guard is None and problem.correction is None
+        return self.run.batches if alone or problem.landing is not None else None
+
+    def go_in_batches(self, method: Batches) -> Status:
+        """Have the method make many steps at once, more of them as long as they are quick."""
+        problem, run = self.problem, self.run
+        most, status = _LOOK, _OK
+        while run.t < problem.end and status is _OK:
+            left = problem.max_steps - run.steps - run.rejected
+            if left <= 0:
+                return Status.TOO_MANY_STEPS
+            began = clock.perf_counter()
+            times = problem.times[self.reached : self.reached + self.most]
+            status, reached = method.several(times, min(most, left))
+            self.reached += reached
+            self.next = self.times[self.reached] if self.reached < len(self.times) else math.inf
+            if self.reached - self.handed >= self.most:
+                self.flush()
+            if self.watch.expired(run.t):
+                return Status.TOO_LONG
+            if status is Status.DOUBTFUL:
+                problem.landing.resume(run.t, run.x)
+                status = self.step()
+            most = min(2 * most, _MANY) if clock.perf_counter() - began < _QUICK else max(_LOOK, most // 2)
+        return status
 
     def go_stepwise(self) -> Status:
         problem, run, step = self.problem, self.run, self.step

@@ -28,11 +28,12 @@ class Status(Enum):
     STIFF = "the problem is stiff and the method explicit"
     ROOT = "a root function vanishes"
     COORDINATES = "other coordinates are better by a margin"
+    DOUBTFUL = "the next step has to be looked at more closely"
 
     @property
     def failed(self) -> bool:
         """Return whether the run cannot go on."""
-        return self not in (Status.OK, Status.STIFF, Status.ROOT, Status.COORDINATES)
+        return self not in (Status.OK, Status.STIFF, Status.ROOT, Status.COORDINATES, Status.DOUBTFUL)
 
 
 class Stopped(Exception):

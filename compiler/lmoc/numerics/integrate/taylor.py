@@ -9,6 +9,7 @@ and a step counts only if the polynomial still satisfies the differential equati
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from lmoc.numerics.evaluate.native.series import LENGTH
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
 
+if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
+
 PROPERTIES = Properties(
     "taylor", "Taylor series", "Taylor series", "8-26", "8-26", "own",
     needs="a C compiler, equations without kinks",
@@ -24,8 +28,8 @@ PROPERTIES = Properties(
 )  # fmt: skip
 
 _LEAST, _MOST = 8, 26  # orders
-_SAFETY = 0.9
-_LOOK = 50  # steps between two looks at their mean length
+_LOOK = 50  # steps from which their mean length is looked at
+_FAILED = {1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL}  # what a walk in C returns
 _GROWTH = 1.0  # of the order with the logarithm of the tolerance: 1/2 has the least work, more has fewer steps
 
 
@@ -53,45 +57,60 @@ def order_for(rtol: float) -> int:
 class Taylor(Integration):
     """The method at work: the series of the last step, and of the next."""
 
-    def __init__(self, problem: Problem, system) -> None:
+    evaluation = "C"
+
+    def __init__(self, problem: Problem, system: TaylorSystem) -> None:
         super().__init__(problem)
-        self.system, self.order = system, order_for(problem.rtol)
-        self.atol = np.ascontiguousarray(problem.atol, float)
-        self.series, self.next = np.zeros((2, len(problem.x), LENGTH))
-        self.t = self.before = problem.t
+        self.system, self.order, self.t = system, order_for(problem.rtol), problem.t
+        n = len(problem.x)
+        self.x = np.array(problem.x, float)
+        self._between, self._series, self._atol = np.zeros(n), np.zeros((2, n, LENGTH)), np.array(problem.atol, float)
+        self._way = way = system.way(problem.end, problem.max_step, problem.rtol)
+        way.atol, way.between, way.x = (a.ctypes.data for a in (self._atol, self._between, self.x))
+        way.q, way.next = (a.ctypes.data for a in self._series)
         self.jump(problem.x)
-        self.evaluation = "C"
 
     def jump(self, x: np.ndarray) -> None:
-        self.x = np.array(x, float)
-        self.before = self.t
-        self.finite = self._fill(self.t, self.x)
-
-    def _fill(self, t: float, x: np.ndarray) -> bool:
+        way = self._way
+        self.x[:] = x
+        self.before = way.before = way.time = self.t
+        way.made = 0
         self.problem.system.evaluations += 1
-        return self.system.series(t, x, self.order, self.next)
+        self.finite = self.system.series(self.t, self.x, self.order, way.next)
 
     def step(self) -> Status:
+        way = self._way
+        way.most, way.outputs, way.hold = 1, 0, None
+        return self._walked()
+
+    @property
+    def batches(self) -> Taylor:
+        return self
+
+    def several(self, times: np.ndarray, most: int) -> tuple[Status, int]:
+        way, landing = self._way, self.problem.landing
+        out = np.empty((len(times), len(self.x)))
+        way.most, way.outputs, way.hold = most, len(times), None if landing is None else landing.address
+        way.times, way.out = times.ctypes.data, out.ctypes.data
+        status = self._walked()
+        self._collected.append(out[: way.reached])
+        return status, way.reached
+
+    def _walked(self) -> Status:
         if not self.finite:
             return Status.NOT_FINITE
-        problem, system, order, rtol = self.problem, self.system, self.order, self.problem.rtol
-        self.series, self.next = self.next, self.series
-        h = min(_SAFETY * system.length(order, rtol, self.atol, self.series), problem.max_step, problem.end - self.t)
-        x = np.empty_like(self.x)
-        found, reached, tries = system.step(
-            self.t, problem.end, h, rtol, (self.atol, self.series, x, self.next)
-        )  # fmt: skip
-        problem.system.evaluations += tries
-        self.rejected += tries - 1
+        way, problem = self._way, self.problem
+        found = self.system.walk(way)
+        problem.system.evaluations += way.tries
+        self.steps += way.steps
+        self.rejected += way.tries - way.steps
+        if way.steps:
+            self.before, self.t, self.step_size = way.before, way.time, way.length
         if found:
-            self.series, self.next = self.next, self.series
-            return Status.COLLAPSED if found == 1 else Status.NOT_FINITE
-        system.mark()
-        self.steps += 1
-        self.before, self.t, self.x, self.step_size = self.t, reached, x, h
-        if self.steps % _LOOK == 0 and self.t - problem.t < self.steps * problem.shortest:
+            return _FAILED[found]
+        if self.steps >= _LOOK and self.t - problem.t < self.steps * problem.shortest:
             return Status.STIFF
         return Status.OK
 
     def interpolate(self, times: np.ndarray) -> np.ndarray:
-        return self.system.values(self.order, times - self.before, self.series)
+        return self.system.values(self.order, times - self.before, self._way.q)

@@ -34,6 +34,12 @@ static inline double lmoc_convolve(int64_t k, const double *a, const double *b) 
   for (int64_t j = 0; j <= k; j++) s += a[j] * b[k - j];
   return s;
 }
+static inline double lmoc_square(int64_t k, const double *a) {
+  double s = 0;
+  int64_t j = 0;
+  for (; 2*j < k; j++) s += a[j] * a[k - j];
+  return 2*j == k ? 2*s + a[j]*a[j] : 2*s;
+}
 static inline double lmoc_quotient_rest(int64_t k, const double *b, const double *c) {
   double s = 0;
   for (int64_t j = 1; j <= k; j++) s += b[j] * c[k - j];
@@ -51,99 +57,6 @@ static inline double lmoc_power(int64_t k, const double *a, double p, const doub
 }
 """
 )
-
-# The series of the states, and a step along it.
-TAYLOR = r"""
-#define LMOC_ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
-typedef struct {
-  lmoc_call *call;
-  double *series;                /* (registers, N_SERIES) */
-  const int64_t *m;
-  const void *const *tab;
-  int64_t registers, order;
-} lmoc_taylor;
-
-/* Coefficients 0 … order of the states at (time, x) into q, (n, N_SERIES). */
-int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q) {
-  lmoc_call *c = y->call;
-  double *s = y->series;
-  if (lmoc_evaluate(c, time, x)) return 1;
-  for (int64_t r = 0; r < y->registers; r++) s[r*N_SERIES] = c->w[r];
-  double check = 0;
-  for (int64_t k = 0; k < y->order; k++) {
-    if (lmoc_order(k, time, c->w, s, y->m, y->tab)) return 1;
-    for (int64_t i = 0; i < c->n; i++) {
-      const double next = s[c->derivatives[i]*N_SERIES + k] / (double)(k + 1);
-      s[c->states[i]*N_SERIES + k + 1] = next;
-      check += next * 0;
-    }
-  }
-  for (int64_t i = 0; i < c->n; i++) memcpy(q + i*N_SERIES, s + c->states[i]*N_SERIES, N_SERIES * sizeof(double));
-  return check != 0;
-}
-
-static void lmoc_taylor_value(int64_t n, int64_t order, double h, const double *q, double *x) {
-  for (int64_t i = 0; i < n; i++) {
-    double s = 0;
-    for (int64_t k = order; k >= 0; k--) s = s*h + q[i*N_SERIES + k];
-    x[i] = s;
-  }
-}
-
-/* A step after which the last term is as large as the tolerances. Terms shrink by a factor an order: those before
-   may be larger; five are looked at, because some vanish by symmetry. */
-double lmoc_taylor_length(int64_t n, int64_t order, double rtol, const double *atol, const double *q) {
-  double h = INFINITY, whole = 1;
-  for (int64_t i = 0; i < n; i++)
-    whole = fmax(whole, fabs(q[i*N_SERIES]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
-  const double factor = pow(whole, -1.0 / (double)order);
-  for (int64_t k = order; k > order - 5 && k > 0; k--) {
-    double size = 0;
-    for (int64_t i = 0; i < n; i++)
-      size = lmoc_max(size, fabs(q[i*N_SERIES + k]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
-    if (size > 0) h = fmin(h, pow(size * pow(factor, (double)(order - k)), -1.0 / (double)k));
-  }
-  return h;
-}
-
-/* How much the polynomial misses the differential equation at its end, as an error of the step in tolerances: its
-   derivative at h against that of the series that begins there. */
-static double lmoc_taylor_defect(int64_t n, int64_t order, double h, double rtol, const double *atol, const double *q,
-                                 const double *next) {
-  double worst = 0;
-  for (int64_t i = 0; i < n; i++) {
-    double s = 0;
-    for (int64_t k = order; k > 0; k--) s = s*h + (double)k * q[i*N_SERIES + k];
-    const double scale = atol[i] + rtol*fmax(fabs(q[i*N_SERIES]), fabs(next[i*N_SERIES]));
-    worst = lmoc_max(worst, fabs(h * (s - next[i*N_SERIES + 1])) / scale);
-  }
-  return worst;
-}
-
-/* One step of at most h along the series q, to no later than `end`; the series that begins there into `next`.
-   result: time reached, tries. Returns 0; 1 where no step is short enough, 2 where there is no value beyond. */
-int lmoc_taylor_step(const lmoc_taylor *y, double time, double end, double h, double rtol, const double *atol,
-                     const double *q, double *x, double *next, double *result) {
-  const int64_t n = y->call->n;
-  for (int tries = 1;; tries++) {
-    double reached = time + h;
-    if (time + 1.001*h >= end) { reached = end; h = end - time; }
-    result[0] = reached;
-    result[1] = tries;
-    if (h <= 8e-16 * fabs(reached) || h < 1e-300) return 1;
-    lmoc_taylor_value(n, y->order, h, q, x);
-    const int lost = lmoc_taylor_series(y, reached, x, next);
-    if (!lost && lmoc_taylor_defect(n, y->order, h, rtol, atol, q, next) <= LMOC_ALLOWED) return 0;
-    h *= lost ? 0.25 : 0.6;
-    if (lost && h <= 1e-14 * fabs(time)) return 2;
-  }
-}
-
-/* The states at several distances from where the series begins. */
-void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, double *x) {
-  for (int64_t k = 0; k < count; k++) lmoc_taylor_value(n, order, h[k], q, x + k*n);
-}
-"""
 
 
 def generate_series(program: Program, count: int, constant: np.ndarray, registers: int) -> CFunction:
@@ -258,7 +171,10 @@ class _Series:
 
 
 def _prepared(shape: Expr, fixed: set[int]) -> Expr:
-    """The shape with powers written as products, or by exponential and logarithm where both parts vary."""
+    """The shape with powers written as products, or by exponential and logarithm where both parts vary.
+
+    Squares stand apart from constant factors: they take half the operations of a product.
+    """
     new: dict[int, Expr] = {}
     for node in postorder(shape):
         if not node.args:
@@ -273,6 +189,8 @@ def _prepared(shape: Expr, fixed: set[int]) -> Expr:
             new[id(node)] = product
         elif node.op == "pow" and any(leaf.op == "time" or _varies(leaf, fixed) for leaf in postorder(args[1])):
             new[id(node)] = function("exp", mul(args[1], function("log", args[0])))
+        elif node.op == "mul" and args[0].op == "mul" and args[0].args[0].is_const and args[0].args[1] is args[1]:
+            new[id(node)] = mul(args[0].args[0], mul(args[1], args[1]))
         else:
             new[id(node)] = rebuild(node.op, args)
     return new[id(shape)]
@@ -381,7 +299,8 @@ class _Nodes:
         if node.op == "mul":
             if any(steady):
                 return f"{names[0]}*{at[1]}" if steady[0] else f"{at[0]}*{names[1]}"
-            return f"lmoc_convolve(k, {names[0]}, {names[1]})"
+            same = names[0] == names[1]
+            return f"lmoc_square(k, {names[0]})" if same else f"lmoc_convolve(k, {names[0]}, {names[1]})"
         if node.op == "div":
             if steady[1]:
                 return f"{at[0]}/{names[1]}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from lmoc.numerics.evaluate.native.c_code import Unsupported
+from lmoc.numerics.evaluate.native.c_text import c_text
 from lmoc.numerics.evaluate.native.kernel import Call, Data, Source, source_of
-from lmoc.numerics.evaluate.native.series import LENGTH, TAYLOR, constant_registers, generate_series
+from lmoc.numerics.evaluate.native.series import LENGTH, constant_registers, generate_series
 from lmoc.numerics.evaluate.native.system import NativeSystem, has_branches
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -23,6 +24,21 @@ class _Taylor(ctypes.Structure):
         ("tab", ctypes.c_void_p),
         ("registers", ctypes.c_int64),
         ("order", ctypes.c_int64),
+    ]
+
+
+class Way(ctypes.Structure):
+    """A way of many steps (``lmoc_way`` in `c/taylor.c`)."""
+
+    _fields_ = [
+        *[(name, ctypes.c_double) for name in ("time", "before", "end", "longest", "length", "rtol")],
+        *[(name, ctypes.c_void_p) for name in ("atol", "q", "next", "x", "between")],
+        *[(name, ctypes.c_int64) for name in ("made", "steps", "most", "tries")],
+        ("times", ctypes.c_void_p),
+        ("out", ctypes.c_void_p),
+        ("outputs", ctypes.c_int64),
+        ("reached", ctypes.c_int64),
+        ("hold", ctypes.c_void_p),
     ]
 
 
@@ -49,54 +65,44 @@ class TaylorSystem(NativeSystem):
         self._own = call
         self._taylor = _Taylor(ctypes.pointer(call), self._series.ctypes.data, *data, plan.count, 0)
         library, real, pointer, whole = kernel.library, ctypes.c_double, ctypes.c_void_p, ctypes.c_int64
-        self._fill, self._length = library.lmoc_taylor_series, library.lmoc_taylor_length
-        self._step, self._values = library.lmoc_taylor_step, library.lmoc_taylor_values
+        self._fill, self._walk, self._values = (
+            library.lmoc_taylor_series, library.lmoc_taylor_walk, library.lmoc_taylor_values
+        )  # fmt: skip
         self._fill.argtypes, self._fill.restype = [pointer, real, pointer, pointer], ctypes.c_int
-        self._length.argtypes, self._length.restype = [whole, whole, real, pointer, pointer], real
-        self._step.argtypes, self._step.restype = [pointer, real, real, real, real, *[pointer] * 5], ctypes.c_int
+        self._walk.argtypes, self._walk.restype = [pointer, pointer], ctypes.c_int
         self._values.argtypes, self._values.restype = [whole, whole, whole, *[pointer] * 3], None
-        self._reference, self._result = ctypes.byref(self._taylor), np.zeros(2)
+        self._reference = ctypes.byref(self._taylor)
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self._data.forget()
 
-    def series(self, t: float, x: np.ndarray, order: int, out: np.ndarray) -> bool:
-        """Write the coefficients of the states into `out`, (n, LENGTH); whether all of them are numbers."""
+    def series(self, t: float, x: np.ndarray, order: int, out: int) -> bool:
+        """Write the coefficients of the states to an address, (n, LENGTH); whether all of them are numbers."""
         self.evaluations += 1
         self._taylor.order = order
-        return not self._fill(self._reference, t, x.ctypes.data, out.ctypes.data)
+        return not self._fill(self._reference, t, x.ctypes.data, out)
 
-    def values(self, order: int, h: np.ndarray, series: np.ndarray) -> np.ndarray:
-        """Return the states (k, n) at distances h from where a series begins."""
+    def values(self, order: int, h: np.ndarray, series: int) -> np.ndarray:
+        """Return the states (k, n) at distances h from where the series at an address begins."""
         h, out = np.ascontiguousarray(h), np.empty((len(h), self.n))
-        self._values(self.n, order, len(h), h.ctypes.data, series.ctypes.data, out.ctypes.data)
+        self._values(self.n, order, len(h), h.ctypes.data, series, out.ctypes.data)
         return out
 
-    def length(self, order: int, rtol: float, atol: np.ndarray, series: np.ndarray) -> float:
-        """Return the step after which the last term of a series is as large as the tolerances."""
-        return self._length(self.n, order, rtol, atol.ctypes.data, series.ctypes.data)
+    @staticmethod
+    def way(end: float, longest: float, rtol: float) -> Way:
+        """Return a way up to a time in steps no longer than that, at which nothing stands yet."""
+        return Way(end=end, longest=longest, rtol=rtol)
 
-    def step(self, t: float, end: float, h: float, rtol: float, arrays: Sequence[np.ndarray]) -> tuple[int, float, int]:
-        """Make one step of at most h (``lmoc_taylor_step`` in `native.series`).
-
-        Parameters
-        ----------
-        arrays : atol, the series, and what is filled: the states and the series at the end
-
-        Returns
-        -------
-        What C returns, the time reached, and how many steps have been tried.
-        """
-        addresses = [a.ctypes.data for a in (*arrays, self._result)]
-        found = self._step(self._reference, t, end, h, rtol, *addresses)
-        reached, tries = self._result.tolist()
-        self.evaluations += int(tries)
-        return found, reached, int(tries)
+    def walk(self, way: Way) -> int:
+        """Make steps with their output; returns what C does (``lmoc_taylor_walk`` in `c/taylor.c`)."""
+        found = self._walk(self._reference, ctypes.byref(way))
+        self.evaluations += way.tries
+        return found
 
 
 def _source(plan: Plan) -> Source:
     own = source_of(plan.program, plan.count, has_branches(plan), blocks=True)
     constant = constant_registers(plan.program, plan.count, plan.states)
     further = generate_series(plan.program, plan.count, constant, plan.count + own.function.scratch)
-    return Source(own.text + further.text + TAYLOR, own.optimization, own.function, further)
+    return Source(own.text + further.text + c_text("taylor"), own.optimization, own.function, further)

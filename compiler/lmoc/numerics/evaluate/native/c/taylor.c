@@ -1,0 +1,164 @@
+/* Steps along Taylor series: their length, their ends, output within them, many at a time. */
+
+#define LMOC_ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
+typedef struct {
+  lmoc_call *call;
+  double *series;                /* (registers, N_SERIES) */
+  const int64_t *m;
+  const void *const *tab;
+  int64_t registers, order;
+} lmoc_taylor;
+
+/* Coefficients 0 … order of the states at (time, x) into q, (n, N_SERIES). */
+int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q) {
+  lmoc_call *c = y->call;
+  double *s = y->series;
+  if (lmoc_evaluate(c, time, x)) return 1;
+  for (int64_t r = 0; r < y->registers; r++) s[r*N_SERIES] = c->w[r];
+  double check = 0;
+  for (int64_t k = 0; k < y->order; k++) {
+    if (lmoc_order(k, time, c->w, s, y->m, y->tab)) return 1;
+    for (int64_t i = 0; i < c->n; i++) {
+      const double next = s[c->derivatives[i]*N_SERIES + k] / (double)(k + 1);
+      s[c->states[i]*N_SERIES + k + 1] = next;
+      check += next * 0;
+    }
+  }
+  for (int64_t i = 0; i < c->n; i++) memcpy(q + i*N_SERIES, s + c->states[i]*N_SERIES, N_SERIES * sizeof(double));
+  return check != 0;
+}
+
+static void lmoc_taylor_value(int64_t n, int64_t order, double h, const double *q, double *x) {
+  for (int64_t i = 0; i < n; i++) {
+    double s = 0;
+    for (int64_t k = order; k >= 0; k--) s = s*h + q[i*N_SERIES + k];
+    x[i] = s;
+  }
+}
+
+/* A step after which the last term is as large as the tolerances. Terms shrink by a factor an order: those before
+   may be larger; five are looked at, because some vanish by symmetry. */
+static double lmoc_taylor_length(int64_t n, int64_t order, double rtol, const double *atol, const double *q) {
+  double h = INFINITY, whole = 1;
+  for (int64_t i = 0; i < n; i++)
+    whole = fmax(whole, fabs(q[i*N_SERIES]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
+  const double factor = pow(whole, -1.0 / (double)order);
+  for (int64_t k = order; k > order - 5 && k > 0; k--) {
+    double size = 0;
+    for (int64_t i = 0; i < n; i++)
+      size = lmoc_max(size, fabs(q[i*N_SERIES + k]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
+    if (size > 0) h = fmin(h, pow(size * pow(factor, (double)(order - k)), -1.0 / (double)k));
+  }
+  return h;
+}
+
+/* How much the polynomial misses the differential equation at its end, as an error of the step in tolerances: its
+   derivative at h against that of the series that begins there. */
+static double lmoc_taylor_defect(int64_t n, int64_t order, double h, double rtol, const double *atol, const double *q,
+                                 const double *next) {
+  double worst = 0;
+  for (int64_t i = 0; i < n; i++) {
+    double s = 0;
+    for (int64_t k = order; k > 0; k--) s = s*h + (double)k * q[i*N_SERIES + k];
+    const double scale = atol[i] + rtol*fmax(fabs(q[i*N_SERIES]), fabs(next[i*N_SERIES]));
+    worst = lmoc_max(worst, fabs(h * (s - next[i*N_SERIES + 1])) / scale);
+  }
+  return worst;
+}
+
+/* What keeps the states on the closures of loops (`formulations/landing.py`): `look` follows the matrix of the closures to
+   another place, from the one kept where `first`; `land` moves a state onto them. Both return 0 where that is so. */
+typedef struct {
+  void *own;
+  int (*look)(void *own, double time, const double *x, int first);
+  int (*land)(void *own, double time, double *x);
+  void (*keep)(void *own);
+} lmoc_hold;
+
+enum { LMOC_SHORT = 1, LMOC_LOST = 2, LMOC_DOUBTFUL = 3 };
+
+/* A way of many steps. `next` is the series that begins at `time`, `q` that of the last step, from `before`. */
+typedef struct {
+  double time, before, end, longest, length, rtol;
+  const double *atol;
+  double *q, *next, *x, *between;
+  int64_t made, steps, most, tries;  /* steps on this way so far, in this call, at most in this call; and tried */
+  const double *times;               /* output times ahead … */
+  double *out;                       /* … and the states at them */
+  int64_t outputs, reached;
+  const lmoc_hold *hold;             /* or 0 */
+} lmoc_way;
+
+/* Whether the closures keep their rank on the way along the series, which is looked at as closely as it takes. */
+static int lmoc_taylor_keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reached, const double *x) {
+  const lmoc_hold *hold = s->hold;
+  for (int pieces = 1; pieces <= 16; pieces *= 2) {
+    int lost = 0;
+    for (int i = 1; i < pieces && !lost; i++) {
+      lmoc_taylor_value(y->call->n, y->order, h*i/pieces, s->next, s->between);
+      lost = hold->look(hold->own, s->time + h*i/pieces, s->between, i == 1);
+    }
+    if (!lost && !hold->look(hold->own, reached, x, pieces == 1)) return 1;
+  }
+  return 0;
+}
+
+/* One step along `next`; the series that begins at its end into `q`. Returns 0; SHORT where no step is short enough,
+   LOST where there is no value beyond, DOUBTFUL where the closures have to be looked at more closely. */
+static int lmoc_taylor_step(const lmoc_taylor *y, lmoc_way *s) {
+  const int64_t n = y->call->n;
+  double h = fmin(fmin(0.9 * lmoc_taylor_length(n, y->order, s->rtol, s->atol, s->next), s->longest), s->end - s->time);
+  for (;; s->tries++) {
+    double reached = s->time + h;
+    if (s->time + 1.001*h >= s->end) { reached = s->end; h = s->end - s->time; }
+    s->length = h;
+    if (h <= 8e-16 * fabs(reached) || h < 1e-300) return LMOC_SHORT;
+    lmoc_taylor_value(n, y->order, h, s->next, s->x);
+    if (s->hold && (s->hold->land(s->hold->own, reached, s->x) || !lmoc_taylor_keeps(y, s, h, reached, s->x)))
+      return LMOC_DOUBTFUL;
+    const int lost = lmoc_taylor_series(y, reached, s->x, s->q);
+    if (!lost && lmoc_taylor_defect(n, y->order, h, s->rtol, s->atol, s->next, s->q) <= LMOC_ALLOWED) {
+      double *last = s->next;
+      s->next = s->q;
+      s->q = last;
+      s->before = s->time;
+      s->time = reached;
+      s->tries++;
+      return 0;
+    }
+    h *= lost ? 0.25 : 0.6;
+    if (lost && h <= 1e-14 * fabs(s->time)) return LMOC_LOST;
+  }
+}
+
+/* The states at several distances from where a series begins. */
+void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, double *x) {
+  for (int64_t k = 0; k < count; k++) lmoc_taylor_value(n, order, h[k], q, x + k*n);
+}
+
+static void lmoc_taylor_output(const lmoc_taylor *y, lmoc_way *s) {
+  const int64_t n = y->call->n;
+  for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++)
+    lmoc_taylor_value(n, y->order, s->times[s->reached] - s->before, s->q, s->out + s->reached*n);
+}
+
+/* Steps with their output: as many as allowed, until the end or until there is no room for more output. Returns what
+   the last step has; `x` is the state at `time`. */
+int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_way *s) {
+  const int64_t n = y->call->n;
+  int found = 0;
+  s->steps = s->tries = s->reached = 0;
+  if (s->made) lmoc_taylor_output(y, s);
+  while (!found && s->steps < s->most && s->time < s->end && (s->reached < s->outputs || !s->outputs)) {
+    if (s->hold && !s->steps && s->hold->look(s->hold->own, s->time, s->x, -1)) return LMOC_DOUBTFUL;
+    found = lmoc_taylor_step(y, s);
+    if (found) break;
+    lmoc_mark(y->call);
+    if (s->hold) s->hold->keep(s->hold->own);
+    s->steps++;
+    s->made++;
+    lmoc_taylor_output(y, s);
+  }
+  for (int64_t i = 0; i < n; i++) s->x[i] = s->next[i*N_SERIES];
+  return found;
+}

@@ -1,0 +1,119 @@
+"""Runs whose coordinates change often go on in all coordinates of their loops, and come back where that is needed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipk
+
+import lmoc
+from lmoc.numerics.evaluate.native.compiler import find_compiler
+from lmoc.numerics.formulations import manifold
+
+PARALLELOGRAM = """
+model Parallelogram "rods between particles; all three turn as one pendulum"
+  Real bx(start = 0, fixed = true), by(start = 1), cx(start = 1), cy(start = 1);
+  Real ux(start = 1, fixed = true), uy, wx, wy, S, T, U;
+equation
+  der(bx) = ux; der(by) = uy; der(cx) = wx; der(cy) = wy;
+  der(ux) = -S*bx + T*(cx - bx); der(uy) = -S*by + T*(cy - by) - 9.81;
+  der(wx) = -T*(cx - bx) - U*(cx - 1); der(wy) = -T*(cy - by) - U*cy - 9.81;
+  bx^2 + by^2 = 1; (cx - bx)^2 + (cy - by)^2 = 1; (cx - 1)^2 + cy^2 = 1;
+end Parallelogram;
+"""
+ROCKER = """
+model Rocker "a four-bar of particles on rods, none of which can turn all the way"
+  Real bx(start = 0, fixed = true), by(start = -0.8), cx(start = 0.5), cy(start = -0.6);
+  Real ux(start = 1, fixed = true), uy, wx, wy, S, T, U;
+equation
+  der(bx) = ux; der(by) = uy; der(cx) = wx; der(cy) = wy;
+  der(ux) = -S*bx + T*(cx - bx); der(uy) = -S*by + T*(cy - by) - 9.81;
+  der(wx) = -T*(cx - bx) - U*(cx - 1); der(wy) = -T*(cy - by) - U*cy - 9.81;
+  bx^2 + by^2 = 0.64; (cx - bx)^2 + (cy - by)^2 = 0.25; (cx - 1)^2 + cy^2 = 0.64;
+end Rocker;
+"""
+
+
+def pendulum_from_rest(times: np.ndarray) -> np.ndarray:
+    """x and y (2, times) of a pendulum of 1 m released horizontally: sin(θ/2) = k·sn(K − ω·t, k), k² = 1/2."""
+    period = 4 * ellipk(0.5)
+    half = np.sqrt(0.5) * ellipj((period / 4 - np.sqrt(9.81) * times) % period, 0.5)[0]
+    return np.array([2 * half * np.sqrt(1 - half**2), 2 * half**2 - 1])
+
+
+def went_over(run: lmoc.Run) -> bool:
+    return any(n.code == "N0635" for n in run.notes)
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> lmoc.DAE:
+    return lmoc.compile(ROOT / "models/planar/pendulum_cartesian.lmo")
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+@pytest.mark.parametrize("solver", ["auto", "taylor"])
+def test_cartesian_pendulum_after_845_periods(pendulum, solver):
+    run = pendulum.simulate(stop=2000, rtol=1e-10, solver=solver)
+    x, y = pendulum_from_rest(run.time)
+    assert went_over(run) and len(run.coordinates) < 6
+    assert max(np.abs(run["x"] - x).max(), np.abs(run["y"] - y).max()) < 1e-6
+    assert np.abs(run["x"] ** 2 + run["y"] ** 2 - 1).max() < 1e-12
+    assert max(run.residual) < 1e-12
+
+
+@pytest.mark.parametrize("solver", ["auto", "dop853"])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_the_outputs_are_those_of_few_coordinates(pendulum, solver, rtol):
+    """Tensions, too: between the steps states are moved onto the closures."""
+    runs = [pendulum.simulate(stop=40, rtol=rtol, solver=solver, formulation=f) for f in ("auto", "reduced")]
+    assert went_over(runs[0]) and not went_over(runs[1])
+    x, _ = pendulum_from_rest(runs[0].time)
+    errors = [np.abs(run["x"] - x).max() for run in runs]
+    assert errors[0] < 30 * errors[1] + rtol
+    assert np.abs(runs[0]["lambda"] + 3 * 9.81 * runs[0]["y"]).max() < 100 * errors[0] + 1e-9
+
+
+def test_few_changes_are_no_reason(pendulum):
+    run = pendulum.simulate(stop=5)
+    assert len(run.coordinates) > 4 and not went_over(run)
+
+
+@pytest.mark.parametrize("solver", ["adams", "radau"])
+def test_methods_that_have_to_begin_anew_stay_in_few_coordinates(pendulum, solver):
+    assert not went_over(pendulum.simulate(stop=30, points=11, solver=solver))
+
+
+def test_a_linkage_that_only_swings_is_the_same_in_both():
+    dae = lmoc.compile_text(ROCKER)
+    run, other = (dae.simulate(stop=15, rtol=1e-10, formulation=f) for f in ("auto", "reduced"))
+    assert went_over(run) and len(run.coordinates) < 10 < len(other.coordinates)
+    for name in ("bx", "cy", "T"):
+        assert np.abs(run[name] - other[name]).max() < 1e-5
+
+
+def test_near_a_singular_position_it_comes_back_and_passes():
+    try:
+        run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=8, rtol=1e-9)
+    except lmoc.SimulationError as stopped:  # at one of the later ones
+        assert "singular" in str(stopped) and stopped.time > 1
+        run = stopped.partial
+    angle = solve_ivp(lambda t, z: [z[1], 9.81 * np.sin(z[0])], (0, 8), [0, 1], "DOP853", run.time, rtol=1e-13,
+                      atol=1e-13).y[0]  # fmt: skip
+    assert went_over(run) and any(n.code == "N0633" for n in run.notes)
+    assert " to " in next(n.message for n in run.notes if n.code == "N0635")
+    assert np.abs(run["bx"] - np.sin(angle)).max() < 1e-6
+    assert np.abs(run["cx"] - 1 - np.sin(angle)).max() < 1e-6
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_projection_in_c_is_that_of_numpy(monkeypatch):
+    dae = lmoc.compile_text(ROCKER)
+    options = {"stop": 2, "rtol": 1e-6, "formulation": "projected", "points": 41}
+    run = dae.simulate(**options)
+    monkeypatch.setattr(manifold, "landing", lambda *_: None)
+    other = dae.simulate(**options)
+    for name in ("bx", "uy", "cx", "wy"):
+        assert np.abs(run[name] - other[name]).max() < 1e-8
+    assert max(run.residual) < 1e-14 and max(other.residual) < 1e-14
