@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lmoc.numerics.evaluate.newton import Newton, iterate
+from lmoc.numerics.evaluate.newton import Newton, Retries, iterate
 
 
 def solved(f, slope, guess: float) -> tuple[float, int]:
@@ -43,3 +43,52 @@ def test_a_search_that_begins_far_behind_its_first_residual_is_not_given_up():
     """One step from beside the flat place of a cube leads far away; from there a third of the way is left each time."""
     u, good, _ = iterate(lambda u: 42 * u**3 - 3, lambda u: 126 * u[..., None] ** 2, np.array([[1e-4]]), 50)
     assert good.all() and u == pytest.approx(np.cbrt(3 / 42))
+
+
+def counted(f, slope):
+    """Newton's method for one equation in a parameter, as a function of the parameter, and the number of residuals."""
+    newton, calls = Newton((1, 1)), [0]
+
+    def at(p: float) -> float:
+        place = [0.0]
+
+        def residual(u):
+            calls[0] += 1
+            place[0] = u[0, 0]
+            return f(u, p)
+
+        return float(newton.solve(residual, lambda u: slope(u, p)[..., None], np.zeros((1, 1)))[0, 0])
+
+    return at, calls
+
+
+def test_a_flat_guess_is_left_to_both_sides():
+    at, _ = counted(lambda u, p: u**3 - p, lambda u, p: 3 * u**2)
+    assert at(8.0) == pytest.approx(2.0)
+
+
+def test_solutions_beyond_a_fold_are_sought_ever_more_rarely():
+    at, _ = counted(lambda u, p: u**2 - 1 + p, lambda u, p: 2 * u)  # flat at its guess
+    assert np.isnan(at(0.75))  # ±0.5: both sides lead elsewhere
+    at, calls = counted(lambda u, p: np.exp(u) - 3 * u - 2 + p, lambda u, p: np.exp(u) - 3)
+    assert np.isfinite([at(p) for p in np.linspace(0, 2, 9)]).all()
+    before = calls[0]
+    assert np.isnan(at(2.4))
+    first, before = calls[0] - before, calls[0]
+    assert all(np.isnan(at(2.4 - k * 1e-3)) for k in range(40))
+    assert calls[0] - before < 40 * 0.6 * first
+    assert at(1.9) == pytest.approx(at(1.9 + 1e-12), rel=1e-6)  # and go on where there are some
+
+
+@pytest.mark.parametrize("failed", range(1, 5))
+def test_retries_become_rarer_until_one_succeeds(failed):
+    retries, now = Retries(), 100
+    for _ in range(failed):
+        while not retries.due(now):
+            now += 1
+        retries.note(False, now)
+    pause = next(k for k in range(10**6) if retries.due(now + k))
+    assert pause == 25 * 4 ** (failed - 1)
+    assert retries.due(0)  # where counting has begun anew
+    retries.note(True, now)
+    assert retries.due(now)

@@ -143,8 +143,11 @@ def newton(f: Functions, jacobian: Functions, x: np.ndarray) -> np.ndarray | Non
     """Return a zero by Newton's method, the shortest step where there is a choice; None where it does not converge."""
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
-            value, matrix = np.asarray(f(x), float), np.asarray(jacobian(x), float)
-            if not (np.isfinite(value).all() and np.isfinite(matrix).all()):
+            value = np.asarray(f(x), float)
+            if not np.isfinite(value).all():  # where a block has no solution its matrix would be sought as long again
+                return None
+            matrix = np.asarray(jacobian(x), float)
+            if not np.isfinite(matrix).all():
                 return None
             step = np.linalg.lstsq(matrix, value, rcond=1e-10)[0]
             x = x - step

@@ -19,6 +19,8 @@ _FEW = 10  # enough from nearby
 _HALVINGS = 12
 _IN_VAIN = 8  # so many steps that halve neither the residuals nor the corrections end a search
 _BESIDE = (1e-3, 0.1, 1.0, 10.0)  # how far beside a flat first guess a search begins again, on both sides
+_FLAT = 100.0  # times the size of the unknowns: a guess is flat from which the first step leads that far, or nowhere
+_PAUSE = 25  # evaluations after a costly search in vain in which there is no other; four times as many each time
 _NEAR_SAME = 1e-6  # of the size of the unknowns: solutions found from both sides are the same
 _ROUNDING = 1e-15  # of the terms of an equation: what their sum may miss zero by
 _NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
@@ -84,6 +86,25 @@ def shortest_solution(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.where(missed.any(axis=0), np.nan, x), determined
 
 
+class Retries:
+    """Decides whether a costly search for a solution is made again: ever more rarely, until one succeeds.
+
+    Where a motion comes to the end of its solutions, each attempt at a step beyond it fails, and searching far and wide
+    each time would take a hundred times as long as the run until there.
+    """
+
+    def __init__(self) -> None:
+        self._failed, self._at = 0, 0
+
+    def due(self, now: int) -> bool:
+        """Return whether to search; `now` counts evaluations, and may begin anew."""
+        return not self._failed or now < self._at or now - self._at >= _PAUSE * 4 ** (self._failed - 1)
+
+    def note(self, found: bool, now: int) -> None:
+        """Take note of how a search has ended."""
+        self._failed, self._at = 0 if found else self._failed + 1, now
+
+
 class Newton:
     """Solves ``residual(u) = 0`` for u of shape (instances, size) and starts from the last solution."""
 
@@ -92,9 +113,11 @@ class Newton:
         self.last: np.ndarray | None = None
         self.start = self.target = np.full(shape, np.nan)  # of the last search: its first guess, and after one step
         self.patient = True  # else only solutions nearby are sought
+        self._count, self._retries = 0, Retries()
 
     def forget(self) -> None:
         self.last = None
+        self._retries = Retries()
 
     @property
     def near(self) -> bool:
@@ -120,18 +143,29 @@ class Newton:
         matrix : Jacobian at the point where `residual` was called last, (instances, size, size)
         guess : used where there is no earlier solution
         """
+        self._count += 1
         self.start = guess if self.last is None else np.where(np.isfinite(self.last), self.last, guess)
         u, good, self.target = iterate(residual, matrix, self.start, _ITERATIONS if self.patient else _FEW)
         if not good.all():
             self.target = np.full(self.shape, np.nan)  # wherever this ends, it is not near
-            if self.last is not None and self.patient:
-                u, good, _ = iterate(residual, matrix, guess, _ITERATIONS)
-            if not good.all() and self.patient:
-                u, good = _from_both_sides(residual, matrix, guess, u, good)
+            if self.patient and (self.last is None or self._retries.due(self._count)):
+                u, good = self._from_guess(residual, matrix, guess, u, good)
+                self._retries.note(bool(good.all()), self._count)
         u = np.where(good[:, None], u, np.nan)
         if good.all():
             self.last = u
         return u
+
+    def _from_guess(self, residual, matrix, guess, u, good) -> tuple[np.ndarray, np.ndarray]:
+        """Solutions from the first guess where there are none from the last solution, and from beside a flat guess."""
+        if self.last is not None:
+            u, good, _ = iterate(residual, matrix, guess, _ITERATIONS)
+        flat = ~good
+        if flat.any():
+            r = residual(guess)
+            step = np.abs(correction(matrix(guess), r, guess)).max(axis=1)
+            flat &= np.isfinite(r).all(axis=1) & ~(step <= _FLAT * (1.0 + np.abs(guess).max(axis=1)))
+        return _from_both_sides(residual, matrix, guess, u, good) if flat.any() else (u, good)
 
 
 def _from_both_sides(residual, matrix, guess, u, good) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ import numpy as np
 from lmoc.ir.program import Program
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.native.kernel import Call, Kernel, Source
+from lmoc.numerics.evaluate.newton import Retries
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
 from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
 from lmoc.numerics.integrate import dop853_table as table
@@ -82,6 +83,7 @@ class NativeSystem(VectorSystem):
         self._x = np.zeros(len(plan.states) + len(plan.sampled))
         self._own = self._call(np.arange(len(plan.states)))
         self._seeds = np.zeros(0)
+        self._retries = Retries()
         self._slopes: Slopes | None = None
 
     def _runner(self) -> Runner:
@@ -90,6 +92,7 @@ class NativeSystem(VectorSystem):
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self.kernel.forget()
+        self._retries = Retries()
         self._seeds = self.w[self.kernel.unknowns]
         if self.kernel.has_constant_blocks:
             own: Any = self.interpreter  # numpy, beside the compiled code
@@ -114,14 +117,21 @@ class NativeSystem(VectorSystem):
             self.w[self.plan.derivatives] = np.nan
 
     def _rescue(self, time: float) -> bool:
-        """Take damped steps from where C has come to; not where that might lead to another branch."""
-        if self._own.solved and has_branches(self.plan):
-            return False
+        """Take damped steps from where C has come to; not where that might lead to another branch.
+
+        Nor from states that an attempt without a solution has made NaN, nor where that has been in vain just before.
+        """
         w, unknowns = self.w, self.kernel.unknowns
+        if self._own.solved and (has_branches(self.plan) or not self._retries.due(self.evaluations)):
+            return False
+        if not np.isfinite(w[self.plan.states]).all():
+            return False
         w[unknowns] = np.where(np.isfinite(w[unknowns]), w[unknowns], self._seeds)
         self.interpreter.reset()
         self.interpreter.run(w, time)
-        return bool(np.isfinite(w[unknowns]).all())
+        found = bool(np.isfinite(w[unknowns]).all())
+        self._retries.note(found, self.evaluations)
+        return found
 
     def compile_jacobian(self) -> None:
         """Have the Jacobian compiled, too: for methods that ask for it again and again."""
