@@ -10,12 +10,14 @@ The error is the largest deviation of a signal from the reference at 501 output 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -44,6 +46,8 @@ end Pendulum;
 
 SECTION = """\
 ## Against other tools
+
+![Time over error of each tool on six scenes](charts/peers.png)
 
 Six scenes at equal error: milliseconds of the processor for a warm run of 501 output times, by each tool's fastest
 method whose error is at most the one in the second column; in brackets the milliseconds on the clock from the scene or
@@ -229,6 +233,60 @@ def diffsol_with(method: str) -> Maker:
     return make
 
 
+class NotExpressed(Exception):
+    """A tool has no such scene here."""
+
+
+MUJOCO = """
+<mujoco><option timestep="{step}" integrator="RK4" gravity="0 0 -9.81"/><worldbody><body>
+  <joint name="pin" type="hinge" axis="0 1 0" damping="0"/>
+  <inertial pos="0 0 -1" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body></worldbody></mujoco>"""
+
+
+def mujoco_rk4(scene: Scene, rtol: float) -> Call:
+    """MuJoCo's Runge–Kutta method with steps of equal length, of the pendulum; no other of the scenes is of bodies."""
+    import mujoco
+
+    if scene.model != PENDULUM:
+        raise NotExpressed("only the pendulum is a scene of rigid bodies in a tree")
+    times = scene.times()
+    each = math.ceil((times[1] - times[0]) / (0.3 * rtol**0.25))  # steps between two outputs
+    model = mujoco.MjModel.from_xml_string(MUJOCO.format(step=(times[1] - times[0]) / each))
+    data = mujoco.MjData(model)
+
+    def call() -> np.ndarray:
+        mujoco.mj_resetData(model, data)
+        data.qpos[0] = scene.hand()[1][0]
+        values = np.empty((len(times), 2))
+        for k in range(len(times)):
+            if k:
+                mujoco.mj_step(model, data, nstep=each)
+            values[k] = data.qpos[0], data.qvel[0]
+        return values
+
+    return call
+
+
+def rumoca_bdf(scene: Scene, rtol: float) -> Call:
+    """rumoca on the same text, which is Modelica; the other scenes use lmoc's library."""
+    import rumoca as rm
+
+    if scene.model != PENDULUM:
+        raise NotExpressed("the scene uses lmoc's library")
+    model = scene.once("rumoca", lambda: rm.Session().loads(PENDULUM, model="Pendulum"))
+    times = scene.times()
+    config = rm.SimConfig(rtol=rtol, atol=absolute(rtol), dt=times[1] - times[0])
+
+    def call() -> np.ndarray:
+        result = model.simulate(config=config, t=(0, times[-1]))
+        values = np.column_stack([np.asarray(result[name]) for name in scene.signals])
+        if len(values) != len(times):
+            raise RuntimeError(f"{len(values)} output times in place of {len(times)}")
+        return values
+
+    return call
+
+
 def contenders() -> Iterator[tuple[str, str, Maker]]:
     """Tool, method and how a run is made."""
     for solver in ("taylor", "dop853", "auto", "adams"):
@@ -240,6 +298,8 @@ def contenders() -> Iterator[tuple[str, str, Maker]]:
     yield "heyoka", "Taylor", heyoka_taylor
     for method in ("tsit45", "bdf"):
         yield "diffsol", method, diffsol_with(method)
+    yield "mujoco", "RK4", mujoco_rk4
+    yield "rumoca", "BDF", rumoca_bdf
 
 
 @dataclass(frozen=True)
@@ -340,8 +400,8 @@ def race(candidates: list[Candidate], target: float, repeat: int) -> dict[str, t
     return best
 
 
-def compare(scene: Scene, repeat: int) -> list[dict[str, object]]:
-    """Rows of one scene, one a tool and target, with the ratio to lmoc."""
+def compare(scene: Scene, repeat: int) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
+    """Rows of one scene, one a tool and target, with the ratio to lmoc; and all runs, from which curves are drawn."""
     lmoc_with("auto")(scene, 1e-6)()
     time.sleep(4)  # the compiler works beside the first run
     exact, uncertainty = reference(scene)
@@ -356,6 +416,8 @@ def compare(scene: Scene, repeat: int) -> list[dict[str, object]]:
             candidates += found
             least = min((c.error for c in found), default=np.nan)
             print(f"  {tool} {method}: {len(found)} tolerances, error down to {least:.1e}", flush=True)
+        except NotExpressed as reason:
+            print(f"  {tool}: {reason}")
         except ModuleNotFoundError:
             absent[tool] = "not installed"
             print(f"  {tool}: not installed")
@@ -372,12 +434,12 @@ def compare(scene: Scene, repeat: int) -> list[dict[str, object]]:
                          "error": c.error, "ms": seconds * 1e3, "ratio": seconds / best["lmoc"][1],
                          "from nothing ms": from_nothing(scene, c) * 1e3})  # fmt: skip
     table(scene.name, list(rows[0]), [list(r.values()) for r in rows])
-    return rows
+    return rows, [{"scene": scene.name, "tool": c.tool, "error": c.error, "ms": c.seconds * 1e3} for c in candidates]
 
 
 def page(data: dict) -> str:
     """The section of `docs/accuracy.md` from what `compare_all` has kept."""
-    rows, machine_ = data["figures"], data["machine"]
+    rows, machine_ = data["figures"]["rows"], data["machine"]
     tools = list(dict.fromkeys(r["tool"] for r in rows))
     head = ["scene", "error", *tools, "lmoc / fastest other"]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
@@ -396,6 +458,49 @@ def page(data: dict) -> str:
     return SECTION.format(table="\n".join(lines), **machine_)
 
 
+def draw(data: dict, path: Path) -> None:
+    """Draw time over error, one panel a scene, one curve a tool: its runs that no other of its own is better than."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from lmoc.report.plots import COLOURS, STYLE, head
+
+    runs = data["figures"]["runs"]
+    scenes, tools = (list(dict.fromkeys(r[key] for r in runs)) for key in ("scene", "tool"))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9, 5.8), dpi=150, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(2, -(-len(scenes) // 2), sharex=True, squeeze=False).ravel()
+        for axis, scene in zip(axes, scenes, strict=False):
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            for k, tool in enumerate(tools):
+                best = envelope([(r["error"], r["ms"]) for r in runs if (r["scene"], r["tool"]) == (scene, tool)])
+                if best:
+                    width = 2.2 if tool == "lmoc" else 1.2
+                    axis.plot(*zip(*best, strict=True), color=COLOURS[k], marker="o", markersize=3, linewidth=width)
+            axis.set_title(scene, fontsize=9)
+            axis.set_xlim(1e-3, 1e-11)
+        for axis in axes[len(scenes) :]:
+            axis.set_visible(False)
+        handles = [axes[0].plot([], [], color=COLOURS[k], label=tool)[0] for k, tool in enumerate(tools)]
+        figure.legend(handles=handles, loc="upper right", ncols=len(tools), frameon=False, borderaxespad=0.2)
+        figure.supylabel("milliseconds of a warm run", fontsize=9)
+        figure.supxlabel("error: largest deviation, relative to each signal's largest value", fontsize=9)
+        head(figure, "Six scenes by lmoc and by other tools")
+        figure.savefig(path)
+
+
+def envelope(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points than which no other has both a smaller error and a shorter time, the largest error first."""
+    best: list[tuple[float, float]] = []
+    for error, seconds in sorted(points):
+        if not best or seconds < best[-1][1]:
+            best.append((error, seconds))
+    return best[::-1]
+
+
 def _cell(row: dict) -> str:
     ms, first = (f"{row[k]:.3g}" if row[k] < 1000 else f"{row[k]:.0f}" for k in ("ms", "from nothing ms"))
     return f"{ms} {row['method']} ({first})"
@@ -412,7 +517,8 @@ def compare_all(repeat: int, names: list[str]) -> None:
     unknown = set(names) - {scene.name for scene in SCENES}
     if unknown:
         raise SystemExit(f"no scene {', '.join(sorted(unknown))}; there are: {', '.join(s.name for s in SCENES)}")
-    rows = [row for scene in SCENES if not names or scene.name in names for row in compare(scene, repeat)]
-    path = save("frontier", rows)
+    found = [compare(scene, repeat) for scene in SCENES if not names or scene.name in names]
+    rows, runs = ([item for part in parts for item in part] for parts in zip(*found, strict=True))
+    path = save("frontier", {"rows": rows, "runs": runs})
     if not names:
         shutil.copy(path, KEPT)

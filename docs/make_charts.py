@@ -1,7 +1,10 @@
 """Writes docs/charts/, docs/accuracy.md and docs/stability.md from runs: ``python docs/make_charts.py [SCENE …]``.
 
-Without names all scenes are charted anew; with names these alone. The pages are renewed from what is kept beside the
-pictures (`docs/charts/*.json`). The comparison with other tools is what `python -m benchmarks.peers --scenes` has kept.
+Without names everything is run anew; with names these scenes alone. "economy", "methods" and "others" are names, too:
+of what reduction saves, of the table of all methods, and of methods that lmoc does not have; "pages" runs no more than
+the failures. The pages are made from what is kept beside the pictures (`docs/charts/*.json`). What `auto` chooses is
+what `python -m benchmarks.auto --keep` has kept, and the comparison with other tools what `python -m benchmarks.peers
+--scenes` has.
 """
 
 from __future__ import annotations
@@ -9,7 +12,9 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # benchmarks
@@ -96,20 +101,28 @@ def chart(scene: Scene) -> None:
 
     dae = lmoc.compile(ROOT / "models" / f"{scene.model}.lmo")
     found = dae.chart(rtols=RTOLS, stop=scene.stop, seconds=scene.seconds)
-    FOLDER.mkdir(exist_ok=True)
     found.plot(FOLDER / f"{scene.name}.png")
     found.save(FOLDER / f"{scene.name}.json")
     print(f"{scene.name}: {found.recommendation}; {found.reference.text}")
 
 
+def kept(name: str) -> Any:
+    """What has been measured, from beside the pictures."""
+    return json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def keep(name: str, data: object) -> None:
+    (FOLDER / f"{name}.json").write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
 def accuracy() -> str:
     """The page of charts."""
+    from benchmarks import auto, economy, frontier, other_methods
     from benchmarks.common import machine
-    from benchmarks.frontier import page
 
     parts = [ACCURACY.format(machine="an {processor} with {cores} cores".format(**machine()))]
     for scene in SCENES:
-        data = json.loads((FOLDER / f"{scene.name}.json").read_text())
+        data = kept(scene.name)
         stop = "" if scene.stop is None else f" --stop {scene.stop:g}"
         one, two = data["reference"]["methods"]
         parts.append(
@@ -118,7 +131,12 @@ def accuracy() -> str:
             f"{one} and "
             f"{two} agree to {data['reference']['uncertainty']:.0e}. {_auto(data['points'])}\n"
         )
-    parts.append(page(json.loads((FOLDER / "peers.json").read_text())))
+    economy.draw(kept("economy"), FOLDER / "economy.png")
+    parts.append(economy.page(kept("economy")))
+    parts.append(auto.page(kept("auto")))
+    parts.append(other_methods.page(kept("others")))
+    frontier.draw(kept("peers"), FOLDER / "peers.png")
+    parts.append(frontier.page(kept("peers")))
     return "\n".join(parts)
 
 
@@ -133,6 +151,7 @@ def _auto(points: list[dict]) -> str:
 
 def stability() -> str:
     """The page of failures."""
+    from benchmarks import methods
     from benchmarks.stability import ALL
 
     parts = [STABILITY]
@@ -140,14 +159,26 @@ def stability() -> str:
         failure = make()
         commands = "\n".join(failure.commands)
         parts.append(f"## {failure.title}\n\n```\n{commands}\n```\n\n{failure.seen}\n\n{failure.remedy}\n")
+    parts.append(methods.page(kept("methods")))
     return "\n".join(parts)
 
 
 def main() -> None:
+    from benchmarks import economy, methods, other_methods
+
     names = sys.argv[1:]
-    for scene in SCENES:
-        if not names or scene.name in names:
-            chart(scene)
+    measured = {scene.name: partial(chart, scene) for scene in SCENES}
+    tables = {"economy": economy.measure, "methods": methods.measure, "others": other_methods.measure}
+    unknown = sorted(set(names) - set(measured) - set(tables) - {"pages"})
+    if unknown:
+        sys.exit(f"no scene {', '.join(unknown)}; there are: {', '.join([*measured, *tables, 'pages'])}")
+    FOLDER.mkdir(exist_ok=True)
+    for name, make in measured.items():
+        if not names or name in names:
+            make()
+    for name, make in tables.items():
+        if not names or name in names:
+            keep(name, make())
     (ROOT / "docs" / "accuracy.md").write_text(accuracy(), encoding="utf-8")
     (ROOT / "docs" / "stability.md").write_text(stability(), encoding="utf-8")
 

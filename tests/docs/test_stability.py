@@ -22,7 +22,7 @@ EXPECTED = {
     stability.a_pulse_stepped_over: lambda n: abs(n["rk4"] - 1.77) > 1 and abs(n["auto"] - 1.7724539) < 1e-4,
     stability.zeno: lambda n: 1 < n["rests"] < 10 and n["events"] < 1000,
     stability.bifurcation: lambda n: n["reached"] > 0 and n["energy"] < 1e-4,
-    stability.small_amplitudes: lambda n: n["absolute"] > 1 and n["default"] < 1e-4,
+    stability.small_amplitudes: lambda n: n["absolute"] > 0.3 and n["default"] < 1e-4,
 }
 
 

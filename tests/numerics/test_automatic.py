@@ -99,3 +99,14 @@ def test_a_series_does_not_take_over_what_is_stiff_behind_its_transient(rtol):
     run = lmoc.compile_text(text).simulate(rtol=rtol)
     assert run.stats["solver"] == "dop853, cvode" and run.stats["evaluations"] < 30_000
     assert np.abs(run["x"] - np.cos(run.time))[1:].max() < 30 * rtol + 1e-11
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6])
+def test_a_fast_swing_at_work_is_followed_to_the_end(rtol):
+    """Noticed as stiff or not: steps are limited by stability from the first one on, and no method helps."""
+    text = """model M Real x(start = 1e-6, fixed = true), v(start = 0, fixed = true);
+      Real y(start = 1, fixed = true), w(start = 0, fixed = true);
+      equation der(x) = v; der(v) = -1e8*x; der(y) = w; der(w) = -y; end M;"""
+    run = lmoc.compile_text(text).simulate(stop=5, rtol=rtol)
+    assert run.complete and len(run.time) == 501 and run.stats["steps"] > 1000
+    assert np.abs(run["y"] - np.cos(run.time)).max() < 30 * rtol

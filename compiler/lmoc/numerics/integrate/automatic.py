@@ -24,7 +24,7 @@ from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
 from lmoc.support.records import dataclass
 
-TRIAL = 60  # steps after which the rest of a run is judged
+TRIAL = 40  # steps after which the rest of a run is judged
 CALIBRATED = 0.25  # factor on the tolerance of explicit methods: over short runs their errors are then as asked for
 NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
 ADDED = 100  # steps whose errors add up to what a tolerance promises
@@ -34,8 +34,8 @@ LEAST_UNKNOWN = 0.1  # … this
 FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
 _FINEST = 1e-13  # relative tolerance
 _SERIES = 3e-8  # tolerance of the steps from which a Taylor series is better …
-_MANY = 200  # … over so many steps at least, …
-_FEWEST, _LARGE = 50, 1000  # … fewer where a scene has more rows, to which the C compiler's time is nothing
+_MANY = 200  # … over so many steps at least; …
+_LARGE, _FEWEST = 100, 50  # … of so many states at any tolerance, over fewer steps: it has much fewer to make
 _SHORT = (
     0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff
 )
@@ -72,34 +72,43 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     reason, factor = "not stiff", _calibration(problem.rtol)
     outcome = way.go("dop853", factor, most=TRIAL)
     if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > TRIAL:
-        mean = (outcome.time - problem.t) / max(1, outcome.counts["steps"])
-        finer = _refinement(problem, outcome, mean)
-        factor *= finer if finer < WORTHWHILE else 1.0
-        outcome, reason = _long_way(way, factor, mean)
+        outcome, finer, factor = _long_way(way)
+        reason += finer
     if outcome.status not in _GIVEN_UP:
         return outcome, Used(tuple(way.solvers), reason)
     name, why = stiff_method(problem, outcome)
     met = "stiffness" if outcome.status is Status.STIFF else outcome.status.value
     reason = f"{met} at t = {outcome.time:.4g} s, then {why}"
+    if name == "dop853":  # it follows, whatever that takes
+        way.problem = problem
+        outcome, finer, _ = _long_way(way, series=np.inf)  # whose steps may be longer before they are unstable
+        return outcome, Used(tuple(way.solvers), reason + finer, "dop853")
     outcome = way.go(name, _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor)
     return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
 
 
-def _long_way(way: _Way, factor: float, mean: float) -> tuple[Outcome, str]:
-    """Go on where many steps lie ahead, `mean` s long on average so far."""
-    problem = way.problem
-    ahead = (problem.end - way.outcome.time) / mean
-    reason = "not stiff"
-    if factor < _calibration(problem.rtol):
-        finer = max(problem.rtol * factor, _FINEST)
+def _long_way(way: _Way, series: float = _SERIES) -> tuple[Outcome, str, float]:
+    """Go on where many steps lie ahead; also what to say of their tolerance, and the factor on it.
+
+    Parameters
+    ----------
+    series : tolerance from which a Taylor series is better
+    """
+    problem, calibration, text = way.problem, _calibration(way.problem.rtol), ""
+    mean = (way.outcome.time - problem.t) / max(1, way.outcome.counts["steps"])
+    ahead, finer = (problem.end - way.outcome.time) / mean, _refinement(problem, way.outcome, mean)
+    factor = calibration * (finer if finer < WORTHWHILE else 1.0)
+    if factor < calibration:
+        rtol = max(problem.rtol * factor, _FINEST)
         since = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
-        reason += f"; at rtol {finer:.1g} from t = {way.outcome.time:.3g} s, {since}"
-    many = max(_FEWEST, _MANY * min(1.0, _LARGE / max(1, problem.system.plan.row_count)))
-    if problem.rtol * factor <= _SERIES and ahead >= many and not _may_be_stiff(problem, way.outcome):
+        text = f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {since}"
+    large = problem.system.n >= _LARGE
+    many, fine = (_FEWEST, np.inf) if large else (_MANY, series)
+    if problem.rtol * factor <= fine and ahead >= many and not _may_be_stiff(problem, way.outcome):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
         if outcome.status not in _GIVEN_UP:
-            return outcome, reason
-    return way.go("dop853", factor), reason
+            return outcome, text, factor
+    return way.go("dop853", factor), text, factor
 
 
 class _Way:
@@ -107,6 +116,7 @@ class _Way:
 
     Attributes
     ----------
+    problem : as a whole, with the steps that DOP853 may still need where it finds it stiff
     outcome : where it stands
     solvers : used so far
     """
@@ -249,7 +259,7 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     """Return the method that takes over where DOP853 has given up, and why.
 
     BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
-    below the tolerance; if not it must be followed, which DOP853 does best.
+    below the tolerance; if not it must be followed, which explicit methods do best.
     """
     from lmoc.numerics.integrate.sundials import sundials
 
@@ -272,7 +282,7 @@ def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
     most = _FOLLOWED * patience(system)
     followed = outcome.status is Status.STIFF and problem.end - outcome.time < most * outcome.step
     if followed and _at_work(problem, outcome, values, vectors, k):
-        return "dop853", f"DOP853 again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
+        return "dop853", f"explicit methods again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
     return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
 
 

@@ -1,0 +1,106 @@
+"""Methods and formulations on the hard and the classic scenes: digits, time, drift, energy, and how each failure looks.
+
+    python -m benchmarks.methods [MODEL …]
+
+The table of `docs/stability.md`. The beginning of a long run stands for it all (`lmoc chart --quick`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+
+from benchmarks.common import ROOT, save, table
+
+SOLVERS = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
+SECONDS = 5.0  # of the processor for each scene
+RTOL = 1e-6
+SECTION = """\
+## Every hard scene by every method
+
+Digits reached and the time of a run, at a tolerance of 1e-6 (`midpoint`: the finest of three steps); beside them the
+largest residual of the equations between positions, and the error of the energy balance, of the worst method that
+comes to the end. Letters stand for what gave no result. A scene that takes long is run for its beginning. The
+formulations are those of scenes whose closed loops are left after reduction.
+
+{table}
+
+{reasons}
+
+`python -m benchmarks.methods` makes the table.
+"""
+
+
+def measure(names: Sequence[str] = ()) -> list[dict]:
+    """Return the points of all scenes, the finest of each method and formulation."""
+    import lmoc
+
+    rows = []
+    for folder in ("classic", "hard"):
+        for path in sorted((ROOT / "models" / folder).glob("*.lmo")):
+            if names and path.stem not in names:
+                continue
+            dae = lmoc.compile(path)
+            forms = None if dae.reduced.constraints is None else ("reduced", "projected", "ggl", "index1", "index3")
+            chart = dae.chart(SOLVERS, forms, [RTOL], quick=True, seconds=SECONDS)
+            finest = {(p.setting.formulation, p.setting.solver): p for p in chart.points}
+            for (form, solver), p in finest.items():
+                rows.append({"scene": path.stem, "form": form, "solver": solver, "error": p.error, "status": p.status,
+                             "seconds": p.seconds, "residual": p.residual, "energy": p.energy})  # fmt: skip
+    return rows
+
+
+def lines(rows: Sequence[dict]) -> tuple[list[list[str]], dict[str, str]]:
+    """Return the cells of the table, one line a scene and formulation, and the letters of the reasons."""
+    letters: dict[str, str] = {}
+    cells = []
+    for scene, form in dict.fromkeys((r["scene"], r["form"]) for r in rows):
+        own = {r["solver"]: r for r in rows if (r["scene"], r["form"]) == (scene, form)}
+        good = [r for r in own.values() if r["status"] == "ok"]
+        name = scene if form == "reduced" else f"… {form}"
+        row = [_cell(own.get(solver), letters) for solver in SOLVERS]
+        cells.append([name, *row, _worst(good, "residual"), _worst(good, "energy")])
+    return cells, {letter: reason for reason, letter in letters.items()}
+
+
+def _cell(row: dict | None, letters: dict[str, str]) -> str:
+    from lmoc.studies.findings import seconds_text
+
+    if row is None:
+        return ""
+    if row["status"] == "ok":
+        digits = 16 if row["error"] <= 1e-16 else max(0.0, -math.log10(row["error"]))
+        return f"{digits:.1f} · {seconds_text(row['seconds'])}"
+    reason = row["status"].split(" cannot be used: ")[-1]
+    if reason.startswith("the run stopped at"):
+        reason = reason.split(": ", 1)[1]
+    return letters.setdefault(reason, "abcdefghijklmnopqrstuvwxyz"[len(letters) % 26])
+
+
+def _worst(rows: Sequence[dict], key: str) -> str:
+    known = [r[key] for r in rows if not math.isnan(r[key])]
+    return f"{max(known):.0e}" if known else "–"
+
+
+def page(rows: Sequence[dict]) -> str:
+    """Return the section of `docs/stability.md`."""
+    cells, letters = lines(rows)
+    text = ["| scene | " + " | ".join((*SOLVERS, "drift", "energy")) + " |", "|" + " --- |" * (len(SOLVERS) + 3)]
+    text += ["| " + " | ".join(row) + " |" for row in cells]
+    reasons = "\n".join(f"* {letter}: {reason}" for letter, reason in letters.items())
+    return SECTION.format(table="\n".join(text), reasons=reasons)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("models", nargs="*", help="their names; all by default")
+    rows = measure(parser.parse_args().models)
+    cells, letters = lines(rows)
+    table("digits and time", ["scene", *SOLVERS, "drift", "energy"], cells)
+    print("\n".join(f"{letter}: {reason}" for letter, reason in letters.items()))
+    save("methods", rows)
+
+
+if __name__ == "__main__":
+    main()
