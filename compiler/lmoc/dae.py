@@ -1,4 +1,4 @@
-"""What a user holds: a compiled scene with its simulations, studies, derivations and pictures."""
+"""The user's interface: a compiled scene with its simulations, studies, derivations and pictures."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ class DAE(CompiledModel):
         ----------
         start, stop, points, parameters, initial, inputs : of the run, as in `simulate`
         seconds : that the chart may take, about; 300 by default
-        progress : called with what is being done and the share of the work behind it
+        progress : called with what is being done and the share of the work that is done
         """
         from lmoc.numerics.options import RunOptions
         from lmoc.studies.chart import chart

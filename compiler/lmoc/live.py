@@ -124,7 +124,7 @@ class Live:
         if self._smooth is not None:
             self._smooth.run.jump(x)
         else:
-            self._end = replace(self._end, x=x, mode=None)  # what the laws do there is judged anew
+            self._end = replace(self._end, x=x, mode=None)  # the laws are judged again there
 
     def _move(self, x: np.ndarray, name: str, value: float) -> None:
         """Change the one state that a variable follows."""
@@ -278,7 +278,7 @@ def _variable(flat: FlatDAE, name: str) -> np.ndarray:
     found = flat.find(name)
     if found is None or len(found) != 1:
         if name.startswith("der("):
-            raise UnknownNameError(name, "derivatives are not at hand here; ask for a variable of the model")
+            raise UnknownNameError(name, "derivatives are not available here; read a variable of the model")
         raise UnknownNameError(name, hint_for(flat, name))
     return found
 

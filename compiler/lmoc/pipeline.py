@@ -227,7 +227,7 @@ class Stage:
 
     Attributes
     ----------
-    name : in the timings, and what a listener is told
+    name : in the timings, and passed to listeners
     label : what the progress line says
     function : from what the stage before has made, the scene and a clock to what this one makes; None for the stages
         inside of a simulation
@@ -309,7 +309,7 @@ def shown(name: str, named: Named | Source, scene: Scene, clock: Clock) -> str:
     Parameters
     ----------
     name : one of `VIEWS`
-    scene : the model, parameters and states asked for
+    scene : the model, the requested parameters and states
     """
     structure: Any = named
     for stage in STAGES:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.laws.modes import Lawful
 
-REFUSED_STATE = "E0406"  # something that was asked for cannot be a state
+REFUSED_STATE = "E0406"  # a requested state cannot be one
 _MODEL = ()  # the key of the coordinates that the model and the user prefer
 
 
@@ -119,7 +119,7 @@ class Session:
         return Lawful(prepared, self._reduced_in_mode)
 
     def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray) -> Reduced:
-        """Return the reduction of one mode; states that were asked for are those of the scene with all laws open."""
+        """Return the reduction of one mode; requested states are those of the scene with all laws open."""
         asked = self.scene.states
         try:
             return pipeline.reduce(flat, values, asked, Clock())

@@ -140,7 +140,7 @@ def test_the_clock_is_watched_while_c_runs(solver, monkeypatch):
     """Few output times, and right-hand sides that no Python comes by."""
     monkeypatch.setattr("lmoc.numerics.evaluate.select.COMPILED_ROWS", 0)
     options = RunOptions(solver=solver, stop=1e5, points=2, max_seconds=0.02)
-    with pytest.raises(SimulationError, match="the time allowed for the run is over") as failure:
+    with pytest.raises(SimulationError, match="the time limit of the run was reached") as failure:
         simulate(oscillator().reduced(), options=options)
     assert failure.value.partial.stats["evaluation"] == "C"
 

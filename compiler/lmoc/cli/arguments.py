@@ -1,4 +1,4 @@
-"""Arguments of the command: argparse, with mistakes told as diagnostics."""
+"""Arguments of the command: argparse, with mistakes reported as diagnostics."""
 
 from __future__ import annotations
 

@@ -56,47 +56,47 @@ def lines(e: Equilibrium) -> list[str]:
     names = [s.name for s in (*(s for s in e.values if s in known), *e.inputs)]
     of_laws = [] if e.laws is None else [*e.laws.forces.values(), *e.laws.conditions]
     notation = Notation.of(*shown.values(), *e.conditions, *of_laws, names=names, given=e.own_names)
-    told = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in shown.items()]
-    told += [f"{notation.name(symbol.name)}: {_any(e, symbol.name)}" for symbol in e.free[:MOST_SHOWN]]
-    told += [rest] if rest else []
-    told += [f"only if {notation.text(condition)} = 0" for condition in e.conditions]
+    lines = [f"{notation.name(symbol.name)} = {_value(notation, value)}" for symbol, value in shown.items()]
+    lines += [f"{notation.name(symbol.name)}: {_any(e, symbol.name)}" for symbol in e.free[:MOST_SHOWN]]
+    lines += [rest] if rest else []
+    lines += [f"only if {notation.text(condition)} = 0" for condition in e.conditions]
     loads = ", ".join(f"{notation.name(u.name)} = {_value(notation, v)}" for u, v in e.inputs.items())
-    told += [f"for {loads}"] if loads else []
-    told += [] if e.laws is None else _laws(e, notation)
-    told += _stability(e, notation)
+    lines += [f"for {loads}"] if loads else []
+    lines += [] if e.laws is None else _laws(e, notation)
+    lines += _stability(e, notation)
     if e.how != "exact":
-        told.append(f"found: {e.how}")
+        lines.append(f"found: {e.how}")
     table = [f"{UNICODE.symbol(short, 0)}: {full}" for short, full in notation.abbreviations.items()]
-    return told + ([f"with {', '.join(table)}"] if table else [])
+    return lines + ([f"with {', '.join(table)}"] if table else [])
 
 
 def _shown(e: Equilibrium) -> tuple[dict, str]:
-    """The values that are told one by one, and what is said of the others: of many states those that are not zero."""
+    """Return the values that are shown one by one, and a note on the others: of many states those that are not zero."""
     values = {symbol: value for symbol, value in e.values.items() if symbol not in e.free}
     if len(e.values) <= MOST_SHOWN:
         return values, ""
     moved = {symbol: value for symbol, value in values.items() if not value.is_zero}
     shown = dict(list(moved.items())[:MOST_SHOWN])
-    told = [f"the other {len(values) - len(moved)} states = 0" if moved else f"all {len(values)} states = 0"]
-    told = told if len(moved) < len(values) else []
-    told += [f"{len(moved) - len(shown)} more values"] if len(moved) > len(shown) else []
-    told += [f"{len(e.free) - MOST_SHOWN} more with any value"] if len(e.free) > MOST_SHOWN else []
-    return shown, "; ".join(told) + (" (--json lists all)" if told else "")
+    lines = [f"the other {len(values) - len(moved)} states = 0" if moved else f"all {len(values)} states = 0"]
+    lines = lines if len(moved) < len(values) else []
+    lines += [f"{len(moved) - len(shown)} more values"] if len(moved) > len(shown) else []
+    lines += [f"{len(e.free) - MOST_SHOWN} more with any value"] if len(e.free) > MOST_SHOWN else []
+    return shown, "; ".join(lines) + (" (--json lists all)" if lines else "")
 
 
 def _stability(e: Equilibrium, notation) -> list[str]:
-    told = f"stability: {e.stability or 'not known: a parameter has no value'}"
+    lines = f"stability: {e.stability or 'not known: a parameter has no value'}"
     if e.model is None:
-        return [told]
+        return [lines]
     if e.nonlinear:
         symbols = {s.name for value in e.values.values() for s in value.free_symbols}
         zeroed = [f"{notation.name(u)} = 0" for u in e.model.inputs if u in symbols]
-        told += f" (by the linear model{' at ' + ', '.join(zeroed) if zeroed else ''})"
-    return [told, f"eigenvalues: {complex_numbers(e.model.eigenvalues)}"]
+        lines += f" (by the linear model{' at ' + ', '.join(zeroed) if zeroed else ''})"
+    return [lines, f"eigenvalues: {complex_numbers(e.model.eigenvalues)}"]
 
 
 def _any(e: Equilibrium, name: str) -> str:
-    """What a free state may be."""
+    """Describe the values that a free state may have."""
     if e.laws is None or name not in e.laws.range:
         return "any value"
     return _between(*e.laws.range[name])
@@ -110,17 +110,17 @@ def _between(low: float, high: float) -> str:
 
 
 def _laws(e: Equilibrium, notation) -> list[str]:
-    """What the laws do, and the forces of the closed ones."""
+    """Return lines on the modes of the laws, and the forces of the closed ones."""
     modes: dict[str, list[str]] = {}
     for name, word in e.laws.modes.items():
         modes.setdefault(word, []).append(name)
-    told = [f"{word}: {listed(names, MOST_SHOWN)}" for word, names in modes.items()]
+    lines = [f"{word}: {listed(names, MOST_SHOWN)}" for word, names in modes.items()]
     for name in list(dict.fromkeys((*e.laws.forces, *e.laws.force_range)))[:MOST_SHOWN]:
         value, limits = e.laws.forces.get(name), e.laws.force_range.get(name)
         shown = [f"= {_value(notation, value)}"] if value is not None else []
-        told.append(f"{name} {', '.join([*shown, *([_between(*limits)] if limits else [])])}")
-    told += [f"only if {notation.text(condition)} ≥ 0" for condition in e.laws.conditions]
-    return told + [f"with nothing to spare: {listed(e.laws.at_limit, MOST_SHOWN)}"] * bool(e.laws.at_limit)
+        lines.append(f"{name} {', '.join([*shown, *([_between(*limits)] if limits else [])])}")
+    lines += [f"only if {notation.text(condition)} ≥ 0" for condition in e.laws.conditions]
+    return lines + [f"with nothing to spare: {listed(e.laws.at_limit, MOST_SHOWN)}"] * bool(e.laws.at_limit)
 
 
 def _value(notation, value) -> str:
@@ -141,7 +141,7 @@ def as_data(e: Equilibrium) -> dict:
 
 
 def _laws_data(laws: LawsAtRest) -> dict:
-    """What the laws do, as plain data; limits that are infinite as None."""
+    """Return the modes of the laws as plain data; limits that are infinite as None."""
     from lmoc.report.summary import plain
 
     return {

@@ -110,8 +110,8 @@ def _about(model: LinearModel) -> str:
 
 def _numbers(model: LinearModel) -> str:
     if len(model.states) > MOST_SHOWN:
-        told = f"{len(model.states)} states: the matrices can be written with -o FILE or --json"
-        return f"{told}\n\n{_modes(model)}"
+        count = f"{len(model.states)} states: the matrices can be written with -o FILE or --json"
+        return f"{count}\n\n{_modes(model)}"
     parts = [matrix("A", model.A, model.states, model.states)] if model.states else []
     if model.inputs and model.states:
         parts.append(matrix("B", model.B, model.states, model.inputs))

@@ -61,7 +61,7 @@ def listed(dae: DAE, n: int, inputs: Mapping[str, float]) -> Mapping:
 
 
 def compiled(arguments: argparse.Namespace) -> DAE:
-    """The scene of the command line; its warnings are told."""
+    """The scene of the command line; its warnings are printed."""
     from lmoc.cli import scene
     from lmoc.cli.progress import Progress
 
@@ -111,12 +111,12 @@ def _without_rounding(value: complex) -> complex:
 def complex_numbers(values: Iterable[complex], most: int = 12) -> str:
     """Listed, the two of a pair as one."""
     values = list(values)
-    told = []
+    texts = []
     for value in values:
         paired = any(abs(value.conjugate() - other) <= 1e-9 * abs(value) for other in values)
         if value.imag >= 0 or not paired:
-            told.append(complex_number(value, paired and value.imag > 0))
-    return names(told, most) or "none"
+            texts.append(complex_number(value, paired and value.imag > 0))
+    return names(texts, most) or "none"
 
 
 def matrix(title: str, values: np.ndarray, rows: Iterable[str], columns: Iterable[str]) -> str:

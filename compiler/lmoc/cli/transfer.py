@@ -66,18 +66,18 @@ def lines(found: TransferFunction) -> list[str]:
     u, y = notation.name(found.input), notation.name(found.output)
     quotient = notation.quotient(found.numerator, found.denominator, "s")
     equation = found.input_output_equation.write(notation, UNICODE)
-    told = [f"{y}/{u} = {quotient}", "", f"{equation}    (p = d/dt)"]
+    lines = [f"{y}/{u} = {quotient}", "", f"{equation}    (p = d/dt)"]
     if found.point:
         place = ", ".join(f"{notation.name(n)} = {notation.text(v)}" for n, v in found.point.items())
-        told = [f"linear about {place}", "", *told]
+        lines = [f"linear about {place}", "", *lines]
     if found.cancelled:
         factors = ", ".join(notation.polynomial(f, "s") for f in found.cancelled)
-        told += ["", f"cancelled: {factors}  (not seen in {y}, or not moved by {u})"]
+        lines += ["", f"cancelled: {factors}  (not seen in {y}, or not moved by {u})"]
     try:
-        told += ["", *_numbers(found)]
+        lines += ["", *_numbers(found)]
     except ModelError as error:
-        told += ["", error.diagnostics[0].message]
-    return told + notation.legend()
+        lines += ["", error.diagnostics[0].message]
+    return lines + notation.legend()
 
 
 def _numbers(found: TransferFunction) -> list[str]:

@@ -70,7 +70,7 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
 
 @cache
 def _operations() -> dict[str, Callable]:
-    """The operators of the DAG in SymPy; made when first asked for, because SymPy takes long to import."""
+    """The operators of the DAG in SymPy; made on first use, because SymPy takes long to import."""
     import sympy
 
     return {name: resolve(f.sympy, sympy) for name, f in FUNCTIONS.items()}

@@ -334,7 +334,7 @@ class FlatDAE:
 
     # --------------------------------------------------------------------- values
 
-    def told(self, check: Check, row: int) -> str:
+    def message_of(self, check: Check, row: int) -> str:
         """Return the message of an assertion, with the part in which it does not hold."""
         if check.part == 0:
             return check.message

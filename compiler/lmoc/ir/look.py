@@ -1,4 +1,4 @@
-"""How a part looks in a picture, as the annotations of its class say."""
+"""The look of a part in a picture, from the annotations of its class."""
 
 from __future__ import annotations
 

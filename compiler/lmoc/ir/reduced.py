@@ -188,7 +188,7 @@ class Reduced:
 
     @property
     def in_all_coordinates(self) -> bool:
-        """Whether all coordinates of closed loops are states."""
+        """Return whether all coordinates of closed loops are states."""
         return self.invariants is not None and len(self.invariants.acceleration) > 0
 
     @cached_property

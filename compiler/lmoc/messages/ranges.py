@@ -12,7 +12,7 @@ from lmoc.messages.diagnostics import Diagnostic, Report
 
 # of mistakes that may be one in all members of an array, so many are looked at
 LOOKED_AT = 20_000
-# where members of an array make several ranges, so many of them are told
+# where members of an array make several ranges, so many of them are listed
 RUNS = 2
 
 _SUBSCRIPT = re.compile(r"\[\d+(?:,\d+)*\]")
@@ -25,7 +25,7 @@ def report_alike(found: Iterable[Diagnostic], report: Report, most: int, unseen:
     Parameters
     ----------
     found : as they would be said of each member of an array; what they expect, find and hint at is merged where it
-        differs in indices only too, else it is told of the first
+        differs in indices only too, else that of the first is shown
     unseen : how many more places have not been looked at; the last one shown tells it, and how many were cut
     """
     families: dict[tuple, list[Diagnostic]] = {}
@@ -33,10 +33,10 @@ def report_alike(found: Iterable[Diagnostic], report: Report, most: int, unseen:
         families.setdefault((d.code, d.span, _plain(d.message)), []).append(d)
     shown = [d for family in list(families.values())[:most] for d in _merged(family)]
     more = sum(len(family) for family in list(families.values())[most:])
-    told = [f"{more} more such {'mistake is' if more == 1 else 'mistakes are'} not shown"] if more else []
-    told += [f"{unseen} more {'place was' if unseen == 1 else 'places were'} not examined"] if unseen else []
-    if told and shown:
-        shown[-1] = replace(shown[-1], hint="; ".join(filter(None, [shown[-1].hint, *told])))
+    further = [f"{more} more such {'mistake is' if more == 1 else 'mistakes are'} not shown"] if more else []
+    further += [f"{unseen} more {'place was' if unseen == 1 else 'places were'} not examined"] if unseen else []
+    if further and shown:
+        shown[-1] = replace(shown[-1], hint="; ".join(filter(None, [shown[-1].hint, *further])))
     report.diagnostics += shown
 
 

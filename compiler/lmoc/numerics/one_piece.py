@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.failures.chatter import chatters, jumps
 from lmoc.numerics.integrate import choice
-from lmoc.numerics.integrate.base import Outcome, Problem, Roots
+from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Roots
 from lmoc.numerics.integrate.standing import standing
 from lmoc.numerics.options import MOREAU
 from lmoc.numerics.signals import kinks
@@ -34,7 +34,7 @@ ACCEPTED = 0.01  # share of the ranges of positions by which they may be off bef
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What bounds the integration of a piece.
+    """The bounds of the integration of a piece.
 
     Attributes
     ----------
@@ -123,9 +123,9 @@ class PieceSolver:
         )
         positions = np.isin(plan.derivatives, plan.states) & ~plan.ledger
         found = stepped(problem, begin, positions, self.task.options.step is not None)
-        self.cost.add(found.outcome, stretch.system, MOREAU, "requested")
+        self.cost.add(found.outcome, stretch.system, MOREAU, REQUESTED)
         self.cost.stats |= {"step": found.step, "estimated_error": found.error}
-        _tell(found, self.task.report)
+        _report_steps(found, self.task.report)
         return found
 
     def holding_jump(self, stretch: Stretch, t: float, x: np.ndarray) -> str:
@@ -182,7 +182,7 @@ class PieceSolver:
         return distinct(np.concatenate([own, given]))
 
 
-def _tell(found: Stepped, report: Report) -> None:
+def _report_steps(found: Stepped, report: Report) -> None:
     """Say what the error of time stepping is estimated to be."""
     if np.isnan(found.error):
         return

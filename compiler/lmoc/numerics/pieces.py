@@ -185,7 +185,7 @@ class _Run:
         return x
 
     def _record_start(self, x: np.ndarray) -> None:
-        """Keep the state where a piece begins, if that is asked for: at an event, the one after it."""
+        """Keep the state where a piece begins, if it is an output time: at an event, the one after it."""
         recorder, begin = self.stretch.recorder, self.stretch.begin
         if len(recorder.times) and _is_same(recorder.times[0], begin):
             recorder(0, x[None])

@@ -49,7 +49,7 @@ class Task:
     report : collects what there is to say
     others : the model with other coordinates, where there may be some
     sizes : how large the motion is, as far as it is known
-    clock : values of `time.perf_counter` when the run was asked for, and when its system stood
+    clock : values of `time.perf_counter` when the run was requested, and when its system was ready
     """
 
     values: np.ndarray

@@ -30,7 +30,7 @@ GREY = "#555555"
 MOST_LABELLED = 10  # curves of a panel with names of their own; more are a family with a colour scale
 MOST_CURVES = 200
 MOST_NAMED = 3  # curves that name their axis
-MOST_PANELS = 5  # of those that nobody asked for
+MOST_PANELS = 5  # of those shown by default
 FLAT = 1e-3  # of the energy that moves between the stores: what changes by less is drawn as a flat line
 
 STYLE = {

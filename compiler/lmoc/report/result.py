@@ -98,10 +98,10 @@ class Result:
         UnknownNameError
             A KeyError that names what may have been meant.
         TypeError
-            What is asked for is no name.
+            The index is not a name.
         """
         if not isinstance(name, str):
-            raise TypeError(f"a run is asked by names of variables, such as run['time'], not by {name!r:.40}")
+            raise TypeError(f"a run is indexed by names of variables, such as run['time'], not by {name!r:.40}")
         if name == "time":
             return self.time
         if name.startswith("der(") and name.endswith(")"):
@@ -130,7 +130,7 @@ class Result:
             raise UnknownNameError(name, hint_for(self.flat, inner))
         values = self.trajectory.derivative(int(found[0]), order)
         if values is None:
-            raise UnknownNameError(name, "of derivatives only those of states are at hand, where all is kept")
+            raise UnknownNameError(name, "only derivatives of states are available, and only where all states are kept")
         return values
 
     @property

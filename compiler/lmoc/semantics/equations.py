@@ -114,7 +114,7 @@ class EquationSection:
 
     def _several(self, context: Context, e: tree.Equality) -> None:
         if not isinstance(e.right, tree.Call):
-            raise Wrong("E0301", "several variables are given by a function call only", e.span)
+            raise Wrong("E0301", "only a function call can give values to several variables", e.span)
         results = call_all(context, e.right)
         if len(e.left.items) > len(results):
             raise Wrong("E0217", f"'{e.right.function}' has {len(results)} results", e.span)
@@ -356,11 +356,11 @@ def _spread_rows(index, shape: tuple[int, ...]) -> np.ndarray:
 
 def _round(context: Context, row: int) -> str:
     """``i = 1, j = 2``: the values of the iteration variables in a row; empty outside of loops."""
-    told = []
+    values = []
     for name, value in context.names.items():
         index = context.leaves[value.expr.value[0]].index if value.expr.op == "slot" else value.expr.value
-        told.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
-    return ", ".join(told)
+        values.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
+    return ", ".join(values)
 
 
 def _no_such_port(context: Context, ref: tree.Ref, node: InstanceNode, wrong: Wrong) -> Wrong:

@@ -1,6 +1,6 @@
 """Compiled scenes kept between processes: the flat model and its reduction, until something they depend on changes.
 
-They depend on the texts of the scene's file and of the library, on what was asked for, on this program, and on which
+They depend on the texts of the scene's file and of the library, on the options, on this program, and on which
 classes the folders around would offer: a scene that has taken a class from a folder is not kept. All of it is compared
 with what it was, the texts by content.
 """

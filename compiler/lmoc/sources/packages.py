@@ -74,7 +74,7 @@ class Folder:
 
     @property
     def unused(self) -> bool:
-        """Whether no class has been found in it so far."""
+        """Return whether no class has been found in it so far."""
         return not any(self._found.values())
 
     def _listing(self) -> dict[str, list[str]]:

@@ -31,12 +31,12 @@ _ELSEWHERE = "auto", "dop853", "taylor", "ida", "radau", "gauss"  # in other for
 _STEPS, _QUICK_STEPS = 6, 3  # lengths of fixed steps
 _QUICK_RUN = 0.04  # s, that a run by `auto` may take in a quick chart; of a longer one only the beginning is charted
 
-Told = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Budget:
-    """How much time a chart may take, s.
+    """The time that a chart may take, s.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ def chart(
     rtols: Sequence[float] | None = None,
     quick: bool = False,
     seconds: float | None = None,
-    told: Told | None = None,
+    progress: Progress | None = None,
 ) -> Chart:
     """Chart speed against accuracy.
 
@@ -103,7 +103,7 @@ def chart(
         step lengths instead
     quick : few methods and tolerances, in less than 10 s
     seconds : that the chart may take, about; 300 by default
-    told : called with what is being done and the share of the work behind it
+    progress : called with what is being done and the share of the work that is done
 
     Raises
     ------
@@ -112,7 +112,7 @@ def chart(
     SimulationError
         There is no reference, or the run itself fails.
     """
-    told = told or (lambda text, share: None)
+    progress = progress or (lambda text, share: None)
     runner = Runner(session, request)
     solvers = _checked("E0540", "solver", solvers, SOLVERS, solver_hint)
     formulations = _checked("E0626", "formulation", formulations, FORMULATIONS, lambda n: nearest(n, FORMULATIONS))
@@ -121,21 +121,21 @@ def chart(
     if not len(session.reduced.states):
         raise ModelError([Diagnostic("E0541", "there is nothing to chart: the scene has no states to integrate")])
     until = clock.thread_time() + budget.total
-    told("auto at rtol 1e-6", 0.0)
+    progress("auto at rtol 1e-6", 0.0)
     first, note = probe(runner, budget.reference), ""
     if quick and first.seconds > _QUICK_RUN:
         share = (first.reached - first.begin) / (first.end - first.begin) * _QUICK_RUN / first.seconds
         runner = runner.until(first.begin + share * (first.end - first.begin))
         note = f"to be quick, only until {runner.span.end:.3g} s of {first.end:g} s"
         first = probe(runner, budget.reference)
-    reference = make_reference(runner, first, budget.reference, told)
+    reference = make_reference(runner, first, budget.reference, progress)
     settings = [
         _settings(solver, formulation, tolerances, first, quick)
         for formulation in formulations or _formulations(session, quick)
         for solver in solvers or (_QUICK if quick else SOLVERS if formulation == "reduced" else _ELSEWHERE)
         if TABLE[formulation].goes_with(solver)
     ]
-    measurement = Measurement(runner, reference.signals, budget.run, until, told)
+    measurement = Measurement(runner, reference.signals, budget.run, until, progress)
     measurement.measure(settings, budget.repeats)
     points = (measurement.points.get(setting) for series in settings for setting in series)
     return Chart(session.flat.name, tuple(p for p in points if p is not None), reference, note, measurement.interrupted)

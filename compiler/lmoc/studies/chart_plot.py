@@ -116,7 +116,7 @@ def _named(curves: dict[str, list[Point]]) -> set[str]:
         return set(curves)
 
     def behind(name: str) -> float:
-        """How many times longer it takes than the fastest at the error where it is best."""
+        """Return the ratio of its time to that of the fastest at the error where it is best."""
         return min(p.seconds / min(q.seconds for q in every if q.error <= p.error) for p in curves[name])
 
     every = [p for points in curves.values() for p in points]
@@ -149,7 +149,7 @@ def spread(heights: Sequence[float], apart: float) -> list[float]:
 
 
 def _chosen(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
-    """Mark what `auto` has chosen by rings, with the tolerances asked for."""
+    """Mark what `auto` has chosen by rings, with the requested tolerances."""
     good = [p for p in chart.points if p.ok and p.setting.solver == "auto" and p.error > 0]
     good = [p for p in good if p.setting.formulation == "reduced"] or good
     if not good:
@@ -189,7 +189,7 @@ def _reason(status: str) -> str:
 
 
 def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) -> None:
-    """Draw what gave no result at the tolerance (or step) asked for, with the reason and the methods."""
+    """Draw what gave no result at the requested tolerance (or step), with the reason and the methods."""
     axis.set_visible(bool(failed))
     if not failed:
         return
@@ -216,7 +216,7 @@ def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) 
     axis.set_yticks([])
     axis.grid(False)
     axis.tick_params(labelsize=7)
-    axis.set_title("no result, at the tolerance or the step (s) asked for", fontsize=8, color=GREY, loc="left")
+    axis.set_title("no result, at the requested tolerance or step (s)", fontsize=8, color=GREY, loc="left")
 
 
 def _asked(point: Point) -> float:

@@ -76,7 +76,7 @@ def _failures(chart: Findings) -> list[str]:
         where = settings[0] if len(settings) == 1 else f"{settings[0]} … {settings[-1]}"
         lines.append(f"{name} at {where}: {reason}")
     hidden = len(lines) - _MOST_FAILURES
-    shown = lines if hidden <= 0 else [*lines[:_MOST_FAILURES], f"and {hidden} more, in the file of -o"]
+    shown = lines if hidden <= 0 else [*lines[:_MOST_FAILURES], f"and {hidden} more, in the file written by -o"]
     return [*shown, ""] if shown else []
 
 

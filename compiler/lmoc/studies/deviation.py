@@ -1,4 +1,4 @@
-"""How far a run is from another one: the largest deviation of its signals, relative to the size of each."""
+"""The distance between two runs: the largest deviation of their signals, relative to the size of each."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LEAST_MARGIN = 1e-12  # of the span, about an instant at which two runs have th
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals:
-    """What runs are compared by.
+    """The signals by which runs are compared.
 
     Attributes
     ----------

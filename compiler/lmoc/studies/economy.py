@@ -1,4 +1,4 @@
-"""What reduction saves: one scene with all its equations, with dummy derivatives, and in minimal coordinates."""
+"""The savings of reduction: one scene with all its equations, with dummy derivatives, and in minimal coordinates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a chart has found: its points and its reference, and what they recommend."""
+"""The data of a chart: its points, its reference, and the recommendation that follows from them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a scene's runs cost and how accurate they are, by method, formulation and tolerance.
+    """Cost and accuracy of a scene's runs, by method, formulation and tolerance.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Findings:
             point = self.recommended(digits)
             if point is not None:
                 return f"for {digits} digits: {point.setting.text}, {seconds_text(point.seconds)}"
-        return "no method has one digit"
+        return "no method reaches one digit"
 
 
 def seconds_text(seconds: float) -> str:

@@ -100,7 +100,7 @@ class Runner:
 
     @property
     def span(self) -> Span:
-        """Where the runs begin and end, and their output times."""
+        """The span of the runs and their output times."""
         return self.request.options.span(self.session.flat.experiment)
 
     def until(self, stop: float) -> Runner:
@@ -175,14 +175,14 @@ class Measurement:
     reference : what errors are measured against
     limit : s, the longest a single run may take
     until : value of `time.thread_time` at which no further repeats begin
-    told : called with a text and the share of the work that is done
+    progress : called with a text and the share of the work that is done
     """
 
     def __init__(
-        self, runner: Runner, reference: Signals, limit: float, until: float, told: Callable[[str, float], None]
+        self, runner: Runner, reference: Signals, limit: float, until: float, progress: Callable[[str, float], None]
     ) -> None:
         self.runner, self.reference = runner, reference
-        self.limit, self.until, self.told = limit, until, told
+        self.limit, self.until, self.progress = limit, until, progress
         self.points: dict[Setting, Point] = {}
         self.interrupted = False
 
@@ -198,11 +198,11 @@ class Measurement:
         total, done = sum(map(len, series)), 0
         work = [_Series(list(settings)) for settings in series]
         for settings in series:
-            self.told(f"warm up: {settings[0].solver}", 0.0)
+            self.progress(f"warm up: {settings[0].solver}", 0.0)
             self.runner.warm(settings[0])
         for turn in _turns(work):
             setting = turn.settings.pop(0)
-            self.told(setting.text, 0.5 * done / total)
+            self.progress(setting.text, 0.5 * done / total)
             point = self._new(setting, turn)
             self.points[setting] = point
             turn.points.append(point)
@@ -214,7 +214,7 @@ class Measurement:
             return Point(setting, status=series.given_up)
         left = self.until - clock.thread_time()
         if left < 0:
-            return Point(setting, status=f"{NOT_RUN}: the time for the chart is over")
+            return Point(setting, status=f"{NOT_RUN}: the time limit of the chart was reached")
         expected = _expected(series.points)
         if expected > self.limit:
             series.given_up = f"{NOT_RUN}: it would take more than {self.limit:.2g} s"
@@ -242,7 +242,7 @@ class Measurement:
                 point = self.points[setting]
                 if clock.thread_time() + point.seconds > self.until:
                     continue
-                self.told(setting.text, 0.5 + 0.5 * (turn + k / len(good)) / repeats)
+                self.progress(setting.text, 0.5 + 0.5 * (turn + k / len(good)) / repeats)
                 _, seconds = self.runner.run(setting)
                 best = seconds if not point.repeats else min(seconds, point.seconds)
                 self.points[setting] = replace(point, seconds=best, repeats=point.repeats + 1)

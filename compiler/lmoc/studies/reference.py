@@ -49,7 +49,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Reference:
-    """What errors are measured against.
+    """The run that errors are measured against.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def probe(runner: Runner, seconds: float) -> Probe:
     return Probe(compared_names(run), tuple(run.states), span.start, reached, span.end, spent, step, stiff)
 
 
-def make_reference(runner: Runner, first: Probe, seconds: float, told: Callable[[str, float], None]) -> Reference:
+def make_reference(runner: Runner, first: Probe, seconds: float, progress: Callable[[str, float], None]) -> Reference:
     """Return the reference of a scene.
 
     A signal that is nothing but rounding, such as an output that tells how well something is satisfied, is left out:
@@ -113,12 +113,12 @@ def make_reference(runner: Runner, first: Probe, seconds: float, told: Callable[
     SimulationError
         No two methods come to its end in that time.
     """
-    better, other = _agreeing(runner, first, seconds, told)
+    better, other = _agreeing(runner, first, seconds, progress)
     every = deviations(other[1], better[1])
     names = [name for name, apart in every.items() if apart <= _RESOLVED]
     noise = tuple(name for name, apart in every.items() if apart >= _NOISE)
     if not names and noise and first.names != first.states:
-        found = make_reference(runner, replace(first, names=first.states), seconds, told)
+        found = make_reference(runner, replace(first, names=first.states), seconds, progress)
         return found if found.uncertainty > _RESOLVED else replace(found, left_out=noise + found.left_out)
     if not (names and noise and len(names) + len(noise) == len(every)):
         names, noise = list(every), ()
@@ -127,7 +127,7 @@ def make_reference(runner: Runner, first: Probe, seconds: float, told: Callable[
 
 
 def _agreeing(
-    runner: Runner, first: Probe, seconds: float, told: Callable[[str, float], None]
+    runner: Runner, first: Probe, seconds: float, progress: Callable[[str, float], None]
 ) -> tuple[_Named, _Named]:
     """Return the two runs that agree best, the one of the more accurate method first."""
     failures: list[str] = []
@@ -135,7 +135,7 @@ def _agreeing(
         found: list[_Named] = []
         for solver, rtol in _STIFF if first.stiff else _SMOOTH:
             setting = Setting(solver, "reduced", rtol * factor)
-            told(f"reference: {setting.text}", 0.0)
+            progress(f"reference: {setting.text}", 0.0)
             try:
                 runner.warm(setting)
                 run, _ = runner.run(setting, seconds)

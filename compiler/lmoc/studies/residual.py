@@ -1,4 +1,4 @@
-"""How well a run satisfies the equations between positions, which a formulation may let drift."""
+"""Residuals of the equations between positions along a run, which may drift in some formulations."""
 
 from __future__ import annotations
 

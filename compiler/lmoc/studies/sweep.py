@@ -127,7 +127,7 @@ def sweep(
     values: Mapping[str, Sequence[float]],
     simulate: Callable[[Mapping[str, float]], Run],
     eigenvalues_at: Callable[[Mapping[str, float]], np.ndarray],
-    told: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
     """Run for every combination of values, the last parameter fastest.
 
@@ -135,7 +135,7 @@ def sweep(
     ----------
     values : {parameter: its values}
     simulate : a run for parameter values; what it raises ends the study, but for runs that fail on their way
-    told : called with (runs done, runs in all)
+    progress : called with (runs done, runs in all)
 
     Raises
     ------
@@ -157,6 +157,6 @@ def sweep(
             if partial is None or not len(partial.time):
                 raise
             runs.append(partial)
-        if told is not None:
-            told(k + 1, len(points))
+        if progress is not None:
+            progress(k + 1, len(points))
     return Sweep(names, points, tuple(runs), eigenvalues_at)

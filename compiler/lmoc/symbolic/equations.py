@@ -12,7 +12,7 @@ import numpy as np
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS
-from lmoc.symbolic.notation import Formula, Notation, plain_text, told
+from lmoc.symbolic.notation import Formula, Notation, in_words, plain_text
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, no_symbols, symbolic_system
@@ -123,7 +123,7 @@ class EquationsOfMotion:
         for full, short in self.notation.short.items():
             unit, text = self.descriptions.get(full.removeprefix("δ"), ("", ""))
             symbol = f"<math>{MATHML.symbol(short, 0)}</math>"
-            cells = (symbol, f"<code>{escape(told(full))}</code>", escape(unit_text(unit)), escape(text))
+            cells = (symbol, f"<code>{escape(in_words(full))}</code>", escape(unit_text(unit)), escape(text))
             rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
         head = "<tr><th></th><th>name</th><th>unit</th><th>meaning</th></tr>"
         return shown if not rows else f"{shown}\n<table>\n{head}\n" + "\n".join(rows) + "\n</table>"

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LawsAtRest:
-    """What the laws of a scene do in an equilibrium.
+    """The modes of a scene's laws in an equilibrium.
 
     Attributes
     ----------

@@ -179,7 +179,7 @@ def check_output(reduced: Reduced, name: str) -> None:
     """An output is something that can move, and that the equations determine; E0661 or E0660 otherwise."""
     found = reduced.flat.find(name)
     if found is None or len(found) != 1:
-        return  # told where it is looked up
+        return  # reported where it is looked up
     if reduced.flat.kind[found[0]] in (Kind.CONSTANT, Kind.PARAMETER):
         raise ModelError([Diagnostic("E0661", f"'{name}' is a parameter: no input moves it")])
     if found[0] in reduced.undetermined:

@@ -107,7 +107,7 @@ class LinearModel:
     def _numeric_A(self) -> np.ndarray:
         if self.symbolic:
             raise refuse(
-                "eigenvalues need parameter values", hint="give the parameters values, or ask with symbolic=False"
+                "eigenvalues need parameter values", hint="give the parameters values, or use symbolic=False"
             )
         return self.A
 

@@ -81,7 +81,7 @@ class Notation:
 
     def legend(self, style: Style = UNICODE) -> list[str]:
         """Lines with what each abbreviation stands for, after an empty one; nothing where there is none."""
-        table = [(style.symbol(short, 0), told(full)) for short, full in self.abbreviations.items()]
+        table = [(style.symbol(short, 0), in_words(full)) for short, full in self.abbreviations.items()]
         width = max((len(short) for short, _ in table), default=0)
         return ["", "with", *(f"  {short:<{width}}  {full}" for short, full in table)] if table else []
 
@@ -91,8 +91,8 @@ class Notation:
         return {short: full for full, short in self.short.items() if short != full}
 
 
-def told(full: str) -> str:
-    """A full name for a person."""
+def in_words(full: str) -> str:
+    """Return a full name as a person reads it."""
     return f"deviation of {full[1:]}" if full.startswith("δ") else full
 
 

@@ -264,17 +264,17 @@ def linearize_numerically(
 
 def _check_derivatives(system: NumericSystem, outputs: Sequence[str], jacobian: np.ndarray) -> None:
     """At a singular point of implicit equations not everything has a derivative: say what has none."""
-    n, told = len(system.states), ~np.isin(system.outputs, system.reduced.undetermined)
+    n, known = len(system.states), ~np.isin(system.outputs, system.reduced.undetermined)
     names = [f"der({name})" for name in system.states] + list(outputs)
-    lost = ~np.isfinite(jacobian).all(axis=1) & np.concatenate([np.ones(n, bool), told])
+    lost = ~np.isfinite(jacobian).all(axis=1) & np.concatenate([np.ones(n, bool), known])
     if lost.any():
         who = listed([f"'{names[k]}'" for k in np.flatnonzero(lost)[:6].tolist()])
         message = f"no linear model of {who}: there is no derivative at this point"
         if not system.finite(lost[n:]):
             message = f"no linear model of {who}: at this point it has no value (0/0, or the root or logarithm of zero)"
-            hint = "take a point where it has one, as `--at name=value`, or other outputs: linearize(outputs=[…])"
+            hint = "choose a point where it has one, as `--at name=value`, or other outputs: linearize(outputs=[…])"
             raise ModelError([Diagnostic("E0663", message, hint=hint)])
-        hint = "the implicit equations are singular there: take another point, or other outputs"
+        hint = "the implicit equations are singular there: choose another point, or other outputs"
         raise ModelError([Diagnostic("E0663", message, hint=hint)])
 
 

@@ -26,7 +26,7 @@ HINTS = {
     START: "choose one, in Python `initial=dae.equilibria()[0]`; or fix states, as `--init name=value`",
 }
 
-_LISTED = 12  # names told where none of them is like the one given
+_LISTED = 12  # names listed where none of them is like the one given
 
 
 @dataclass(frozen=True)
@@ -116,19 +116,19 @@ def only(found: Sequence[Equilibrium], purpose: str = LINEAR) -> Equilibrium:
         return found[0]
     if not found:
         raise no_place(f"there is no equilibrium {purpose}", hint=HOW_TO_CHOOSE if purpose == LINEAR else "")
-    shown = "; ".join(f"({i}) {told(e)}" for i, e in enumerate(found, 1))
+    shown = "; ".join(f"({i}) {in_words(e)}" for i, e in enumerate(found, 1))
     raise no_place(f"there is not one equilibrium {purpose} but {len(found)}", found=shown, hint=HINTS[purpose])
 
 
-def told(e: Equilibrium) -> str:
+def in_words(e: Equilibrium) -> str:
     """Return the coordinates of an equilibrium that are not zero, in words."""
     values = {n: f"{float(v):.6g}" if v.is_Float else str(v) for n, v in e.items()}
     free = [s.name for s in e.free]
     ranges = {} if e.laws is None else e.laws.range
-    told = [f"{n} = {v}" for n, v in values.items() if v != "0" and n not in free]
-    told += [f"{n} from {ranges[n][0]:.6g} to {ranges[n][1]:.6g}" if n in ranges else f"{n} any" for n in free]
-    told += [] if e.laws is None else [f"{name} {word}" for name, word in list(e.laws.modes.items())[:6]]
-    return ", ".join(told) or "all states 0"
+    parts = [f"{n} = {v}" for n, v in values.items() if v != "0" and n not in free]
+    parts += [f"{n} from {ranges[n][0]:.6g} to {ranges[n][1]:.6g}" if n in ranges else f"{n} any" for n in free]
+    parts += [] if e.laws is None else [f"{name} {word}" for name, word in list(e.laws.modes.items())[:6]]
+    return ", ".join(parts) or "all states 0"
 
 
 def values_by_symbol(point: Point) -> dict[sympy.Symbol, sympy.Expr]:

@@ -71,6 +71,6 @@ def _formula(name: str, text: str, flat: FlatDAE) -> sympy.Expr:
 
 def no_value(missing: Sequence[str]) -> ModelError:
     """Return the error for parameters without a value, E0662."""
-    how = "give it in the model or with `--set name=value`, or ask for the symbolic form"
+    how = "give it in the model or with `--set name=value`, or use the symbolic form"
     hint = f"{how}; what is not a number (0/0) is no value"
     return ModelError([Diagnostic("E0662", f"no value for {', '.join(missing)}", hint=hint)])

@@ -64,7 +64,7 @@ class Actions(PrefixActions):
         self, prefixes: dict, kind: str, body: dict, constraint: Constraint | None, start: int, end: int
     ) -> tree.Class:
         name = body["name"]
-        if constraint:  # what is told after `constrainedby` is told of the class
+        if constraint:  # a comment after `constrainedby` describes the class
             body["description"] = body.get("description") or constraint.comment.description
             body["annotation"] = body.get("annotation") or constraint.comment.annotation
         fields = {

@@ -174,9 +174,9 @@ def _element(group: list) -> str:
     first = group[0]
     if isinstance(first, tree.Component):
         return show.component(*group)
-    told = show.description(first.description, first.annotation)
+    described = show.description(first.description, first.annotation)
     if isinstance(first, tree.Extends):
-        return f"extends {show.expression(first.base)}{show.modification(first.modification)}{told}"
+        return f"extends {show.expression(first.base)}{show.modification(first.modification)}{described}"
     path = ".".join(first.path)
     if first.alias:
         path = f"{first.alias} = {path}"
@@ -184,7 +184,7 @@ def _element(group: list) -> str:
         path += ".*"
     elif first.names:
         path += f".{{{', '.join(first.names)}}}"
-    return f"import {path}{told}"
+    return f"import {path}{described}"
 
 
 # -------------------------------------------------- equations and statements
@@ -202,20 +202,20 @@ def _items(page: _Page, items: Iterable[tree.Equation | tree.Statement]) -> None
 
 def _simple(item: tree.Equation | tree.Statement) -> str:
     """An equation or statement of one line."""
-    told = show.description(item.description, item.annotation)
+    described = show.description(item.description, item.annotation)
     match item:
         case tree.Equality():
-            return f"{show.simple(item.left)} = {show.expression(item.right)}{told}"
+            return f"{show.simple(item.left)} = {show.expression(item.right)}{described}"
         case tree.Assignment():
-            return f"{show.simple(item.target)} := {show.expression(item.value)}{told}"
+            return f"{show.simple(item.target)} := {show.expression(item.value)}{described}"
         case tree.Connect():
-            return f"connect({show.expression(item.left)}, {show.expression(item.right)}){told}"
+            return f"connect({show.expression(item.left)}, {show.expression(item.right)}){described}"
         case tree.CallEquation() | tree.CallStatement():
-            return f"{show.expression(item.call)}{told}"
+            return f"{show.expression(item.call)}{described}"
         case tree.Return():
-            return f"return{told}"
+            return f"return{described}"
         case tree.Break():
-            return f"break{told}"
+            return f"break{described}"
     raise TypeError(f"no layout for {type(item).__name__}")
 
 

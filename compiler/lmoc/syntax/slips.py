@@ -91,7 +91,7 @@ def _hint(trouble: Trouble) -> str:
     if trouble.before in ("der", "connect"):
         return "'connect(a, b)' joins two connectors" if trouble.before == "connect" else "a derivative is 'der(x)'"
     if trouble.found in ("{", "}", ":", ";") and "end" in trouble.can_follow():
-        return "a class is written 'model Name … end Name;', with nothing behind its name and no braces"
+        return "a class is written 'model Name … end Name;', with nothing after its name and no braces"
     if trouble.at == 0:
         return "everything belongs inside a class: 'model Name', its parts and equations, 'end Name;'"
     return ""
@@ -261,7 +261,7 @@ def _keyword_as_name(trouble: Trouble) -> Iterator[Slip]:
             trouble.span(),
             expected="a name",
             found=f"the keyword '{word}'",
-            hint=f"take another name, or write it in quotes: \"'{word}'\"",
+            hint=f"use another name, or write it in quotes: \"'{word}'\"",
         ),
     )
 

@@ -218,8 +218,8 @@ def short_class(c: tree.Class) -> str:
     """A class definition of one line, without ';'."""
     head = f"{prefixes(c)}{c.kind} {c.name} = "
     if c.literals is not None:
-        told = c.literal_descriptions or ("",) * len(c.literals)
-        literals = ", ".join(name + description(text) for name, text in zip(c.literals, told, strict=True))
+        descriptions = c.literal_descriptions or ("",) * len(c.literals)
+        literals = ", ".join(name + description(text) for name, text in zip(c.literals, descriptions, strict=True))
         body = f"enumeration({literals})"
     else:
         causality = f"{c.short.causality} " if c.short.causality else ""

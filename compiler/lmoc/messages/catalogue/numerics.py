@@ -96,7 +96,7 @@ NUMERICS: dict[str, Entry] = {
     ),
     "E0540": Entry(
         "a solver that does not exist or does not suit",
-        "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits. `verlet` asks for forces that do "
+        "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits. `verlet` needs forces that do "
         "not depend on velocities, `moreau` for laws between inertias and no other events.",
     ),
     "E0541": Entry(

@@ -71,7 +71,7 @@ class _ByCasadi:
 
 
 class Recipe:
-    """What certifiers of a plan are made from.
+    """The parts of which certifiers of a plan are made.
 
     Attributes
     ----------

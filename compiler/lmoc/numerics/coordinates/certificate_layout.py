@@ -1,4 +1,4 @@
-"""How the arrays that a certificate reads and fills follow each other."""
+"""The order of the arrays that a certificate reads and fills."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lmoc.ir.reduced import Constraints
 
 
 class Layout:
-    """What is known of the constraints at the two ends of a step, as arrays one behind the other.
+    """The constraints at both ends of a step, as arrays one after the other.
 
     Attributes
     ----------

@@ -47,7 +47,7 @@ class ShortSteps(Lookout):
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """How a run goes on.
+    """The continuation of a run.
 
     Attributes
     ----------
@@ -227,13 +227,13 @@ class Changes:
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
         if watch.lost_rank:
             self.reason = (
-                "a singular position follows, in which the constraints depend on each other: several branches of the "
-                f"motion may meet there, none of which continues it smoothly, and no coordinates determine {lost}"
+                "a singular position lies ahead, in which the constraints depend on each other: several branches of "
+                f"the motion may meet there, none of which continues it smoothly, and no coordinates determine {lost}"
             )
         else:
             self.reason = (
-                f"the coordinates {names} do not determine {lost} shortly after; choose some that determine the rest "
-                "all the way, by states=[…] (--states) or stateSelect"
+                f"the coordinates {names} do not determine {lost} shortly after; choose some that determine "
+                "the rest throughout, by states=[…] (--states) or stateSelect"
             )
 
 

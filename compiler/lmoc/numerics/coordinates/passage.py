@@ -74,7 +74,7 @@ class _Branch:
 
     @property
     def known(self) -> bool:
-        """Whether all of it has been found."""
+        """Return whether all of it has been found."""
         return bool(np.isfinite(np.concatenate([self.slope, self.rates, self.curvature])).all())
 
     def expected(self, t: float) -> np.ndarray:
@@ -156,7 +156,7 @@ def _collocated(branch: _Branch, width: float, stages: int, tolerance: np.ndarra
 
 
 def _is_smooth(branch: _Branch, found: Passage) -> bool:
-    """Whether the blocks' unknowns lie on one smooth curve, about the middle of the step, too.
+    """Return whether the blocks' unknowns lie on one smooth curve, about the middle of the step, too.
 
     There a step onto another branch has a kink, and one from a curve to another that comes near without meeting it
     differs from the polynomial through its places.

@@ -12,7 +12,7 @@ from lmoc.support.records import dataclass
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What has been seen at the end of a step.
+    """The constraints and coordinates at the end of a step.
 
     Attributes
     ----------

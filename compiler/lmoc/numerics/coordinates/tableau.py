@@ -92,7 +92,7 @@ def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
 
 
 def vanishes(matrix: np.ndarray) -> bool:
-    """Whether the dependent coordinates do not follow, in rows of one size."""
+    """Return whether the dependent coordinates do not follow, in rows of one size."""
     size = np.abs(matrix).max(axis=1, keepdims=True)
     a = (matrix / np.where(size > 0, size, 1.0))[:, : len(matrix)]
     return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < _VANISHING)
@@ -128,7 +128,7 @@ def rank_margin(matrix: np.ndarray) -> float:
 
 
 def stays_regular(change: np.ndarray, margins: float) -> bool:
-    """Whether a matrix keeps its full rank on the way from one place to another nearby.
+    """Return whether a matrix keeps its full rank on the way from one place to another nearby.
 
     Singular values change by no more than the matrix does (Weyl; Golub & Van Loan, Matrix Computations, 8.6), so that
     none vanishes on a straight way shorter than their sum at its ends.

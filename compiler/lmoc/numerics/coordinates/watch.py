@@ -144,7 +144,7 @@ class CoordinateWatch:
 
     @property
     def passed_a_singular_place(self) -> bool:
-        """Whether the last step judged has led over a place where the coordinates do not determine the rest."""
+        """Return whether the last step judged has led over a place where the coordinates do not determine the rest."""
         sign = self.last.found.sign
         return sign == 0.0 or sign != self.accepted.found.sign
 
@@ -160,7 +160,7 @@ class CoordinateWatch:
 
     @property
     def cornered(self) -> bool:
-        """Whether the constraints almost depend on each other where the next step would begin."""
+        """Return whether the constraints almost depend on each other where the next step would begin."""
         return self.lost_rank and self.accepted.margin < _DEPENDENT
 
     def relent(self) -> None:
@@ -190,7 +190,7 @@ class CoordinateWatch:
         self._places.append((place.t, place.x, place.solutions))
 
     def _is_certain(self, place: Place) -> bool:
-        """Whether bounds show the last step to be good in all that is judged. Written so that NaN fails."""
+        """Return whether bounds show the last step to be good in all that is judged. Written so that NaN fails."""
         if self._bounds is None:
             return False
         worst, sign, least, change, unexplained, _ = self._bounds
@@ -264,7 +264,7 @@ class CoordinateWatch:
         return matrix * self._factor
 
     def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
-        """Whether the constraints keep their rank between two places, by looks at what lies between if necessary."""
+        """Return whether the constraints keep their rank between two places, judged in between if necessary."""
         change = self._scaled(second.matrix - first.matrix)
         if stays_regular(change, first.least + second.least) or (
             first.least + second.least < first.margin + second.margin
@@ -280,7 +280,7 @@ class CoordinateWatch:
         return self._stays_regular(first, middle, halvings - 1) and self._stays_regular(middle, second, halvings - 1)
 
     def _keeps_on(self, place: Place) -> bool:
-        """Whether the dependent coordinates have come by their velocities to where they are.
+        """Return whether the dependent coordinates have come by their velocities to where they are.
 
         Constraints are the same after a whole turn of an angle, so that they do not tell if Newton's method has gone
         over to another solution. What is unexplained by velocities becomes less with every half of a step, a jump does
@@ -316,7 +316,7 @@ class CoordinateWatch:
         return np.nan_to_num(np.abs(way[self.constraints.watched] - told))
 
     def _comes_near(self, place: Place) -> bool:
-        """Whether the constraints are about to depend on each other, and when."""
+        """Return whether the constraints are about to depend on each other, and when."""
         if place.least >= self._alert:
             return False
         before, now, length = self.accepted.margin, place.margin, place.t - self.accepted.t
@@ -340,7 +340,7 @@ class CoordinateWatch:
         return held
 
     def _by_pivots(self, matrix: np.ndarray) -> list[int]:
-        """The states left where the dependent coordinates are chosen anew, by elimination with full pivoting."""
+        """The states left where the dependent coordinates are chosen again, by elimination with full pivoting."""
         rows = len(matrix)
         a = self._scaled(matrix)
         chosen: list[int] = []

@@ -21,7 +21,7 @@ _LARGEST_BLOCK = 8  # a linear block with more unknowns makes too long a functio
 
 
 def can_lower(program: Program) -> bool:
-    """Whether all steps can be written as one explicit casadi function."""
+    """Return whether all steps can be written as one explicit casadi function."""
     blocks = [step for step in program if isinstance(step, Solve)]
     return all(b.linear and b.unknowns.shape[1] <= _LARGEST_BLOCK and can_lower(b.inner) for b in blocks)
 

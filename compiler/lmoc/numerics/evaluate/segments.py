@@ -19,7 +19,7 @@ _QUICK = 10  # undamped steps before the damped method takes over
 
 
 def can_segment(program: Program) -> bool:
-    """Whether everything inside the blocks is explicit, and they are small enough for dense matrices."""
+    """Return whether everything inside the blocks is explicit, and they are small enough for dense matrices."""
     return all(not isinstance(s, Solve) or can_lower((s,)) or _small(s) and can_lower(s.inner) for s in program)
 
 
@@ -190,7 +190,7 @@ class _Block:
         return False
 
     def matrix(self) -> np.ndarray:
-        """Where the block was evaluated last, (instances, size, size)."""
+        """Return the matrix of the block's last evaluation, (instances, size, size)."""
         self.a[self.place] = self.j
         return self.a
 

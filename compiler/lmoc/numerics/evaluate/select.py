@@ -70,5 +70,5 @@ def interpreted(plan: Plan) -> System:
 
 
 def has_varying_blocks(program: Program) -> bool:
-    """Whether something is solved at every evaluation, for which C is faster by much."""
+    """Return whether something is solved at every evaluation, for which C is faster by much."""
     return any(isinstance(step, Solve) and not step.constant for step in program)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Unrolled(RightHandSide, Protocol):
-    """What the steps need of `unrolled.UnrolledSystem`."""
+    """The part of `unrolled.UnrolledSystem` that the steps need."""
 
     evaluations: int
 

@@ -119,7 +119,7 @@ class Happenings:
 
     @property
     def crossing(self) -> np.ndarray | None:
-        """What keeps relations that have just changed from changing back by rounding."""
+        """Return what keeps relations that have just changed from changing back by rounding."""
         return None if self.hybrid is None else self.hybrid.machine.crossing
 
     def _with_discrete(self, base: np.ndarray) -> np.ndarray:

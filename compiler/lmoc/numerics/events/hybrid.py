@@ -300,7 +300,7 @@ class Hybrid:
     def _states(self) -> str:
         return ", ".join(self.layout.plan.reduced.state_names)
 
-    # --------------------------------------------------------------------- what is told
+    # --------------------------------------------------------------------- what is reported
 
     @property
     def _told(self) -> np.ndarray:
@@ -332,7 +332,7 @@ class Hybrid:
         """Assertions that belong to events."""
         for k, row in happened.broken:
             check = self.layout.flat.checks[k]
-            message = self.layout.flat.told(check, row)
+            message = self.layout.flat.message_of(check, row)
             if check.error:
                 raise Stopped(Status.ASSERTION, f"an assertion does not hold: {_where(message, check.span)}")
             self.report.warning("W0551", f"{message} (t = {t:.6g} s)", check.span)

@@ -152,4 +152,4 @@ def way(effect: Callable[[Array, float], Array], x: Array) -> Array:
         if (np.abs(at - x - before) <= _AGREE * np.abs(at - x).max()).all():
             return at - x
         before, steps = at - x, 2 * steps
-    raise NoImpulse("what follows from it cannot be told: give a ramp of finite length")
+    raise NoImpulse("its effect cannot be determined: give a ramp of finite length")

@@ -1,4 +1,4 @@
-"""The steps of inputs and of discrete values in a run: when they come, what they do, and how they are told."""
+"""The steps of inputs and of discrete values in a run: when they come, what they do, and how they are reported."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Stepping:
         if np.isfinite(jump.work):
             moved[self._work] += jump.work
         elif t < self.unbooked[0]:
-            reason = f"the step of '{jump.name}' at t = {t:.6g} s makes a damper infinitely hot"
+            reason = f"the step of '{jump.name}' at t = {t:.6g} s makes a damper dissipate infinite power"
             self.unbooked = t, reason
             self.report.note("N0554", f"no energy ledger from then on: {reason}")
         return moved

@@ -1,4 +1,4 @@
-"""What is reported about one piece of a run: values that are not finite, and why the run has stopped."""
+"""Reports about one piece of a run: values that are not finite, and the reason why the run has stopped."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.plan import Plan
 from lmoc.support.distinct import distinct
 
-FRICTION_HINT = "for dry friction or a stop take the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
+FRICTION_HINT = "for dry friction or stops use the library's DryFriction, Clutch, Stop; else a switch with hysteresis"
 _RELATIONS = ("lt", "le", "gt", "ge")
 _AROUND = 1e-7  # of the run: how far to both sides of a place a jump is looked for
 _ASIDE = 1e-3  # of that: how far the rates are followed there

@@ -37,13 +37,13 @@ def run_checks(run: Trajectory) -> Trajectory:
         if check.error:
             failures.append((int(times[0]), check, int(rows[0])))
         else:
-            message = flat.told(check, int(rows[0]))
+            message = flat.message_of(check, int(rows[0]))
             report.warning("W0551", f"{message} (from t = {run.time[times[0]]:.6g} s)", check.span)
     if failures:
         k, check, row = min(failures, key=lambda f: f[0])
         partial = run.until(k + 1)
         place = f" ({check.span})" if check.span is not None else ""
-        message = f"an assertion does not hold at t = {run.time[k]:.6g} s: {flat.told(check, row)}{place}"
+        message = f"an assertion does not hold at t = {run.time[k]:.6g} s: {flat.message_of(check, row)}{place}"
         raise SimulationError(message, float(run.time[k]), partial)
     return replace(run, notes=run.notes + tuple(report.diagnostics), _cache={}) if report.diagnostics else run
 

@@ -60,7 +60,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """What depends on a plan alone: the program of its closures and its derivatives, positions first."""
+    """The program of a plan's closures and its derivatives, positions first."""
 
     program: Program
     count: int

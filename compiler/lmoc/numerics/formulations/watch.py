@@ -173,7 +173,7 @@ class LoopWatch:
         return _Look(across, tangents, margin)
 
     def _turned(self, last: _Look, now: _Look) -> bool:
-        """Whether a step may have led over a singular place: closures that turn, or change much near to it."""
+        """Return whether a step may have led over a singular place: closures that turn, or change much near to it."""
         least = min(now.margin, last.margin)
         if not least >= 0:  # no number
             return True
@@ -213,6 +213,6 @@ _INDEX_THREE = (
     "shorter steps are no more accurate"
 )
 _BRANCH = (
-    "the closures of its loops depend on each other here: a singular position, behind which the motion may go on along "
-    "another branch"
+    "the closures of its loops depend on each other here: a singular position, beyond which the motion may continue "
+    "along another branch"
 )

@@ -82,6 +82,9 @@ class Problem:
         return self.guard is not None or self.roots is not None
 
 
+REQUESTED = "requested"  # why a solver was taken: the user has named it
+
+
 class Guard(Protocol):
     """Looks at every accepted step before its output is passed on."""
 

@@ -82,7 +82,7 @@ def adaptive_options(problem: Problem) -> Options:
 
 
 def collocation(problem: Problem, scheme: str) -> Outcome | None:
-    """Integrate by casadi's collocation with steps of the length asked for, shorter where output times ask for it."""
+    """Integrate by casadi's collocation with steps of the given length, shorter where output times require it."""
     if not suits(problem):
         return None
     elements = math.ceil((problem.end - problem.t) / problem.step - 1e-9)

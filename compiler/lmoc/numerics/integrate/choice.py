@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.automatic import Used, automatically
-from lmoc.numerics.integrate.base import Outcome, Problem, Properties
+from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Properties
 from lmoc.numerics.integrate.status import NotFound, Status, Unsuitable
 
 NAMES = (
@@ -56,7 +56,7 @@ def integrate(problem: Problem, name: str) -> Outcome:
         instead = getattr(module, "INSTEAD", None)
         if instead is None:
             reason = "casadi integrates small smooth scenes only, without events, closed loops and times that coincide"
-            raise Unsuitable(reason, "gauss and radau take all scenes")
+            raise Unsuitable(reason, "gauss and radau work for all scenes")
     return replace(loop.integrate(problem, _module(instead).begin(problem)), solver=instead)
 
 
@@ -154,6 +154,6 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, Used]:
     """Integrate where nothing jumps."""
     if solver != "auto":
         outcome = integrate(problem, solver)
-        reason = f"in place of {solver}, which does not take this run" if outcome.solver else "asked for"
+        reason = f"in place of {solver}, which cannot do this run" if outcome.solver else REQUESTED
         return outcome, Used((outcome.solver or solver,), reason)
     return automatically(problem, integrate)

@@ -53,7 +53,7 @@ class Dop853(Integration):
         """Stand at a state without a step behind."""
         problem, stepper = self.problem, self.stepper
         self.pending = False  # whether the step in the stepper has been accepted
-        self.stages: np.ndarray | None = None  # of that step, once they are asked for
+        self.stages: np.ndarray | None = None  # of that step, once they are needed
         self.grow, self.lost = _GROW, False
         stepper.start(self.t, x, problem.rtol, problem.atol)
         self.finite = bool(np.isfinite(stepper.f).all())

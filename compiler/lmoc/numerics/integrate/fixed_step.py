@@ -23,8 +23,8 @@ class FixedStep(Integration):
 
     Attributes
     ----------
-    slope : (n,) the derivative at the current point, once somebody has asked for it
-    curved : whether the polynomial is used between the ends of the last step, once somebody has asked for it
+    slope : (n,) the derivative at the current point; None until it is needed
+    curved : whether the polynomial is used between the ends of the last step; None until it is needed
     """
 
     slope: np.ndarray | None

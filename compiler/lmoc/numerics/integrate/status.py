@@ -11,7 +11,7 @@ class Status(Enum):
     OK = ""
     COLLAPSED = "the step size collapsed"
     TOO_MANY_STEPS = "too many steps"
-    TOO_LONG = "the time allowed for the run is over"
+    TOO_LONG = "the time limit of the run was reached"
     INTERRUPTED = "it was interrupted"
     NOT_FINITE = "the derivatives have no finite value"
     TOO_FINE = "the tolerances are finer than rounding allows"

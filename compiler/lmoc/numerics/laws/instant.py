@@ -122,7 +122,7 @@ class Gauge:
         self._forms: Array | None = None
 
     def stand_at(self, unknowns: NDArray[np.int64], solutions: Array) -> None:
-        """Begin anew at these solutions of nonlinear blocks."""
+        """Start again from these solutions of nonlinear blocks."""
         self.base[unknowns] = solutions
         self._last = None
         if isinstance(self._evaluate, Interpreted) and self.scene.plan is self.plan:

@@ -1,4 +1,4 @@
-"""What a scene does with all laws open: the quantities of its laws, and how these depend on forces and states.
+"""A scene with all laws open: the quantities of its laws, and their dependence on forces and states.
 
 The free scene is evaluated, in which the forces are given from outside: the laws leave no implicit block in it, so that
 most scenes are one casadi function with its derivatives. Where it has other states than the switched form, or nonlinear
@@ -295,7 +295,7 @@ class Interpreted:
         self.interpreter = Interpreter(scene.program, scene.plan.count)
 
     def stand_at(self, unknowns: Indices, solutions: Array) -> None:
-        """Begin anew at these solutions of nonlinear blocks."""
+        """Start again from these solutions of nonlinear blocks."""
         self.base[unknowns] = solutions
         self.interpreter.reset()
 

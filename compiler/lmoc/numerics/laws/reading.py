@@ -1,4 +1,4 @@
-"""What the end of a mode is seen by: motions, rates, forces and sticking limits of the laws in the mode that holds."""
+"""The quantities that show the end of a mode: motions, rates, forces and sticking limits of its laws."""
 
 from __future__ import annotations
 

@@ -221,7 +221,7 @@ class LawSwitching:
     def _refuse_overlaps(self, t: float, x: Array, trigger: Trigger) -> None:
         """Raise `Stopped` where a gap is negative that no motion has closed: start values or a jump have put it there.
 
-        States that are moved back onto a gap of zero would be other ones than those asked for.
+        States that are moved back onto a gap of zero would differ from those requested.
         """
         table, now = self.gauge.table, self.gauge.at(t, x)
         own = table.unilateral & (table.degree >= 1)

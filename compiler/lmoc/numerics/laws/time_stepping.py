@@ -72,13 +72,13 @@ def refuse(reduced: Reduced, report: Report) -> None:
     elif reduced.flat.events is not None:
         reason = "the scene has events of its own (when, if, discrete variables)"
     elif reduced.constraints is not None:
-        reason = "the coordinates of the scene may have to change on the way"
+        reason = "the coordinates of the scene may have to change during the run"
     elif any(laws.normal is not None for laws in form.laws):
         reason = "a friction depends on the normal force of a contact"
     elif (form.degree != POSITION).any():
         reason = "a law acts on something that has no mass"
     if reason:
-        hint = "without --solver the run goes from event to event"
+        hint = "without --solver the run locates each event"
         report.error("E0540", f"solver '{MOREAU}' cannot be used: {reason}", hint=hint)
 
 

@@ -1,4 +1,4 @@
-"""How well the closures of loops are satisfied along a run, in whatever formulation."""
+"""Residuals of the closures of loops along a run, in any formulation."""
 
 from __future__ import annotations
 

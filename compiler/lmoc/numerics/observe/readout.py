@@ -19,7 +19,7 @@ def fits_casadi(program: Program) -> bool:
 
 
 def given_registers(program: Program, count: int, plan: Plan, registers: np.ndarray) -> np.ndarray:
-    """Return which registers a program reads, or are asked for, and nothing fills: they stay as they are."""
+    """Return which registers a program reads, or are requested, and nothing fills: they stay as they are."""
     given = np.zeros(count, bool)
     given[registers] = True
     for step in program:

@@ -69,7 +69,7 @@ class Slice:
 
     @property
     def implicit(self) -> bool:
-        """Whether it has nonlinear blocks."""
+        """Return whether it has nonlinear blocks."""
         return len(self.unknowns) > 0
 
     def bind_together(self, base: np.ndarray, signals: Mapping[int, Signal]) -> EvaluateTogether:
@@ -131,7 +131,7 @@ class Slice:
 
 
 def _run_from(run: Follower, w: np.ndarray, times: np.ndarray, known: np.ndarray) -> None:
-    """Fill w (registers, times), beginning anew at each time whose solutions are known."""
+    """Fill w (registers, times), starting again at each time whose solutions are known."""
     edges = [0, *np.flatnonzero(known).tolist(), len(times)]
     for a, b in pairwise(edges):
         if a < b:

@@ -124,8 +124,8 @@ class InitialEquations:
         lost = np.argwhere(self._register[group.slots] < 0)
         if len(lost):
             name = flat.variable_name(int(group.slots[tuple(lost[0])]))
-            message = f"an initial equation cannot ask for {name}: the model leaves it undetermined"
-            hint = "it is a force in a loop of rigid parts, which do not share their load in one way only"
+            message = f"an initial equation cannot contain {name}: the model leaves it undetermined"
+            hint = "it is a force in a loop of rigid parts, which can share their load in more than one way"
             report.error("E0536", message, group.span, hint=hint)
         return not len(lost)
 

@@ -74,7 +74,7 @@ def initial_state(
         overruled = np.isin(at, np.concatenate([impact.states for impact in impacts])) if impacts else False
         own = direct & wanted.hard & ~np.broadcast_to(overruled, direct.shape)
         x[at[own]] = wanted.value[own]  # to the last digit
-        if not impacts and len(report.diagnostics) == said:  # nothing to be told again
+        if not impacts and len(report.diagnostics) == said:  # nothing to report again
             last.key, last.x = key, x.copy()
     return x
 

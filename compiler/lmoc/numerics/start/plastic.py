@@ -24,7 +24,7 @@ _ALIKE = 1e-9  # share of the kinetic energy by which sums may differ
 
 @dataclass(frozen=True, eq=False)
 class PlasticImpact:
-    """What the velocities at the start become.
+    """The velocities after a plastic impact at the start.
 
     Attributes
     ----------

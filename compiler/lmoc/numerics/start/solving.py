@@ -114,8 +114,8 @@ def _listed(system: StartSystem, group: np.ndarray) -> str:
 def _with_given(system: StartSystem, group: np.ndarray, hint: str) -> str:
     """A hint, and which of the values do not stand in the model."""
     names = [system.text(k) for k in group.tolist() if system.given(k)]
-    told = f"given for this run (--init, initial=): {listed(names)}" if names else ""
-    return "; ".join(filter(None, [told, hint]))
+    given = f"given for this run (--init, initial=): {listed(names)}" if names else ""
+    return "; ".join(filter(None, [given, hint]))
 
 
 def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:

@@ -79,7 +79,7 @@ class StartSystem:
 
     def evaluate(self, x: np.ndarray):
         """Residuals (m,) and their Jacobian as (rows, columns, values)."""
-        if self._last is None or not np.array_equal(self._last[0], x):  # often asked for twice at the same place
+        if self._last is None or not np.array_equal(self._last[0], x):  # often evaluated twice at the same place
             self._last = x.copy(), self._evaluate(x)
         return self._last[1]
 

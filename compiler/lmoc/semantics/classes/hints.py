@@ -54,7 +54,7 @@ def modelica_hint(path: Sequence[str]) -> str:
     if "Constants" in path and name in _CONSTANTS:
         return f"write 'constant Real {name} = {_CONSTANTS[name]};'"
     if path[0] == "Modelica":
-        return "the Modelica Standard Library is not there; lmo's own parts need no import"
+        return "the Modelica Standard Library is not available; lmo's own parts need no import"
     return ""
 
 

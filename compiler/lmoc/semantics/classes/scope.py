@@ -150,7 +150,7 @@ class Scope:
 
     @property
     def complete(self) -> bool:
-        """Return whether its elements can be asked for: not while they are being collected."""
+        """Return whether its elements can be read: not while they are being collected."""
         return self.definition is not None and not self._open and not self._searching
 
     # -------------------------------------------------------- inheritance

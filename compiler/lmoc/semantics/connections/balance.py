@@ -187,7 +187,7 @@ def _report(part: Instance, count: _Count, variables: Sequence[Variable], report
         hint = _why_few(part, count, variables, flows)
     else:
         hint = "" if part.parent else "its parts and their connections have their own equations: they need no others"
-        labels = tuple(Label(span, "this is an equation more") for span in count.given_outside[:3])
+        labels = tuple(Label(span, "this is one equation too many") for span in count.given_outside[:3])
         if not labels and len(count.written) <= 3:
             labels = tuple(Label(span, "an equation of its own") for span in count.written)
     what = "model" if part.parent is None else "part"

@@ -76,7 +76,7 @@ def _report_counts(e: tree.IfEquation, rows: list[int]) -> None:
 
 
 def _guards(conditions: list[Value]) -> list[Expr]:
-    """When each branch holds: its condition, and none before."""
+    """Return the condition under which each branch holds: its own, and none before."""
     result, left = [], dag.const(True)
     for condition in conditions:
         result.append(_and(left, condition.expr))

@@ -179,7 +179,7 @@ class WhenEquation:
     def _equality(self, context: Context, e: tree.Equality, guard: Expr) -> None:
         if isinstance(e.left, tree.Tuple):
             if not isinstance(e.right, tree.Call):
-                raise Wrong("E0301", "several variables are given by a function call only", e.span)
+                raise Wrong("E0301", "only a function call can give values to several variables", e.span)
             for item, value in zip(e.left.items, call_all(context, e.right)):
                 if item is not None:
                     self._assign(context, item, value, guard, e.span)

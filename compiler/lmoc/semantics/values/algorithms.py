@@ -159,7 +159,7 @@ class Algorithm:
             self._store(s.target, self.context.value(s.value), s.span)
             return
         if not isinstance(s.value, tree.Call):
-            raise Wrong("E0301", "several variables are assigned from a function call only", s.span)
+            raise Wrong("E0301", "only a function call can assign several variables", s.span)
         results = self.call_all(self.context, s.value)
         if len(s.target.items) > len(results):
             raise Wrong("E0217", f"'{s.value.function}' has {len(results)} results", s.span)

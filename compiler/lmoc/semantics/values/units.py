@@ -116,7 +116,7 @@ def parse_unit(text: str) -> Unit | None:
         return None
     numerator, *denominators = _split(text)
     if len(denominators) > 1:
-        raise UnitError(f"'{text}' divides more than once", "write one '/' and brackets behind it: m/(s.K)")
+        raise UnitError(f"'{text}' divides more than once", "write one '/' and brackets after it: m/(s.K)")
     result = _product(numerator, text)
     return result / _product(denominators[0], text) if denominators else result
 

@@ -123,7 +123,7 @@ class _Constraints:
         return residual, jacobian
 
     def _solve(self, entry: np.ndarray, weight: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """(rows,) the multipliers of the constraints; NaN where they cannot be told."""
+        """(rows,) the multipliers of the constraints; NaN where they cannot be determined."""
         if not (np.isfinite(entry).all() and np.isfinite(right).all()):
             return np.full(self.count, np.nan)
         from scipy.sparse import csr_matrix, diags, identity

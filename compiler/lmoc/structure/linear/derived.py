@@ -59,7 +59,7 @@ class DerivedParameters:
         known : values of all extended variables
         table : which of them, an array of any shape
         """
-        if known.base is self._known:  # the present values: asked for in every pass
+        if known.base is self._known:  # the present values: needed in every pass
             return self._sizes_at(self._sizes, known, table)
         made = np.zeros(max(len(known) - self.base, 0))
         for a in self.assignments if len(made) else ():

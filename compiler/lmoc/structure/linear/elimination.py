@@ -206,8 +206,8 @@ class Elimination:
         parent = np.concatenate([g.column(f.leaves[1]) for g, f in pieces])
         wanted = self._score < PREFERRED
         definition = np.concatenate([np.full(len(g.source), f.link(0)[1] is ONE) for g, f in pieces])
-        told = self._beside_positions() | self.differentiated | wanted
-        free = np.flatnonzero((~wanted[child] | wanted[parent]) & (definition | ~told[child]))
+        needed = self._beside_positions() | self.differentiated | wanted
+        free = np.flatnonzero((~wanted[child] | wanted[parent]) & (definition | ~needed[child]))
         taken = np.zeros(len(child), bool)
         taken[free] = first_without_circles(child[free], parent[free], self._score)
         if not taken.any():

@@ -79,7 +79,7 @@ def _too_few(
         message = f"nothing fixes the absolute position of {listed(names)}"
         hint = "only differences of positions occur in their equations: fix one of them, or give one a mass or inertia"
         if also_too_many:
-            hint = "too much is prescribed where nothing gives way: leave one force open, or add a mass or inertia"
+            hint = "too much is prescribed where nothing is elastic: leave one force open, or add a mass or inertia"
         _at(equations, sources, report, "E0402", message, hint=hint, fallback=_span(flat, int(positions[0])))
         return
     if also_too_many and any(flat.block_at(v).flow for v in roots):
@@ -293,7 +293,7 @@ def immobile(system: EquationSystem, columns: np.ndarray, rows: np.ndarray) -> t
     names = [system.name(c) for c in columns.tolist()]
     spans = equations.spans(sources)
     message = f"{who} leave {listed(names)} no freedom: only rest is possible"
-    hint = "two ways that lead there do not agree: take one away, or put a spring where the real thing gives way"
+    hint = "two ways that lead there do not agree: remove one, or put a spring where the real mechanism is elastic"
     labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
     return (Diagnostic("W0417", message, spans[0] if spans else None, hint=hint, labels=labels),)
 

@@ -73,8 +73,8 @@ class OneMode:
         words: dict[str, list[str]] = {}
         for name, word in self.mode.items():
             words.setdefault(word, []).append(name)
-        told = "; ".join(f"{_listed(names)} {word}" for word, names in words.items())
-        return told if self.since is None else f"{told}, from t = {self.since:.6g} s"
+        text = "; ".join(f"{_listed(names)} {word}" for word, names in words.items())
+        return text if self.since is None else f"{text}, from t = {self.since:.6g} s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,8 +214,8 @@ class EquationsOfModes:
         for one in self.modes:
             if dict(one.mode) == wanted:
                 return one.equations.about(equilibrium, inputs)
-        told = ", ".join(f"{name} {word}" for name, word in wanted.items())
-        raise ModelError([Diagnostic("E0663", f"the run does not meet the mode of the equilibrium: {told}")])
+        mode = ", ".join(f"{name} {word}" for name, word in wanted.items())
+        raise ModelError([Diagnostic("E0663", f"the run does not meet the mode of the equilibrium: {mode}")])
 
 
 def equations_of_modes(

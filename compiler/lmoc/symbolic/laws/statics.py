@@ -24,7 +24,7 @@ from lmoc.symbolic.numeric import NumericSystem
 Array = NDArray[np.float64]
 
 UNDECIDED, OPEN, CLOSED = -1, 0, 1
-MOST_FOUND = 64  # choices; more are not asked for
+MOST_FOUND = 64  # choices; more are not searched
 ZERO = 1e-8  # largest gaps and forces below this share of the scene's size are zero
 ROUNDING = 1e-12  # of what is compared at a point
 EQUILIBRATIONS = 8

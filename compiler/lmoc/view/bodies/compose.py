@@ -30,7 +30,7 @@ ROUNDING = 1e-12  # of the largest force
 
 
 class Trajectory(Protocol):
-    """What is needed of a run."""
+    """The part of a run that is needed."""
 
     @property
     def time(self) -> np.ndarray:
@@ -52,7 +52,7 @@ def free_body_picture(
 
     Parameters
     ----------
-    start : returns what gives the value of a variable at the start; asked for bodies of the plane without a run
+    start : returns what gives the value of a variable at the start; called for bodies of the plane without a run
     run : for arrows to scale
     time : s, taken at the nearest output time of the run; by default its last
 
@@ -85,7 +85,7 @@ def free_body_picture(
 
 
 def _at(run: Trajectory, at: int) -> Callable[[str], float]:
-    """What gives the value of a variable at one output time."""
+    """Return a function from the name of a variable to its value at one output time."""
     return lambda name: float(run[name][at])
 
 

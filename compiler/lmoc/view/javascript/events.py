@@ -214,7 +214,7 @@ class _Events:
             if check.at_events:
                 step, out = self.computed(if_(check.condition, ONE, ZERO), check.slots)
                 program.append(step)
-                texts = (self.flat.told(check, row) for row in range(len(out)))
+                texts = (self.flat.message_of(check, row) for row in range(len(out)))
                 checks += [{"register": int(r), "message": t, "error": check.error} for r, t in zip(out, texts)]
         return tuple(program), endings, checks
 

@@ -30,6 +30,7 @@ from lmoc.numerics.integrate.automatic import (
     TRIAL,
     WORTHWHILE,
 )
+from lmoc.numerics.integrate.base import REQUESTED
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.options import MOREAU
@@ -158,7 +159,7 @@ class _Scene:
         self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
         self.flat: FlatDAE = observer.flat
         self.rtol = float(stats.get("rtol", 1e-6))
-        self.automatic = stats.get("reason") != "asked for"
+        self.automatic = stats.get("reason") != REQUESTED
         self.first = trajectory.begun or (x, observer.base)
         self.count = self.plan.count
         self.slots = np.full(self.flat.count, -1)

@@ -1,4 +1,4 @@
-"""What changes along the motion, and what at events only: matrices of the latter are factorized once for each piece."""
+"""Quantities that change along the motion, and those that change at events only, whose matrices are factorized once."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ NOTHING_LEFT = 1e4  # … of which this many times makes a variable that cancels
 
 @dataclass
 class Contents:
-    """What a page shows.
+    """The contents of a page.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class _Table:
         rows = _spread(len(run.time), most, run)
         values = run.values(numbers)[rows]
         columns, place = _distinct_columns(values)
-        if columns.size > MOST_VALUES:  # a large scene: what has been asked for, and what comes first
+        if columns.size > MOST_VALUES:  # a large scene: those that were named, then the first ones
             kept = max(len(first), MOST_VALUES // len(rows))
             missing.append(f"{len(numbers) - kept} of {len(numbers)} variables are left out.")
             numbers, values = numbers[:kept], values[:, :kept]
@@ -336,7 +336,7 @@ def _short(value: float) -> float:
 def _script(run: Result) -> tuple[Script | None, str]:
     """Return the run as JavaScript, or why there is none."""
     if len(run.time) < 2 or not len(run.trajectory.pieces[0].time):
-        return None, "the run has no two output times"
+        return None, "the run has fewer than two output times"
     try:
         script = write_script(run.trajectory)
     except NotWritten as error:

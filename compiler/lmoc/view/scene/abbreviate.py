@@ -32,7 +32,7 @@ MOST_ENDS = 6  # of dots that stand for many parts
 
 @dataclass(frozen=True)
 class Shown:
-    """What is drawn of a scene.
+    """The parts of a scene that are drawn.
 
     Attributes
     ----------

@@ -53,7 +53,7 @@ def _fits(plane: Plane, strip: Strip) -> bool:
 
 
 def _line_of(plane: Plane, carrier: Element) -> tuple[Point, Point]:
-    """Where the coordinate of a rail counts from, and its direction: metres, y upwards."""
+    """Return the origin of a rail's coordinate and its direction: metres, y upwards."""
     if carrier.symbol == "guide":
         nx, ny = plane.own(carrier, "nx", 1.0), plane.own(carrier, "ny")
         size = hypot(nx, ny) or 1.0

@@ -1,4 +1,4 @@
-"""What stands between two ends of a strip, and its label."""
+"""Elements between two ends of a strip, and their labels."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def between(element: Element, kind: str, a: End, b: End, shaft: bool, names: Nam
 
 
 def breadth(kind: str) -> float:
-    """How far a symbol reaches across."""
+    """Return the breadth of a symbol."""
     return {"rod": 2.0, "string": 2.0, "torsion-damper": 19.0, "gear": 21.0, "gear-pair": 21.0, "backlash": 21.0,
             "clutch": 15.0, "ratchet": 15.0, "bearing-friction": 15.0}.get(kind, 9.0)  # fmt: skip
 

@@ -32,7 +32,7 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     Parameters
     ----------
     values : (flat.count,) of the parameters
-    start : returns what gives the value of a variable at the start of a run; asked for mechanisms of the plane only
+    start : returns what gives the value of a variable at the start of a run; called for mechanisms of the plane only
     """
     found = shown(flat, values)
     if found.graph is None:
@@ -47,7 +47,7 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     blocks = []
     if len(rest) < len(graph.elements):
         if start is None:
-            raise ValueError("a mechanism of the plane is drawn where it starts: `start` is needed")
+            raise ValueError("a planar mechanism is drawn where it starts: `start` is needed")
         plane = draw_plane(graph, names, start())
         rest = attach(plane, rest)
         blocks.append(finish(plane))

@@ -62,7 +62,7 @@ class Layout:
         return 19.0 if self.upright else max(22.0, width(self.title(node), 13) / 2 + 9)
 
     def _arrows(self, node: int) -> list[float]:
-        """What the arrows about a shaft need beside a disk: that of its angle, and those of torques."""
+        """Return the room that the arrows about a shaft need beside a disk: that of its angle, and those of torques."""
         angle = self.style.coordinates.get(node, "")
         texts = [self.names.signal(e, "tau") for e in self.strip.on[node] if e.symbol == "torque"]
         needed = [32.0] if self.strip.bodies(node) or any(e.symbol in PUSHED for e in self.strip.on[node]) else [0.0]
@@ -93,7 +93,7 @@ class Layout:
         return {name: min(1.6, max(0.7, value / middle)) for name, value in known.items()}
 
     def text(self, element: Element, kind: str) -> str:
-        """What stands beside an element."""
+        """Return the text beside an element."""
         if kind == "hub":
             return ""
         if element.hidden:
@@ -140,7 +140,7 @@ class Layout:
         return self.style.end(node, at, self.direction, self.strip.shaft, not still)
 
     def edge(self, node: int) -> float:
-        """Where elements begin, from the middle of a node."""
+        """Return the distance of an element's end from the middle of a node."""
         if self.strip.shaft or node in self.strip.hubs:
             return self.half[node]
         return self.half[node] if self.strip.bodies(node) else 0.0

@@ -139,7 +139,7 @@ def _level(element: Element, shaft: Turning | None, ends: Sequence[Tip], hanging
 
 
 def _at_end(node: int, strip: Strip | None, up: bool, hanging: Hanging) -> Block:
-    """What is at an end: below it where it holds the end from below, else above."""
+    """Return the element at an end: below it where it supports the end, else above."""
     if strip is None or id(strip) in hanging.used or not hanging.shown(strip):
         return Block(())
     hanging.used.add(id(strip))

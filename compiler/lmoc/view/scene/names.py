@@ -1,4 +1,4 @@
-"""What things are called in a picture: the user's own symbols where there are any, else the names of the parts."""
+"""Names in a picture: the user's own symbols where there are any, else the names of the parts."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ Vertex = tuple[float, float, float]  # (f, x, y): in the item's frame at (f·dis
 
 @dataclass(frozen=True)
 class Move:
-    """What moves a point: ``(dx, dy)·(value of the variable − reference)`` is added to it.
+    """The motion of a point: ``(dx, dy)·(value of the variable − reference)`` is added to it.
 
     Attributes
     ----------

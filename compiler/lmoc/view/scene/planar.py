@@ -43,7 +43,7 @@ class Plane:
     # ------------------------------------------------------------------ places
 
     def xy(self, port: Port) -> Point:
-        """Where a port is at the start, in metres."""
+        """Return the place of a port at the start, in metres."""
         return self.value(self.graph.name(port, 0)), self.value(self.graph.name(port, 1))
 
     def end(self, port: Port) -> End:
@@ -307,7 +307,7 @@ class Plane:
         self.wishes.append(Wish(self.names.called(element), at, element.name, 10.0))
 
     def nothing(self, element: Element, ports: Sequence[Port]) -> None:
-        """What has no extent: a weld."""
+        """Draw nothing: a weld has no extent."""
         self.back.append(Item(element.symbol, element.name, (self.end(ports[0]),), ()))
 
 

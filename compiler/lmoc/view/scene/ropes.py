@@ -84,7 +84,7 @@ def rope_of(joints: Sequence[Joint]) -> Rope | None:
 
 @dataclass
 class Hanging:
-    """What the drawing of ropes needs to know of everything else.
+    """The surroundings of ropes that their drawing depends on.
 
     Attributes
     ----------
@@ -243,7 +243,7 @@ def _counted(joint: Joint, left: int | None, right: int | None, hanging: Hanging
 
 
 def _content(node: int | None, k: int, rope: Rope, hanging: Hanging) -> Block:
-    """What hangs at the end of a column, or holds it at its upper end."""
+    """Return the element that hangs at the end of a column, or holds it at its upper end."""
     if node is None:
         return Block(())
     around = [j for j in (rope.joints[k - 1] if k else None, rope.joints[k] if k < len(rope.joints) else None) if j]

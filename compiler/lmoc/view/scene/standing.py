@@ -1,4 +1,4 @@
-"""What stands on one node of a strip: bodies, walls, parts that have no symbol."""
+"""Elements on one node of a strip: bodies, walls, parts that have no symbol."""
 
 from __future__ import annotations
 

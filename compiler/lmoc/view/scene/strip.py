@@ -80,7 +80,7 @@ class Strip:
 
 @dataclass(frozen=True)
 class Style:
-    """What a drawing of strips needs to know of the scene."""
+    """The facts of a scene that a drawing of strips depends on."""
 
     names: Names
     coordinates: Mapping[int, str]  # {node: symbol}

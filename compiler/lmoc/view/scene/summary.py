@@ -1,4 +1,4 @@
-"""What stands in the place of a picture of too many parts: how many there are of each kind, each with its symbol."""
+"""A table in place of a picture of too many parts: the number of each kind, with its symbol."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ FIRST, LAST, BETWEEN = Window((75, 118), (140, 190)), Window((45, 92), (-15, 30)
 
 @dataclass(frozen=True)
 class Turning:
-    """What belongs to one shaft: its bodies, what drives it, what holds it on the ground.
+    """The elements of one shaft: its bodies, its drives, its supports.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def _box(part: str, name: str, y: float) -> Item:
 
 
 def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -> list[Item]:
-    """What holds a wheel: springs and dampers side by side on the ground, or a bearing."""
+    """Return the supports of a wheel: springs and dampers side by side on the ground, or a bearing."""
     way = 1.0 if down else -1.0
     if not shaft.legs:
         if not held:

@@ -22,7 +22,7 @@ class Entries(Protocol):
 
 
 class Matrices:
-    """The matrices of all instances of a block: where their entries stand, and how C is told of them.
+    """The matrices of all instances of a block: where their entries stand, and how C sees them.
 
     Attributes
     ----------
