@@ -10,13 +10,12 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.events.impulse import NoImpulse
 from lmoc.numerics.events.steps import Jump, Steps
 from lmoc.numerics.integrate.status import Status, Stopped
-from lmoc.numerics.observe.event import Event
+from lmoc.numerics.observe.event import STEP, Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.signals import Formula, Signal, Table
 from lmoc.numerics.signals.steps import stepping_inputs
 
-KIND = "step"
 _NEAR = 1e-14  # of the time: integrators end a piece a few units of its last digit before a jump
 
 
@@ -26,7 +25,7 @@ class Stepping:
     Attributes
     ----------
     times : s, at which inputs step whose derivatives the equations hold
-    records : of the steps that have moved something, or done work
+    records : of the steps that have moved something
     unbooked : s, and why: from when on the energy ledger has no value
     """
 
@@ -67,8 +66,8 @@ class Stepping:
         return x if jump is None else self._taken(t, x, jump)
 
     def _taken(self, t: float, x: np.ndarray, jump: Jump) -> np.ndarray:
-        if jump.moved or jump.work != 0.0:
-            self.records.append(Event(t, jump.name, KIND, f"{jump.before:.6g}", f"{jump.after:.6g}"))
+        if jump.moved:
+            self.records.append(Event(t, jump.name, STEP, f"{jump.before:.6g}", f"{jump.after:.6g}"))
         moved = jump.x.copy()
         if np.isfinite(jump.work):
             moved[self._work] += jump.work

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from lmoc.support.records import dataclass
 
+STEP = "step"  # kind of a jump of velocities that a step or a kink of what is prescribed makes
+
 
 @dataclass(frozen=True)
 class Event:
@@ -13,7 +15,7 @@ class Event:
     ----------
     time : s
     name : the part, or the condition, that it happened to
-    kind : taut, slack, contact, release, impact, stick, slip, lock, unlock, when, time, accumulation, start, …
+    kind : taut, slack, contact, release, impact, stick, slip, lock, unlock, when, time, accumulation, start, step, …
     before, after : names of the mode
     impulse : along the law, ≥ 0: N·s or N·m·s
     energy_lost : J

@@ -31,6 +31,7 @@ from lmoc.numerics.integrate.automatic import (
     WORTHWHILE,
 )
 from lmoc.numerics.integrate.base import REQUESTED
+from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.options import MOREAU
@@ -136,6 +137,8 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
     if reduced.switched is not None and (reduced.switched.degree == SPRUNG).any():
         raise NotWritten("friction has springs alone around it, whose switching the page does not compute")
+    if any(e.kind == STEP for e in trajectory.events):
+        raise NotWritten("a step of what is prescribed makes velocities jump, which the page does not compute")
     changes = any(p.reduced is not reduced for p in trajectory.pieces)
     if changes and (reduced.switched is not None or flat.events is not None):
         raise NotWritten("the coordinates of a scene with events change, which the page does not compute")
