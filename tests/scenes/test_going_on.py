@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.random_laws import draw
 
 import lmoc
 
@@ -55,6 +56,41 @@ def test_a_bouncing_ball_is_cut_at_a_bounce():
 
 def test_samples_and_discrete_values():
     check(lmoc.compile_text(SAMPLED), 3.0, [0.1, 0.35, 0.35 - 1e-13, 1.7, 0.2, 1.9])
+
+
+def test_what_a_model_does_at_its_end_is_not_done_by_a_run_that_goes_on():
+    text = """model Ending
+      Real x(start = 1, fixed = true);
+      Integer n(start = 0, fixed = true), ends(start = 0, fixed = true);
+    equation
+      der(x) = -x;
+      when sample(0.1, 0.2) then n = pre(n) + 1; end when;
+      when terminal() then reinit(x, 5); ends = pre(ends) + 1; end when;
+    end Ending;"""
+    dae = lmoc.compile_text(text)
+    first = dae.simulate(stop=0.5, rtol=1e-12)
+    second = dae.simulate(start=0.5, stop=1, initial=first.end, rtol=1e-12, times=[0.75, 1])
+    assert first["x"][-1] == second["x"][-1] == 5
+    assert first.end["x"] == pytest.approx(np.exp(-0.5), abs=1e-11)
+    assert second["x"][0] == pytest.approx(np.exp(-0.75), abs=1e-11)
+    assert (second["n"][-1], second["ends"][-1]) == (5, 1)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4, 9])
+def test_random_scenes_go_on_wherever_they_are_cut(seed):
+    """Also within sticking, between bounces, and right beside events."""
+    dae = lmoc.compile_text(draw(seed).text)
+    whole = dae.simulate(stop=2, rtol=1e-12, points=2)
+    dice = np.random.default_rng(seed)
+    events = [e.time for e in whole.events if 0 < e.time < 2]
+    near = [t + apart for t, apart in zip(dice.permutation(events)[:2], (0.0, 1e-12), strict=False)]
+    for cut in [*dice.uniform(0.1, 1.9, 2), *near]:
+        first = dae.simulate(stop=cut, rtol=1e-12, points=2)
+        second = dae.simulate(start=cut, stop=2, initial=first.end, rtol=1e-12, points=2)
+        assert len(first.events) + len(second.events) == len(whole.events)
+        assert second.modes[-1][1] == whole.modes[-1][1]
+        for name in dae.states:
+            assert second[name][-1] == pytest.approx(whole[name][-1], rel=1e-10, abs=1e-10), (name, cut)
 
 
 def test_changed_parameters_are_judged_again():

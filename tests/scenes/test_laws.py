@@ -74,6 +74,26 @@ def test_bounces_come_to_an_end():
     assert found.energy.lost[-1] == pytest.approx(9.81, rel=1e-9)
 
 
+@pytest.mark.parametrize("solver", ["cvode", "adams", "ida", "radau", "gauss"])
+def test_every_solver_goes_through_impacts_stops_and_slack(solver):
+    """Multistep methods begin anew at each event, with order one; the errors are those of the tolerance."""
+    ball = lmoc.compile(MODELS / "h19_bouncing_ball.lmo", parameters={"e": 0.7}).simulate(rtol=1e-8, solver=solver)
+    assert [e.time for e in ball.events[:3]] == pytest.approx([0.45152364098573, 1.08365673836575, 1.52614990653177])
+    last = ball.events[-1]
+    assert last.kind == "accumulation" and last.time == pytest.approx(2.558633965585808, abs=1e-6)
+    assert ball["ball.q"][-1] == ball["ball.v"][-1] == 0.0
+    box = run("friction_stop", rtol=1e-8, solver=solver)
+    assert [e.kind for e in box.events] == ["stick"]
+    assert box.events[0].time == pytest.approx(0.7645259938837919, abs=1e-7)
+    assert box["box.q"][-1] == pytest.approx(1.146788990825688, abs=1e-7) and box["box.v"][-1] == 0.0
+    locked = run("clutch_lock", rtol=1e-8, solver=solver)
+    assert [e.time for e in locked.events] == pytest.approx([4 / 3], abs=1e-7)
+    assert locked["w1"][-1] == pytest.approx(10 / 3, abs=1e-7)
+    pendulum = run("slack_pendulum", rtol=1e-8, solver=solver, stop=2)
+    assert [e.kind for e in pendulum.events] == ["slack", "taut"]
+    assert [e.time for e in pendulum.events] == pytest.approx([0.484466131711, 1.276023589312], abs=1e-6)
+
+
 def test_wagons_are_caught_one_after_the_other():
     found = lmoc.compile(MODELS / "wagons.lmo", parameters={"N": 12}).simulate(rtol=1e-10)
     caught = [e for e in found.events if e.kind == "taut"]

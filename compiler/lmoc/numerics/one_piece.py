@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.laws.step_length import Stepped
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
+_MULTISTEP = frozenset({"cvode", "adams"})
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
 ACCEPTED = 0.01  # share of the ranges of positions by which they may be off before a run warns of it
@@ -60,6 +61,8 @@ class PieceSolver:
     ----------
     tolerances : of the run
     cost : of all its pieces so far
+    unresolved : (states,) what the latest method tells the states apart by no more where it begins, for methods that
+        begin with order one
     """
 
     def __init__(self, task: Task, tolerances: Tolerances) -> None:
@@ -68,6 +71,7 @@ class PieceSolver:
         self._deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
         self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
         self._lookout: Lookout | None = None
+        self.unresolved: np.ndarray | float = 0.0
 
     def at_once(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome | None:
         """Return the outcome of a piece without states or without extent; None where there is something to do."""
@@ -95,6 +99,8 @@ class PieceSolver:
         if implicit:
             method["reason"] = f"for formulation {options.formulation}"
         stretch.largest = None if bounds.roots is None else bounds.roots.largest
+        multistep = str(method["solver"]).rpartition(", ")[2] in _MULTISTEP
+        self.unresolved = problem.rtol * np.abs(outcome.x) + problem.atol if multistep else 0.0
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
 
     def march(self, stretch: Stretch, x: np.ndarray, begin: Callable[[], TimeStepping]) -> Stepped:

@@ -97,6 +97,8 @@ class _Run:
         self.pieces: list[Piece] = []
         self.ended: Status | None = None  # an event has ended the run
         self.longest = self._longest_step = np.inf if options.max_step is None else options.max_step
+        # the last piece and where it ends, before what the model does at its end
+        self.before_terminal: tuple[Piece, np.ndarray] | None = None
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
@@ -149,11 +151,14 @@ class _Run:
         notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
         records = (*self.impacts, *(() if happenings is None else happenings.records))
         crossing = None if happenings is None else happenings.crossing
-        last = outcome.time, outcome.x
+        ended, x = self.before_terminal or (None, outcome.x)
+        last = outcome.time, x
         planned = outcome.time if outcome.status.failed else self.task.span.end
         pieces, begun = tuple(self.pieces), self.begun
         unbooked = (np.inf, "") if happenings is None else happenings.stepping.unbooked
-        return Trajectory(pieces, self.variables, last, stats, records, notes, crossing, begun, planned, unbooked)
+        return Trajectory(
+            pieces, self.variables, last, stats, records, notes, crossing, begun, planned, unbooked, ended
+        )
 
     # ------------------------------------------------------------------ the start
 
@@ -230,7 +235,7 @@ class _Run:
         outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
-            x = None if outcome.status.failed else self.happenings.after(outcome)
+            x = None if outcome.status.failed else self.happenings.after(outcome, self.solver.unresolved)
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason
             if stopped.status is Status.OK:
@@ -243,6 +248,8 @@ class _Run:
         if recorder.reached and _is_same(recorder.times[recorder.reached - 1], time):
             recorder.reached -= 1  # the value at an event is the one after it
         self.pieces.append(stretch.piece())
+        if self.happenings.is_over:
+            self.before_terminal = self.pieces[-1], outcome.x
         self._begin(time)
         self._record_start(x)
         return x

@@ -140,6 +140,12 @@ class Happenings:
         end = self.span[1] if self.hybrid is None else self.hybrid.until
         return min(end, self.stepping.next(self._reached))
 
+    @property
+    def is_over(self) -> bool:
+        """Whether what the model does at the end of the run has been done."""
+        hybrid = self.hybrid
+        return hybrid is not None and hybrid.is_over
+
     def instant(self, t: float) -> float:
         """Return when what has ended a piece happens: integrators stop a few digits before a jump of an input."""
         exact = self.stepping.instant(t)
@@ -200,8 +206,12 @@ class Happenings:
         self.records += events
         return x if self.hybrid is None else self._settle(self.span[0], x, x)
 
-    def after(self, outcome: Outcome) -> np.ndarray | None:
+    def after(self, outcome: Outcome, unresolved: np.ndarray | float = 0.0) -> np.ndarray | None:
         """Return the states behind what has ended a piece; None at the end of the run.
+
+        Parameters
+        ----------
+        unresolved : (states,) as of `laws.transition`
 
         Raises
         ------
@@ -212,6 +222,8 @@ class Happenings:
         x = self._input_steps(t, x)
         self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
+        if self.laws is not None:
+            self.laws.unresolved = unresolved
         if of_laws.any():
             self._times.append(t)
             if len(self._times) == _CHATTER and t - self._times[0] <= _MOMENT * (self.span[1] - self.span[0]):

@@ -191,6 +191,12 @@ class Hybrid:
         return Roots(self.machine.roots, self.machine.signs())
 
     @property
+    def is_over(self) -> bool:
+        """Whether ``terminal()`` has been true."""
+        terminal = self.layout.events.terminal
+        return terminal >= 0 and self.machine.v[terminal] != 0
+
+    @property
     def longest_step(self) -> float:
         """s, so that relations of time that are not linear in it are looked at often enough."""
         return (self.end - self.begin) / _LOOKS if self.layout.looks_at_time else np.inf

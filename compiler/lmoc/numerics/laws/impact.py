@@ -91,9 +91,7 @@ def collide(
     return newton if -newton.lost.sum() <= CREATED * turned else _poisson(delassus, rate, restitution, friction)
 
 
-def _newton(
-    delassus: Array, rate: Array, restitution: Array, friction: Friction, side: Sides | None
-) -> Impact:
+def _newton(delassus: Array, rate: Array, restitution: Array, friction: Friction, side: Sides | None) -> Impact:
     wanted = restitution * np.minimum(rate, 0.0)
     wanted[friction.rows] = 0.0
     found = _solved(delassus, rate + wanted, np.zeros(len(rate)), friction, side)
@@ -107,9 +105,7 @@ def _poisson(delassus: Array, rate: Array, restitution: Array, friction: Frictio
     return _impact(rate, impulse, expansion.w, POISSON, compression.unique & expansion.unique)
 
 
-def _solved(
-    delassus: Array, q: Array, least: Array, friction: Friction, side: Sides | None = None
-) -> Solution:
+def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: Sides | None = None) -> Solution:
     """Solve for impulses, at least some of the laws without friction; the limits of friction follow from the answer.
 
     Where sides repeat, so that each friction either sticks or gives its share of its normal impulse, the impulses

@@ -55,6 +55,7 @@ class LawSwitching:
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.reader = reader(self.gauge)
         self.limits = self.gauge.known[4]
+        self.unresolved: Array | float = 0.0  # what the integrator tells the states apart by no more
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
         self.ledger = _ledger(self.gauge)
         self.held = np.zeros(len(plan.states), bool)  # velocities that the closed laws keep at zero
@@ -159,7 +160,7 @@ class LawSwitching:
     def renewed(self, base: Array) -> LawSwitching:
         """Return the laws in the same mode with other registers that do not change between events."""
         made = LawSwitching(self.gauge.plan, self.gauge.values, base, self.gauge.signals)
-        made.mode, made.idle = self.mode, self.idle
+        made.mode, made.idle, made.unresolved = self.mode, self.idle, self.unresolved
         made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
         made._hold()
         return made
@@ -198,7 +199,7 @@ class LawSwitching:
         before = self.mode
         self._refuse_overlaps(t, x, trigger)
         try:
-            found = transition(self.gauge, t, x, before, trigger)
+            found = transition(self.gauge, t, x, before, trigger, self.unresolved)
         except Contradiction as contradiction:
             names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"

@@ -27,7 +27,8 @@ TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero
 LOCATED = 1e-14  # s, or this share of the time: how exactly events are located
 TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
-LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap
+LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap …
+_RESOLVED = 1e3  # … or than this many errors that the integrator allows itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +83,15 @@ class Transition:
         return self.settled.mode
 
 
-def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -> Transition:
+def transition(
+    gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger, unresolved: Array | float = 0.0
+) -> Transition:
     """Return what follows at an instant.
+
+    Parameters
+    ----------
+    unresolved : (states,) what the integrator tells the states apart by no more, such as a multistep method that has
+        just begun
 
     Raises
     ------
@@ -105,7 +113,9 @@ def transition(gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger) -
         impact = _impact(table, before, sharing, mode.closed, table.restitution)
         now = _behind(gauge, before, sharing, impact)
         least = np.maximum(least, _least_rate(now))
-        over, until = _last_bounces(table, now, mode, striking & (now.rate > least), trigger)
+        errors = np.abs(now.slope[0]) @ np.broadcast_to(unresolved, len(x))
+        lowest = np.maximum(LEAST_HEIGHT * now.gap_scale, _RESOLVED * errors)
+        over, until = _last_bounces(table, now, mode, striking & (now.rate > least), trigger, lowest)
         if over.any():
             impact = _impact(table, before, sharing, mode.closed, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
@@ -180,7 +190,9 @@ def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Insta
     return gauge.at(now.t, now.x + change)
 
 
-def _last_bounces(table: Table, now: Instant, mode: Mode, leaving: Mask, trigger: Trigger) -> tuple[Mask, float]:
+def _last_bounces(
+    table: Table, now: Instant, mode: Mode, leaving: Mask, trigger: Trigger, lowest: Array
+) -> tuple[Mask, float]:
     """Return which laws have bounced for the last time, and when all their further bounces would be over.
 
     A law that leaves with rate r under an acceleration −a comes back after 2·r/a; all further bounces together take
@@ -194,7 +206,7 @@ def _last_bounces(table: Table, now: Instant, mode: Mode, leaving: Mask, trigger
     level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger), np.zeros(len(e), int)).level
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(leaving & (level < 0.0), 2 * now.rate / (-level * (1.0 - e)), np.inf)
-        low = now.rate**2 <= -2 * level * LEAST_HEIGHT * now.gap_scale
+        low = now.rate**2 <= -2 * level * lowest
     over = (left < BOUNCES_LEFT) | (leaving & (level < 0.0) & low)
     return over, now.t + float(left[over].max(initial=-np.inf))
 

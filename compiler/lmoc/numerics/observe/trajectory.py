@@ -124,6 +124,8 @@ class Trajectory:
         start; None without these, and for a run that continues another one
     planned : s, where the run was to end, though a model may have ended it earlier; or where it has failed
     unbooked : s, and why: from when on the energy ledger has no value
+    ended : the piece to whose end `last` belongs, where what a model does at its end (``when terminal()``) has made
+        another one: a run that goes on has not ended; None for the last one
     """
 
     pieces: tuple[Piece, ...]
@@ -136,6 +138,7 @@ class Trajectory:
     begun: tuple[np.ndarray, np.ndarray] | None = None
     planned: float = np.nan
     unbooked: tuple[float, str] = (np.inf, "")
+    ended: Piece | None = None
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
@@ -175,7 +178,7 @@ class Trajectory:
     @cached_property
     def end(self) -> End:
         """Return the complete final state."""
-        (time, x), piece = self.last, self.pieces[-1]
+        (time, x), piece = self.last, self.ended or self.pieces[-1]
         values = piece.observer(np.arange(self.flat.count), np.array([time]), x[None])[0]
         return End(time, tuple(piece.coordinates), x, values, piece.mode, self.crossing)
 
