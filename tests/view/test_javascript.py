@@ -226,3 +226,17 @@ def test_the_functions_of_the_language():
             assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-9, equal_nan=True), e
         else:
             assert np.mean(np.isclose(ours, theirs, rtol=1e-9, atol=1e-9)) > 0.9, e
+
+
+def test_stiff_scenes_take_few_steps():
+    cases, truths = [], []
+    for file in ("h28_prothero_robinson", "h28b_stiff_mount"):
+        dae = lmoc.compile(MODELS / "hard" / f"{file}.lmo")
+        run = dae.simulate(points=30, rtol=1e-7)
+        script = write_script(run.trajectory)
+        k = next(s for s in sliders(run.trajectory.observer, script.slots) if s.name.endswith("k"))
+        truths += [dae.simulate(points=30, rtol=1e-10, parameters=p) for p in (None, {k.name: 1.3 * k.value})]
+        cases += [(run, script, []), (run, script, [[k.slot, 1.3 * k.value]])]
+    for truth, again in zip(truths, repeat(cases), strict=True):
+        assert again.complete and again.steps < 5000, again.reason
+        assert difference(truth, again) < AGREE, truth.flat.name

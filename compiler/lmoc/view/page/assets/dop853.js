@@ -9,6 +9,9 @@ const GROW = 8;
 const ROUGH = [5.5, 60]; // |h·λ| and roughness, in tolerances, from which the dense output is not good enough
 const CAREFUL = 4.5; // |h·λ| up to which it is, and which the steps keep to …
 const CAREFUL_STEPS = 50; // … for so many steps after one was found too rough
+const STIFF_LIMIT = 6.1; // |h·λ| at the edge of the stability region
+const STIFF_STEPS = 15; // limited by it, after which …
+const MOST_AHEAD = 5000; // … so many steps ahead are too many
 const LAST_WEIGHT = (4 / 7) ** 4 * (3 / 7) ** 3; // of the last term of the polynomial where it is largest
 
 /** Σ weights[i]·k[i][j], zero weights left out. */
@@ -35,7 +38,8 @@ export class Dop853 {
     this.evaluations = 1;
     this.length = 0;
     this.grow = GROW;
-    this.careful = 0;
+    this.careful = this.stiffCount = this.calmCount = 0;
+    this.isStiff = false; // whether too many steps lie ahead that stability limits
     this.terms = null;
     system.rates(t, this.x, this.f);
     system.keep();
@@ -145,6 +149,10 @@ export class Dop853 {
     Object.assign(this, { before: this.t, t: next, length: h, terms: null });
     const factor = error > 0 ? Math.min(this.grow, Math.max(SHRINK, SAFETY * error ** -0.125)) : this.grow;
     const held = this.careful > 0 && factor * this.stiffness > CAREFUL;
+    if (held || this.stiffness > STIFF_LIMIT) {
+      this.calmCount = 0;
+      this.isStiff = ++this.stiffCount >= STIFF_STEPS && (this.end - next) / h > MOST_AHEAD;
+    } else if (++this.calmCount >= 6) this.stiffCount = 0;
     this.grow = GROW;
     this.stepSize = h * (held ? CAREFUL / this.stiffness : factor);
   }

@@ -4,6 +4,7 @@ import { signsOf, turned } from "./blocks.js";
 import { Watch } from "./coordinates.js";
 import { Dop853 } from "./dop853.js";
 import { nearTo } from "./machine.js";
+import { Radau } from "./radau.js";
 import { RootFinder } from "./roots.js";
 import { Standing } from "./standing.js";
 import { Stopped } from "./stopped.js";
@@ -11,6 +12,7 @@ import { Stopped } from "./stopped.js";
 const CLOCK = 16; // steps between two looks at the clock
 const SAME = 1e-14; // of the time: an output time that is that of an event
 const FINER = 0.1; // factor on the tolerances behind a change of coordinates
+const STIFFER = 0.1; // factor on the tolerances of the implicit method
 const NO_TIME = 1e-15; // of the time: in a shorter piece nothing moves
 
 /**
@@ -174,10 +176,11 @@ class Run {
     };
     outputs(begin);
     while (method.t < end) {
-      if (trying && method.steps + method.rejected >= data.refine.trial) {
+      if (trying && method instanceof Dop853 && method.steps + method.rejected >= data.refine.trial) {
         trying = false;
         method = this.refined(method, begin, end, maxStep, factor);
       }
+      if (method.isStiff) method = this.stiff(method, end, tolerances, maxStep);
       const wanted = finder === null ? times[this.reached] : -Infinity;
       if (!method.step(wanted)) {
         if (this.watch?.isStuck()) return this.stopped(method, method.t, method.x, true);
@@ -209,6 +212,13 @@ class Run {
   judge(method) {
     if (method.steps % CLOCK === 0 && this.now() > this.deadline) this.reason = "it takes too long";
     if (this.steps + method.steps + method.rejected > this.mostSteps) this.reason = "it takes too many steps";
+  }
+
+  /** Go on with an implicit method. */
+  stiff(method, end, { rtol, atol }, maxStep) {
+    this.count(method);
+    const finer = { rtol: rtol * STIFFER, atol: atol.map((a) => a * STIFFER), maxStep, firstStep: method.stepSize };
+    return new Radau(this.scene, method.t, method.x, end, finer);
   }
 
   /** Go on with tolerances such that the errors of all steps together keep the one that was asked for. */
