@@ -7,6 +7,7 @@ import pytest
 from oracles.browser import needs_browser, open_page
 
 import lmoc
+from lmoc.view.page.contents import contents
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -154,3 +155,31 @@ def test_shafts_seen_from_the_side_turn():
     """)  # fmt: skip
     before, after = seen.answer
     assert seen.console == [] and len(before) == 2 and all(a != b for a, b in zip(before, after, strict=True))
+
+
+def test_modes_of_a_linear_scene_move():
+    dae = lmoc.compile(MODELS / "notes" / "ex03_two_masses.lmo")
+    run = dae.simulate()
+    html = run.view().html
+    seen = open_page(html, FACTS + """
+      const seek = (t) => { $("time").value = String(t); $("time").dispatchEvent(new Event("input")); };
+      const labels = [...$("mode").options].map((o) => o.textContent), ran = (seek(1), paths());
+      $("mode").value = "0"; $("mode").dispatchEvent(new Event("change"));
+      const period = 1 / Number(labels[1].match(/([\\d.]+) Hz/)[1]);
+      seek(0.1); const swinging = paths();
+      seek(0.1 + period / 3); const later = paths();
+      $("mode").value = ""; $("mode").dispatchEvent(new Event("change")); seek(1);
+      return { labels, moves: swinging !== later, differs: swinging !== ran, again: paths() === ran };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["moves"] and found["differs"] and found["again"]
+    model = dae.linearize()
+    swings = sorted({round(v, 9) for v in model.eigenvalues.imag / (2 * np.pi) if v > 0})
+    told = [label.split(" Hz")[0] for label in found["labels"][1:]]
+    assert told == [f"mode {k + 1}: {f:.4g}" for k, f in enumerate(swings)]
+
+
+def test_scenes_that_are_not_linear_have_no_modes():
+    for file in ("planar/double_pendulum", "laws/h06_bungee", "notes/s3_1_cubic_spring"):
+        run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
+        assert contents(run, "scene").data["swinging"]["modes"] == []

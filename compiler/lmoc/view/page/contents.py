@@ -25,6 +25,7 @@ from lmoc.support.records import dataclass
 from lmoc.symbolic.styles import unit_text
 from lmoc.view.javascript.script import NotWritten, Script, write_script
 from lmoc.view.javascript.sliders import sliders
+from lmoc.view.page.modes import modes_data
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
 
@@ -88,6 +89,7 @@ def contents(run: Result, title: str) -> Contents:
         "events": _events(run, missing),
         "modes": _modes(run),
         "picture": None if picture is None else picture_data(picture),
+        "swinging": {"names": moving, "modes": modes_data(run, moving)},
         "check": table.check(script),
         "checkTimes": table.check_times.tolist(),
         "sizes": table.sizes(),
@@ -227,7 +229,7 @@ def _variable(run: Result, script: Script | None, number: int, value: float, col
     flat = run.flat
     name = flat.variable_name(number)
     unit = run.unit(name)
-    entry: dict[str, Any] = {"name": name, "unit": unit_text(unit) if unit else ""}
+    entry: dict[str, Any] = {"name": name, "unit": _unit(unit)}
     if column >= 0:
         entry["column"] = column
     else:
@@ -352,7 +354,7 @@ def _script_data(run: Result, script: Script | None, reason: str) -> dict[str, A
         return {"reason": reason, "parameters": [], "held": []}
     found = sliders(run.trajectory.observer, script.slots, MOST_SLIDERS)
     order = sorted(found, key=lambda s: bool(s.fixed))
-    parameters = [asdict(s) | {"unit": unit_text(s.unit) if s.unit else ""} for s in order]
+    parameters = [asdict(s) | {"unit": _unit(s.unit)} for s in order]
     return script.data | {"reason": "", "parameters": parameters}
 
 
@@ -364,6 +366,11 @@ def _packed(values: np.ndarray, kind: str) -> str:
     """Numbers as base64 of their bytes."""
     with np.errstate(over="ignore"):
         return b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
+
+
+def _unit(unit: str) -> str:
+    """Return a unit as it is shown: nothing for a number."""
+    return unit_text(unit) if unit not in ("", "1") else ""
 
 
 def _number(value: float) -> float | None:

@@ -5,6 +5,7 @@ import { difference, givenAnswer } from "./answer.js";
 import { Chooser, format, Sliders } from "./controls.js";
 import { modesText, showEvents } from "./events.js";
 import { Motion, movers, Stage } from "./picture.js";
+import { ModeMotion } from "./modes.js";
 import { Player, SPEEDS } from "./player.js";
 import { Plots } from "./plots.js";
 import { Repeater } from "./repeat.js";
@@ -28,7 +29,7 @@ class Page {
     this.given = this.answer = givenAnswer(data);
     this.against = null; // {values, answer} that is kept for comparison
     this.forces = false;
-    this.motion = null;
+    this.motion = this.swing = null;
     const { time } = this.given;
     this.player = new Player(time[0] ?? 0, time[time.length - 1] ?? 0, (t) => this.show(t), () => this.writePlayer());
     const around = { seek: (t) => this.player.seek(t) };
@@ -78,6 +79,10 @@ class Page {
     this.stage = new Stage(picture, $("stage"), `Schematic of ${this.data.title}`);
     this.forceOf = new Map(picture.items.filter((i) => i.variables.force).map((i) => [i, i.variables.force]));
     $("forces").disabled = this.forceOf.size === 0;
+    const { swinging } = this.data;
+    $("swinging").hidden = swinging.modes.length === 0;
+    $("mode").append(new Option("the run", ""), ...swinging.modes.map(({ label }, k) => new Option(`mode ${k + 1}: ${label}`, k)));
+    $("mode").addEventListener("change", () => this.draw());
   }
 
   listen() {
@@ -225,6 +230,11 @@ class Page {
     const columns = names.map((name) => answer.of(name));
     this.places = answer.reader(names);
     const first = columns.map((c) => c[0] ?? NaN);
+    const { swinging } = data;
+    const mode = $("mode").value === "" ? null : swinging.modes[Number($("mode").value)];
+    const isAngle = (name) => this.unitOf(name) === "rad";
+    this.swing = mode === null ? null : new ModeMotion(mode, swinging.names, names, first, isAngle);
+    if (this.swing !== null) return new Motion(data.picture, names, first, this.swing.extremes());
     const extremes = names.map((name, k) => {
       const others = against === null ? [] : [against.answer.of(name)];
       return [columns[k], ...others].reduce(([low, high], c) => c.reduce(widen, [low, high]), [Infinity, -Infinity]);
@@ -245,7 +255,7 @@ class Page {
     $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
     $("now").textContent = `t = ${t.toFixed(3)} s`;
     if (this.motion !== null) {
-      const values = this.places(t);
+      const values = this.swing === null ? this.places(t) : this.swing.at(t);
       this.stage.show(this.motion, values);
       this.showForces(t, values);
     }
@@ -255,7 +265,7 @@ class Page {
   }
 
   showForces(t, values) {
-    if (!this.forces || !(this.largestForce > 0)) {
+    if (!this.forces || this.swing !== null || !(this.largestForce > 0)) {
       this.stage.showForces(this.motion, values, null, 1);
       return;
     }
