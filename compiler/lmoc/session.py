@@ -6,7 +6,7 @@ coordinates. Modes of laws are values of one reduction (`lmoc.numerics.laws`) an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -58,6 +58,7 @@ class Session:
         self._reductions: dict[tuple, list[Reduced | None]] = {_MODEL: [self.reduced]}  # by coordinates
         self._formulated: dict[tuple[int, float], tuple[Reduced, Reduced]] = {}  # by identity of the first, and gain
         self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
+        self._redundant: dict[bytes, list[Reduced]] = {}  # by parameter values: each leaves out other constraints
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
         self._busy = Lock()  # a simulator has one set of buffers
         self._reshaped: dict[tuple, Session] = {}  # one for each set of structural values met so far
@@ -294,3 +295,28 @@ class OtherCoordinates:
         except ModelError:  # not all of them can be states
             return None
         return session.simulator(reduced).system(signals, energy, Report())
+
+    def leaving_out_others(
+        self, current: Reduced, place: Mapping[str, float], signals: Mapping[int, Signal], energy: bool
+    ) -> Iterator[tuple[Plan, System]]:
+        """Yield plans and systems that take other constraints for the redundant ones.
+
+        Parameters
+        ----------
+        place : values of coordinates, where others shall be chosen if those met so far do not serve
+        """
+        session = self.session
+        kept = session._redundant.setdefault(self.values.tobytes(), [])
+        if current not in kept:
+            kept.append(current)
+        for reduced in tuple(kept):
+            if reduced is not current:
+                yield session.simulator(reduced).system(signals, energy, Report())
+        try:
+            flat = starting_at(session.flat, place)
+            made = replace(pipeline.reduce(flat, self.values, session.scene.states, Clock()), flat=session.flat)
+        except ModelError:
+            return
+        if made.left_out not in [reduced.left_out for reduced in kept]:
+            kept.append(made)
+            yield session.simulator(made).system(signals, energy, Report())

@@ -163,3 +163,32 @@ def test_the_same_guide_twice():
     np.testing.assert_allclose(momentum, momentum[0], rtol=1e-7)
     assert run.energy.balance < 1e-7
     assert np.isnan(run["g.fn"]).all() and np.isnan(run["h.fn"]).all()
+
+PLATFORM = """
+model Platform "three parallel cranks whose feet are no straight line"
+  import Planar.*;
+  inner World world;
+  Ground ground;
+  Link base2(rx = 1, ry = 0), base3(rx = 0.3, ry = -0.6), arm2(rx = 1, ry = 0), arm3(rx = 0.3, ry = -0.6);
+  Revolute foot1(phi(start = -1.2, fixed = true), omega(start = 8, fixed = true)), foot2, foot3, head1, head2, head3;
+  Bar crank1(l = 0.4, m = 0.1), crank2(l = 0.4, m = 0.1), crank3(l = 0.4, m = 0.1);
+  Body platform(m = 2, J = 0.3, cx = 0.3, cy = 0.1);
+equation
+  connect(ground.frame, foot1.a); connect(ground.frame, base2.a); connect(ground.frame, base3.a);
+  connect(base2.b, foot2.a); connect(base3.b, foot3.a);
+  connect(foot1.b, crank1.a); connect(foot2.b, crank2.a); connect(foot3.b, crank3.a);
+  connect(crank1.b, head1.a); connect(crank2.b, head2.a); connect(crank3.b, head3.a);
+  connect(platform.frame, head1.b); connect(platform.frame, arm2.a); connect(platform.frame, arm3.a);
+  connect(arm2.b, head2.b); connect(arm3.b, head3.b);
+end Platform;"""
+
+
+def test_which_constraints_are_left_out_changes_where_the_others_would_lose_their_rank():
+    """Two cranks in line with their feet determine nothing, the third one does."""
+    run = lmoc.compile_text(PLATFORM).simulate(stop=1, points=21, rtol=1e-9)
+    inertia, moment = 3 * 0.1 * 0.4**2 / 3 + 2 * 0.4**2, (3 * 0.1 * 0.2 + 2 * 0.4) * 9.81
+    exact = solve_ivp(lambda _, y: (y[1], -moment / inertia * np.cos(y[0])), (0, 1), (-1.2, 8), "DOP853", run.time,
+                      rtol=1e-12, atol=1e-12).y[0]  # fmt: skip
+    for crank in ("foot1.phi", "foot2.phi", "foot3.phi"):
+        np.testing.assert_allclose(run[crank], exact, atol=1e-7)
+    np.testing.assert_allclose(run["platform.theta"], 0, atol=1e-9)

@@ -179,6 +179,11 @@ class Reduced:
     discrete: tuple[DiscreteStep, ...] = ()
     invariants: Invariants | None = None
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What is said of each redundant constraint that has been left out."""
+        return tuple(note.message for note in self.notes if note.code == "N0415")
+
     def register_name(self, register: int) -> str:
         """A register in the user's names; helpers are ``#n``."""
         variable = int(self.registers.variable[register])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome
@@ -36,6 +37,11 @@ class Coordinates(Protocol):
 
     def of_loops(self, signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
         """Return the same with all coordinates of the loops as states."""
+
+    def leaving_out_others(
+        self, current: Reduced, place: Mapping[str, float], signals: Mapping[int, Signal], energy: bool
+    ) -> Iterator[tuple[Plan, System]]:
+        """Yield plans and systems that take other constraints for the redundant ones."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,11 @@ import numpy as np
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.coordinates.change import carried_over, registers_at, with_solutions
 from lmoc.numerics.coordinates.passage import passage
+from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.formulations.table import STEPPED_IN_C
 from lmoc.numerics.integrate.base import Outcome
+from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Observer, Path
 from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.plan import Plan
@@ -23,6 +25,8 @@ from lmoc.support.records import dataclass
 
 _OFTEN = 3  # changes of coordinates after which …
 _AHEAD = 40  # … all are integrated where so many more lie ahead
+_WIDER = 2.0  # by which the smallest singular value must be larger with other constraints left out
+_NEARER = 3.0  # by which it must be smaller for that to be tried again
 _STALLED = 40  # attempts to come on from one place
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
 
@@ -91,6 +95,7 @@ class Changes:
         self._times: list[float] = []  # of changes of coordinates
         self._tried: set[tuple[float, tuple[str, ...]]] = set()  # coordinates, and since when
         self._refused: set[int] = set()  # flat variables that cannot be states
+        self._in_vain = -np.inf, 0.0  # s, up to when no other constraints were better left out; smallest singular value
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
 
     def bar(self, stretch: Stretch) -> None:
@@ -108,7 +113,10 @@ class Changes:
         self._stalled = self._stalled + 1 if t == self._stalled_at else 0
         self._stalled_at = t
         watch.go_back()
-        way = self._beyond(stretch, tolerance) if watch.lost_rank else self._changed(stretch, outcome)
+        if watch.lost_rank:
+            way = self._leaving_out_others(stretch, outcome) or self._beyond(stretch, tolerance)
+        else:
+            way = self._changed(stretch, outcome)
         if way is not None:
             return way
         if not (watch.lost_rank or watch.passed_a_singular_place):
@@ -146,6 +154,32 @@ class Changes:
         if way is not None:
             self._minimal, self.together = (stretch.plan, stretch.system), t
         return way
+
+    def _leaving_out_others(self, stretch: Stretch, outcome: Outcome) -> Way | None:
+        """A new piece in which other constraints are the redundant ones; None where that is no better.
+
+        What is left of them may lose its rank at a place where all together do not.
+        """
+        task, watch, reduced = self.task, stretch.watch, stretch.plan.reduced
+        if task.others is None or not reduced.left_out or not self.passes:
+            return None
+        until, margin = self._in_vain
+        if watch.accepted.t <= until and watch.accepted.margin > margin / _NEARER:
+            return None
+        place, own = watch.accepted, reduced.constraints.variable
+        values = stretch.observer(own, np.array([place.t]), place.x[None])[0]
+        at = {reduced.flat.variable_name(v): x for v, x in zip(own.tolist(), values.tolist(), strict=True)}
+        signals, own_margin = stretch.observer.signals, _margin(stretch.system, stretch.base, place.t, place.x)
+        for plan, system in task.others.leaving_out_others(reduced, at, signals, task.options.energy):
+            way = self._begun(stretch, outcome, plan, system)
+            if way is None or plan.reduced.constraints is None:
+                continue
+            system.prepare(way.stretch.base, signals)
+            if _margin(system, way.stretch.base, place.t, way.x) > _WIDER * own_margin:
+                return way
+        self._in_vain = 2 * watch.singular - place.t, place.margin
+        watch.go_back()
+        return None
 
     def _beyond(self, stretch: Stretch, tolerance: np.ndarray) -> Way | None:
         """A new piece behind a place where the constraints depend on each other; None where none is found.
@@ -235,6 +269,14 @@ class Changes:
                 f"the coordinates {names} do not determine {lost} shortly after; choose some that determine "
                 "the rest throughout, by states=[…] (--states) or stateSelect"
             )
+
+
+def _margin(system: System, base: np.ndarray, t: float, x: np.ndarray) -> float:
+    """The smallest singular value of the constraints at a place, in the sizes they have there; 0 where the coordinates
+    do not serve.
+    """
+    watch = CoordinateWatch(system, base)
+    return watch.accepted.margin if watch.begin(t, x) is Status.OK else 0.0
 
 
 def singular_start(stretch: Stretch, report: Report) -> StartSingular:
