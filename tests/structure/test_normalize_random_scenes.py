@@ -20,6 +20,7 @@ from lmoc.messages.source import Source
 from lmoc.semantics.flatten import flatten
 from lmoc.sources.library import load
 from lmoc.structure.normalize import normalize
+from lmoc.structure.reduce import reduce
 from lmoc.syntax.parse import parse
 
 
@@ -138,14 +139,12 @@ def test_random_scene(seed):
     flat = flat_text(Scene(seed).text)
     values = flat.parameter_values()
     expected = undetermined_by_the_matrix(flat, values)
-    if any(name.endswith((".q", ".theta")) for name in expected):
-        return  # a position that nothing fixes: reported by the matching, later
-    try:
-        n = normalize(flat, values, None, Report())
-    except ModelError as error:
-        # a drum may join what does not agree
-        assert {d.code for d in error.diagnostics} <= {"E0411", "E0412"}
+    if any(name.endswith((".q", ".theta")) for name in expected):  # a position that nothing fixes
+        with pytest.raises(ModelError) as error:
+            reduce(flat, values)
+        assert {d.code for d in error.value.diagnostics if d.severity == "error"} <= {"E0402", "E0411", "E0416"}
         return
+    n = normalize(flat, values, None, Report())
     check(n)
     assert {flat.variable_name(int(v)) for v in n.undetermined} == expected
     assert bool(n.notes) == bool(expected)

@@ -55,7 +55,7 @@ def test_a_step_through_a_damper_is_a_jump_of_the_velocity(given) -> None:
     (step,) = [e for e in result.events if e.kind == "step"]
     assert step.time == 1 and (step.before, step.after) == ("0", "0.1")
     assert np.isnan(result.energy.supplied[2:]).all() and np.isfinite(result.energy.supplied[:2]).all()
-    assert "infinitely hot" in str(result.energy) and "N0554" in {n.code for n in result.notes}
+    assert "infinite power" in str(result.energy) and "N0554" in {n.code for n in result.notes}
     assert "W0553" not in {n.code for n in result.notes}
 
 
