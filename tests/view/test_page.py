@@ -146,7 +146,7 @@ def test_many_output_times_are_thinned_but_events_keep_theirs():
 def test_every_scene_of_the_notes_has_a_page_below_the_limit():
     for file in (MODELS / "notes" / "ex05_suspension.lmo", MODELS / "notes" / "s9_lever_large_angles.lmo"):
         html = lmoc.compile(file).view().html
-        assert len(html.encode()) < LIMIT / 3 and "<math" in html
+        assert len(html.encode()) < LIMIT / 2 and "<math" in html
 
 
 def test_laws_events_and_modes():

@@ -79,15 +79,15 @@ export function givenAnswer(data) {
 
 /**
  * The largest difference between an answer and exact columns [[name, base64], …], as a part of the `sizes` {unit: largest
- * value}; infinite where the answer has no value.
+ * value}; infinite where the answer has no value, but for what it has not reached of a run that broke off.
  */
-export function difference(answer, exact, sizes, unitOf) {
+export function difference(answer, exact, sizes, unitOf, complete = true) {
   let most = 0;
   for (const [name, text] of exact) {
     const truth = decode(text, 64);
     const own = answer.of(name);
     for (let k = 0; k < truth.length; k++) {
-      if (Number.isNaN(truth[k])) continue;
+      if (Number.isNaN(truth[k]) || (!complete && k >= own.length)) continue;
       const miss = k < own.length ? Math.abs(own[k] - truth[k]) / (sizes[unitOf(name)] || 1) : NaN;
       most = Math.max(most, Number.isNaN(miss) ? Infinity : miss);
     }

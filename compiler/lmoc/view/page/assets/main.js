@@ -61,7 +61,7 @@ class Page {
     }
     this.repeater = repeater;
     this.times = repeater.timesOf(this.given.time);
-    const missed = difference(again, this.data.check, this.data.sizes, this.unitOf);
+    const missed = difference(again, this.data.check, this.data.sizes, this.unitOf, this.data.complete);
     const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
     $("repeat").textContent = `Computed again by this page, the run ${text}.`;
     $("repeat").classList.toggle("warning", !(missed <= Math.max(AGREES, ADD_UP * script.rtol)));
@@ -232,13 +232,11 @@ class Page {
     const first = columns.map((c) => c[0] ?? NaN);
     const { swinging } = data;
     const mode = $("mode").value === "" ? null : swinging.modes[Number($("mode").value)];
-    const isAngle = (name) => this.unitOf(name) === "rad";
-    this.swing = mode === null ? null : new ModeMotion(mode, swinging.names, names, first, isAngle);
-    if (this.swing !== null) return new Motion(data.picture, names, first, this.swing.extremes());
     const extremes = names.map((name, k) => {
       const others = against === null ? [] : [against.answer.of(name)];
       return [columns[k], ...others].reduce(([low, high], c) => c.reduce(widen, [low, high]), [Infinity, -Infinity]);
     });
+    this.swing = mode === null ? null : new ModeMotion(mode, swinging.names, names, first, extremes, this.unitOf);
     this.largestForce = 0;
     for (const name of new Set(this.forceOf.values())) {
       for (const f of answer.of(name)) if (Number.isFinite(f)) this.largestForce = Math.max(this.largestForce, Math.abs(f));

@@ -35,7 +35,7 @@ class Panel {
         axes: [{ ...axis, size: 30 }, { ...axis, size: 62 }],
         series: [{}, ...options.series],
         bands: options.bands ?? [],
-        hooks: { draw: [(u) => drawEvents(u, events)] },
+        hooks: { draw: [(u) => drawEvents(u, events), () => this.show(this.t)] },
         padding: [8, 8, 0, 0],
       },
       data,
@@ -54,6 +54,8 @@ class Panel {
   }
 
   show(t) {
+    this.t = t;
+    if (!Number.isFinite(t) || this.plot === undefined) return; // it is drawn later, with its scales
     this.cursor.style.transform = `translateX(${this.plot.valToPos(t, "x")}px)`;
   }
 
