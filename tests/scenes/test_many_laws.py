@@ -1,9 +1,13 @@
 """Scenes of many laws, and laws that act on each other."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import lmoc
+
+MODELS = Path(__file__).parents[2] / "models/laws"
 
 STACK = """model Stack parameter Integer N = 50;
   Fixed floor; Mass m[N](each m = 1, each g = -9.81); Stop s[N](each L = 0.1);
@@ -84,3 +88,42 @@ def test_friction_beside_a_stop_and_a_string():
     total = 5 * np.sin(3 * run.time) - run["stop.f"] - run["string.f"] - run["f.f"]
     assert np.abs(total).max() < 1e-8
     assert (-run["stop.f"]).min() > -1e-8 and run["string.f"].min() > -1e-8 and np.abs(run["f.f"]).max() < 1 + 1e-8
+
+
+@pytest.mark.parametrize("count", [41, 101])
+def test_a_train_of_many_strings(count):
+    """40 and 100 laws: string k is taut at √(0.01 k (k+1)) s; the modes are those that are met, not all subsets."""
+    dae = lmoc.compile(MODELS / "wagons.lmo", parameters={"N": count})
+    k = np.arange(1, count)
+    caught = np.sqrt(0.01 * k * (k + 1))
+    run = dae.simulate(stop=caught[-1] + 1.0, points=3)
+    assert [e.time for e in run.events] == pytest.approx(caught, abs=1e-10)
+    assert {e.kind for e in run.events} == {"taut"} and len(run.modes) == count
+    assert run[f"wagon[{count}].v"][-1] == pytest.approx(10 * run.time[-1] / count, abs=1e-12)
+    assert run.energy.balance < 1e-12
+
+
+LOCKED_PLANAR = """model LockedPlanar "two points on a slide, held together by friction; a stop ends the way of one"
+  import Planar.*;
+  inner World world(g = 0);
+  PointMass a(m = 1, x(start = 0, fixed = true), y(start = 0, fixed = true), vx(start = 2, fixed = true),
+    vy(start = 0, fixed = true));
+  PointMass b(m = 3, x(start = 0, fixed = true), y(start = 1, fixed = true), vx(start = 2, fixed = true),
+    vy(start = 0, fixed = true));
+  Guide along(nx = 1, ny = 0, y0 = 0), beside(nx = 1, ny = 0, y0 = 1);
+  DryFriction hold(F = 5); Contact stop(nx = -1, ny = 0, d = -1);
+equation
+  connect(along.point, a.point); connect(beside.point, b.point); connect(stop.point, a.point);
+  connect(along.flange, hold.a); connect(hold.b, beside.flange);
+end LockedPlanar;"""
+
+
+def test_friction_carries_no_impulse_in_the_plane():
+    """A point hits a wall at 0.5 s and stays; the other keeps its speed and is braked from then on, at 5/3 m/s²."""
+    run = lmoc.compile_text(LOCKED_PLANAR).simulate(stop=3, rtol=1e-10, times=[0.0, 0.5, 0.5 + 1e-9, 1.0, 3.0])
+    impact = next(e for e in run.events if e.impulse)
+    assert impact.time == pytest.approx(0.5, abs=1e-10) and impact.impulse == pytest.approx(2.0, rel=1e-10)
+    assert impact.energy_lost == pytest.approx(2.0, rel=1e-10)
+    assert run["b.vx"][2] == pytest.approx(2.0, abs=1e-8) and run["a.vx"][2] == pytest.approx(0.0, abs=1e-12)
+    assert run["b.vx"][3] == pytest.approx(2 - 5 / 3 * 0.5, abs=1e-9)
+    assert run["b.x"][-1] == pytest.approx(1 + 2**2 / 2 * 3 / 5, abs=1e-9) and run["b.vx"][-1] == 0.0

@@ -84,18 +84,23 @@ class LawSwitching:
         base, signals : those of the piece
         """
         evaluate = self.reader(base, signals)
-        table, mode = self.gauge.table, self.mode
-        stuck = mode.closed & ~table.complementary
+        table, mode, n = self.gauge.table, self.mode, self.gauge.form.count
+        closed, alone = mode.closed, mode.implied & ~mode.closed  # others hold these at rest, up to rounding
+        stuck = closed & ~table.complementary
         self.second = np.flatnonzero(stuck)
+        dry = not table.complementary.all()
 
         def values(times: Array, states: Array) -> Array:
-            motion, rate, force, stick = np.split(evaluate(times, states), 4, axis=1)
-            limit = np.where(np.isnan(self.limits), stick, self.limits)
-            limit = np.where(table.normal == NONE, limit, limit * force[:, table.normal])
-            first = np.where(mode.closed, limit - force, mode.direction * rate)
-            first = np.where(table.complementary, np.where(mode.closed, force, motion), first)
-            first = np.where(mode.implied & ~mode.closed, 1.0, first)  # others hold it at rest, up to rounding
-            return np.concatenate([first, (limit + force)[:, stuck]], axis=1)
+            found = evaluate(times, states)
+            motion, rate, force, stick = (found[:, k * n : (k + 1) * n] for k in range(4))
+            first = np.where(closed, force, motion)
+            if dry:
+                limit = np.where(np.isnan(self.limits), stick, self.limits)
+                limit = np.where(table.normal == NONE, limit, limit * force[:, table.normal])
+                sliding = np.where(closed, limit - force, mode.direction * rate)
+                first = np.where(table.complementary, first, sliding)
+            first[:, alone] = 1.0
+            return np.concatenate([first, (limit + force)[:, stuck]], axis=1) if len(self.second) else first
 
         apart = self._apart(values(np.array([t]), x[None])[0])
         return Roots(lambda times, states: values(times, states) + apart, np.ones(len(apart)))

@@ -18,7 +18,7 @@ gap = 0 and rate = 0, as invariants (`numerics.laws.manifold`).
 
 Reducing every mode by itself (`lmoc.ir.mode`) would give fewer states, and is how the equations of a mode are
 printed. For a train of 50 wagons that meets 49 modes it costs 49 reductions and kernels; measured at 25 to 140 ms
-each, that is seconds where this form needs nothing.
+each, that is seconds where this form needs nothing (`numerics.laws.updated`: 0.1 ms a mode).
 """
 
 from __future__ import annotations
