@@ -63,6 +63,22 @@ def test_parallelogram_goes_on_as_one_through_its_flat_positions(rtol, solver, a
     assert [n.message.split(" were")[0] for n in run.notes if n.code == "N0633"] == ["4 singular positions"]
 
 
+@pytest.mark.parametrize("solver", ["taylor", "adams", "ida", "cvode"])
+def test_nothing_is_lost_where_a_singular_position_is_passed(solver):
+    """The errors are those of the same solver on the equation of the angle, which has no such positions."""
+    angle = lmoc.compile_text("""model Angle
+      Real a(start = 0, fixed = true), w(start = -1, fixed = true);
+    equation
+      der(a) = w; der(w) = 1.2*9.81*sin(a);
+    end Angle;""")
+    options = {"stop": 10, "points": 101, "rtol": 1e-10, "solver": solver}
+    own, other = (scene.simulate(**options) for scene in (lmoc.compile_text(PARALLELOGRAM), angle))
+    exact = upright(1.2, -1, own.time)
+    assert any(n.message.startswith("10 singular positions") for n in own.notes)
+    error = np.abs(own["first.phi"] - np.pi / 2 + exact).max()
+    assert error < max(5 * np.abs(other["a"] - exact).max(), 5e-9)
+
+
 def test_unequal_bars_go_on_as_one_as_well():
     text = PARALLELOGRAM.replace("rocker(l = 1, m = 1)", "rocker(l = 1, m = 0.3)").replace(
         "coupler(l = 1, m = 1)", "coupler(l = 1, m = 2.5)"

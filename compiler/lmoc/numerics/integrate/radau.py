@@ -26,6 +26,7 @@ _DENSE = 100  # states up to which the Jacobian is a dense matrix
 _FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding
 _NODES = np.array([0.0, (4 - 6**0.5) / 10, (4 + 6**0.5) / 10, 1.0])  # of collocation, and the beginning
 _FIT = np.linalg.inv(np.vander(_NODES, 4, increasing=True))  # from values there to coefficients
+_NOISE = 20 * float(np.finfo(float).eps)  # rounding of states and times in a polynomial through the nodes
 _ROUGH = 3.0  # tolerances between the two polynomials from which a step is made again
 _SAFETY, _SHORTER, _LONGER = 0.8, 0.1, 5.0  # how the longest step follows from the last, since they differ as h⁴
 _UNSEEN = 1.2  # by which it grows over steps without output
@@ -120,9 +121,10 @@ class Radau(Integration):
         return True
 
     def _roughness(self, bend: np.ndarray) -> float:
-        """Return the largest difference of the two polynomials within a step, in tolerances."""
+        """Return the largest difference of the two polynomials within a step but for rounding, in tolerances."""
         allowed = self.problem.atol + self.problem.rtol * np.abs(self.x)
-        return float(np.max(np.abs(bend) / allowed * _LARGEST))
+        noise = _NOISE * (np.abs(self.x) + abs(self.t) * np.abs(self.slope))
+        return float(np.max(np.maximum(np.abs(bend) - noise, 0.0) / allowed * _LARGEST))
 
     def interpolate(self, times: np.ndarray) -> np.ndarray:
         return _values((times - self.before) / (self.t - self.before), self.coefficients, self.bend)
