@@ -9,7 +9,8 @@ import numpy as np
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Check
 from lmoc.messages.diagnostics import Report, SimulationError
-from lmoc.numerics.observe.trajectory import Trajectory
+from lmoc.numerics.failures.onset import onset
+from lmoc.numerics.observe.trajectory import Piece, Trajectory
 
 
 def run_checks(run: Trajectory) -> Trajectory:
@@ -37,15 +38,28 @@ def run_checks(run: Trajectory) -> Trajectory:
         if check.error:
             failures.append((int(times[0]), check, int(rows[0])))
         else:
-            message = flat.message_of(check, int(rows[0]))
-            report.warning("W0551", f"{message} (from t = {run.time[times[0]]:.6g} s)", check.span)
+            message, since = flat.message_of(check, int(rows[0])), _since(run, check, int(times[0]), int(rows[0]))
+            report.warning("W0551", f"{message} (from t = {since:.9g} s)", check.span)
     if failures:
         k, check, row = min(failures, key=lambda f: f[0])
         partial = run.until(k + 1)
         place = f" ({check.span})" if check.span is not None else ""
-        message = f"an assertion does not hold at t = {run.time[k]:.6g} s: {flat.message_of(check, row)}{place}"
-        raise SimulationError(message, float(run.time[k]), partial)
+        since = _since(run, check, k, row)
+        message = f"an assertion does not hold at t = {since:.9g} s: {flat.message_of(check, row)}{place}"
+        raise SimulationError(message, since, partial)
     return replace(run, notes=run.notes + tuple(report.diagnostics), _cache={}) if report.diagnostics else run
+
+
+def _since(run: Trajectory, check: Check, index: int, row: int) -> float:
+    """Return since when one row of an assertion does not hold that is seen not to at an output time."""
+    slots = check.slots[row]
+    used, place = np.unique(slots, return_inverse=True)
+
+    def holds(piece: Piece, t: float, x: np.ndarray) -> bool:
+        values = piece.observer(used, np.array([t]), x[None])[0][place]
+        return bool(np.all(evaluate(check.condition, lambda k, _: values[k], t)))
+
+    return onset(run, index, holds)
 
 
 def _holds(run: Trajectory, check: Check) -> np.ndarray:
