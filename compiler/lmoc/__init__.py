@@ -9,8 +9,8 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as type checkers know it; importing `typing` would come before the command's care for Ctrl-C
 if TYPE_CHECKING:
     from lmoc.compilation import compile, compile_text
     from lmoc.dae import DAE
