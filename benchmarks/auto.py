@@ -27,6 +27,7 @@ METHODS = ("dop853", "taylor", "adams", "cvode")
 STIFF = (*METHODS, "cvodes", "radau", "gauss")  # where `auto` has found the scene stiff
 TOLERANCES = (1e-4, 1e-6, 1e-9)
 GOOD = 1.5
+UNNOTICED = 2.0  # ms
 CALIBRATED = 0.1, 30.0  # error / rtol
 RUN = 0.03  # s that a run by `auto` may take
 LONGEST = 0.3, 10.0  # s that a run by another method may take, and times as long as one by `auto`
@@ -35,16 +36,21 @@ SECTION = """\
 ## What `auto` chooses
 
 Over {models} scenes and three tolerances `auto` is within 1.5 times of the fastest method at the same error in {good}
-pairs, and its error is at most 30 times the tolerance in {not above}; it fails where another method succeeds in
-{failed}. Before the table was used to set its bounds it was 106 of 117 and 103 of 117, over the classic and the hard
-scenes and the failures alone. Errors far below the tolerance (below a tenth in the rest of {calibrated}) are of scenes
-whose steps output, breaks or events end, or whose motion a method of order 8 follows exactly.
+pairs, and within that or 2 ms in {near}. Its error is at most 30 times the tolerance in {not_above}, and at least a
+tenth of it in {not_below}: the errors far below are of scenes whose steps end at outputs, breaks or events, or whose
+motion a method of order 8 follows exactly. It fails where another method succeeds in {failed}. Before these figures set
+its bounds, the error was at most 30 times the tolerance in 103 of 117 pairs, over the classic and the hard scenes and
+the failures.
 
-The exceptions:
+Where `auto` is behind, nearly always, a Taylor series that is compiled already needs fewer steps than DOP853 for the
+few milliseconds of a run. To compile it takes a quarter of a second, once for each scene; so `auto` takes it only where
+that is regained, over many steps.
+
+The exceptions by more than 2 ms, and the errors above 30 times the tolerance:
 
 {odd}
 
-<details><summary>All pairs: what was chosen, its error, and its time over that of the fastest method</summary>
+<details><summary>All pairs: what was chosen, error over tolerance, time over that of the fastest method</summary>
 
 {table}
 
@@ -120,6 +126,11 @@ def is_good(row: dict) -> bool:
     return row["ratio"] <= GOOD
 
 
+def is_near(row: dict) -> bool:
+    """Whether it is good, or so little behind that nobody notices."""
+    return is_good(row) or row["ms"] * (1 - 1 / row["ratio"]) < UNNOTICED
+
+
 def is_calibrated(row: dict) -> bool | None:
     """Whether the error is near the one asked for; None where the reference is not good enough to tell."""
     share = row["error"] / row["rtol"]
@@ -133,8 +144,9 @@ def summary(rows: Sequence[dict]) -> dict[str, tuple[int, int]]:
     judged = [r for r in rows if is_calibrated(r) is not None]
     return {
         "good": (sum(map(is_good, rows)), len(rows)),
-        "calibrated": (sum(map(bool, map(is_calibrated, judged))), len(judged)),
-        "not above": (sum(r["error"] <= CALIBRATED[1] * r["rtol"] for r in judged), len(judged)),
+        "near": (sum(map(is_near, rows)), len(rows)),
+        "not_above": (sum(r["error"] <= CALIBRATED[1] * r["rtol"] for r in judged), len(judged)),
+        "not_below": (sum(r["error"] >= CALIBRATED[0] * r["rtol"] for r in judged), len(judged)),
         "failed": (sum(bool(r["failed"]) for r in rows), len(rows)),
     }
 
@@ -149,7 +161,7 @@ def page(data: dict) -> str:
         own = {r["rtol"]: r for r in rows if r["model"] == name}
         cells = [_cells(own[t]) if t in own else "– | – | –" for t in TOLERANCES]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    odd = [r for r in rows if not is_good(r) or r["error"] > CALIBRATED[1] * r["rtol"]]
+    odd = [r for r in rows if not is_near(r) or r["error"] > CALIBRATED[1] * r["rtol"]]
     return SECTION.format(
         **found, models=len({r["model"] for r in rows}), table="\n".join(lines), odd="\n".join(map(_odd, odd))
     )
@@ -166,7 +178,7 @@ def _cells(row: dict) -> str:
 def _odd(row: dict) -> str:
     """Return a line about a pair that is not as it should be."""
     what = [f"error {row['error'] / row['rtol']:.0f} times rtol"] * (row["error"] > CALIBRATED[1] * row["rtol"])
-    what += [f"{row['ratio']:.1f} times as long as {row['best']}"] * (not is_good(row))
+    what += [f"{row['ms']:.0f} ms, {row['ratio']:.1f} times as long as {row['best']}"] * (not is_near(row))
     return f"* {row['model']} at {row['rtol']:.0e}: {', '.join(what)}"
 
 

@@ -38,7 +38,7 @@ def test_the_error_of_an_undamped_run_is_near_the_tolerance_however_long(dae, pe
 
 def test_a_motion_that_forgets_its_errors_is_not_refined(dae):
     run = dae.simulate(stop=600, parameters={"c": 1.0})
-    assert run.stats["solver"] == "dop853" and run.stats["reason"] == "not stiff"
+    assert run.stats["solver"].startswith("dop853") and run.stats["reason"] == "not stiff"
 
 
 def test_a_short_run_is_not_looked_at(dae):

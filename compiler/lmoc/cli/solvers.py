@@ -10,8 +10,8 @@ _EXPLANATION = """\
 order: of a step, and of the values between two steps. stable: A, L, nearly A (α); – is a bounded region, as explicit
 methods have. symplectic: at steps of equal length. steps: of its own choice by the tolerance, or fixed (--step).
 roots: every step is looked at, so that laws and events are located; of those that cannot, cvodes and idas hand over
-to cvode and ida, and moreau steps over the events of laws. auto: dop853 first, taylor where many steps at a fine
-tolerance lie ahead; where it meets stiffness, cvode, ida or radau by the eigenvalues of the Jacobian."""
+to cvode and ida, and moreau steps over the events of laws. auto: dop853 first, taylor where many steps lie
+ahead; where it meets stiffness, cvode, ida or radau by the eigenvalues of the Jacobian."""
 
 
 def configure(parser: Parser) -> None:

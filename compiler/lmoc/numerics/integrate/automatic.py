@@ -6,7 +6,7 @@ undamped motion). So it begins. Three things are looked at on the way:
 * After some steps it is known how many lie ahead. The errors of steps add up as long as the motion remembers them:
   what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
   of the steps is made finer by as much.
-* Where many steps at a fine tolerance lie ahead, a Taylor series does with fewer and cheaper ones.
+* Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation.
 * DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
 
 The bounds come from charts of speed against accuracy over the models (`benchmarks/auto.py`).
@@ -33,8 +33,8 @@ LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not kno
 LEAST_UNKNOWN = 0.1  # … this
 FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
 _FINEST = 1e-13  # relative tolerance
-_SERIES = 3e-8  # tolerance of the steps from which a Taylor series is better …
-_MANY = 200  # … over so many steps at least; …
+_SERIES = 1e-5  # tolerance of the steps from which a Taylor series is better …
+_MANY = 120  # … over so many steps at least; …
 _LARGE, _FEWEST = 100, 50  # … of so many states at any tolerance, over fewer steps: it has much fewer to make
 _SHORT = (
     0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff

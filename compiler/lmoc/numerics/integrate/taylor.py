@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PROPERTIES = Properties(
     "taylor", "Taylor series", "Taylor series", "8-26", "8-26", "own",
     needs="a C compiler, equations without kinks",
-    good_for="small smooth scenes at 1e-9 and below",
+    good_for="smooth scenes over many steps, and many digits",
 )  # fmt: skip
 
 _LEAST, _MOST = 8, 26  # orders
