@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from lmoc.report.compare import compare
     from lmoc.report.picture import plot
     from lmoc.run import Run
+    from lmoc.support.version import __version__
 
-__version__ = "0.1.0"
-__all__ = ["DAE", "ModelError", "Run", "SimulationError", "compare", "compile", "compile_text", "plot"]
+__all__ = ["__version__", "DAE", "ModelError", "Run", "SimulationError", "compare", "compile", "compile_text", "plot"]
 
 # Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
 _HOME = {
+    "__version__": "lmoc.support.version",
     "DAE": "lmoc.dae",
     "compare": "lmoc.report.compare",
     "compile": "lmoc.compilation",

@@ -64,7 +64,7 @@ class Run(Result):
         ModelError
             E0623 the file cannot be written, E0624 it is none for a page (.html).
         """
-        from lmoc import __version__
+        from lmoc.support.version import __version__
         from lmoc.view.page.page import Page
 
         page = Page(self, __version__)

@@ -95,7 +95,7 @@ def _dispatch(argv: list[str]) -> int:
         print(_overview())
         return DONE
     if argv[0] in ("--version", "-V"):
-        from lmoc import __version__
+        from lmoc.support.version import __version__
 
         print(f"lmoc {__version__}")
         return DONE
