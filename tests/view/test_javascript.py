@@ -240,3 +240,14 @@ def test_stiff_scenes_take_few_steps():
     for truth, again in zip(truths, repeat(cases), strict=True):
         assert again.complete and again.steps < 5000, again.reason
         assert difference(truth, again) < AGREE, truth.flat.name
+
+
+def test_start_values_that_contradict_each_other_with_other_parameters():
+    """Python finds the nearest start then, by least squares; the page says that it does not."""
+    dae = lmoc.compile(MODELS / "classic" / "car_axis.lmo")
+    run = dae.simulate(points=5)
+    script = write_script(run.trajectory)
+    length = next(s for s in sliders(run.trajectory.observer, script.slots) if s.name == "L")
+    first, other = repeat([(run, script, []), (run, script, [[length.slot, 1.15]])])
+    assert first.complete and not other.complete and "the start value of xr contradicts others" in other.reason
+    assert abs(dae.simulate(points=5, parameters={"L": 1.15})["xr"][0] - 1.15) > 0.01

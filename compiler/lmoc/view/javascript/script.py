@@ -229,6 +229,7 @@ class _Scene:
             "derivatives": plan.derivatives.tolist(),
             "x": _numbers(x),
             "held": start.held,
+            "met": start.met,
             "begin": self.begin,
             "end": self.stop,
             "rtol": self.rtol,

@@ -42,11 +42,14 @@ class StartProgram:
     wanted : steps that compute the start values of the model from its parameters
     program : fills the states, from those values and from the states of the run at hand
     held : names of the states that stay as they are in that run, though they are not zero there
+    met : [register, register of the value wanted, name] of the values that the run at hand meets; where another run
+        misses one, they contradict each other, and its start is a compromise
     """
 
     wanted: Program
     program: Program
     held: list[str]
+    met: list[list]
 
 
 def start_program(observer: Observer, time: float, x: np.ndarray, room: Room) -> StartProgram:
@@ -71,7 +74,7 @@ def start_program(observer: Observer, time: float, x: np.ndarray, room: Room) ->
         elif j not in direct and _same(own.value[k], x[j]):
             direct[j] = k
     open_ = np.array([j for j in range(plan.state_count) if j not in direct], int)
-    rows, columns = _determining(observer, time, x, own, np.array(rest, int), measured, open_)
+    rows, columns, met = _determining(observer, time, x, own, np.array(rest, int), measured, open_)
     chosen = list(direct)
     kept = np.array([j for j in range(len(x)) if j not in direct and j not in set(columns.tolist())], int)
     program = _copies(plan.states[chosen], register[[direct[j] for j in chosen]])
@@ -85,7 +88,14 @@ def start_program(observer: Observer, time: float, x: np.ndarray, room: Room) ->
         unknowns = plan.states[columns]
         program += (Solve(inner, unknowns[None], residual[None], False, False, guess[None]),)
     held = [plan.reduced.register_name(int(plan.states[j])) for j in kept if j < plan.state_count and x[j] != 0]
-    return StartProgram(steps, program, held)
+    decided = [*direct.values(), *rows.tolist()]
+    firm = own.hard[decided].all()  # what is wished for beside fixed values gives way to them
+    names = observer.flat.variable_name
+    told = [
+        [int(measured[k]), int(register[k]), names(int(own.variable[k]))]
+        for k in (*direct.values(), *met.tolist()) if own.hard[k] or not firm
+    ]  # fmt: skip
+    return StartProgram(steps, program, held, told)
 
 
 def _copies(to: np.ndarray, source: np.ndarray) -> Program:
@@ -119,14 +129,14 @@ def _determining(
     rest: np.ndarray,
     measured: np.ndarray,
     open_: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return which of the values wanted determine which of the open states: as many of both.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which of the values wanted determine which of the open states, as many of both, and which are met.
 
     By Gauss elimination over the rows that the run meets, in their order, with column pivoting.
     """
     none = np.zeros(0, int)
-    if not len(rest) or not len(open_):
-        return none, none
+    if not len(rest):
+        return none, none, none
     plan = observer.plan
     outputs = measured[rest]
     program = needed_steps(plan.full_program, outputs, plan.count)
@@ -143,11 +153,11 @@ def _determining(
     moved = size > ROUNDOFF * (1.0 + np.abs(own.value[rest]))  # the gradient of cos(phi) at 0 is none
     matrix /= np.where(moved, size, np.inf)[:, None]
     rows, columns = [], []
-    for k in np.flatnonzero(met & np.isfinite(matrix).all(axis=1)).tolist():
+    for k in np.flatnonzero(met & np.isfinite(matrix).all(axis=1)).tolist() if len(open_) else ():
         j = int(np.abs(matrix[k]).argmax())
         if abs(matrix[k, j]) > _RANK:
             rows.append(rest[k])
             columns.append(open_[j])
             matrix[k + 1 :] -= np.outer(matrix[k + 1 :, j] / matrix[k, j], matrix[k])
             matrix[k + 1 :, j] = 0.0
-    return np.array(rows, int), np.array(columns, int)
+    return np.array(rows, int), np.array(columns, int), rest[met]

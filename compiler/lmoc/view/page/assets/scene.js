@@ -5,6 +5,7 @@ import { curveAt } from "./curve.js";
 import { Happenings } from "./happenings.js";
 
 const LOOKS = 4001; // points at which a switch that is not linear in time is looked at
+const MET = 1e-6; // of the size of a start value: by how much it may be missed
 const BISECTIONS = 60;
 const SHORTEST = 1 / 64; // part of the way between two places at which a block is solved
 
@@ -93,7 +94,9 @@ export class Scene {
   /** Why the parameter values of the last start are none that the model allows; "" where they are. */
   refused() {
     const broken = this.data.checks.find(([register]) => this.w[register] === 0);
-    return broken === undefined ? "" : broken[1];
+    if (broken !== undefined) return broken[1];
+    if (this.missed === undefined) return "";
+    return `the start value of ${this.missed[2]} contradicts others, and the page does not compute their compromise`;
   }
 
   /** Take parameter values, [[slot, value], …]. */
@@ -133,6 +136,7 @@ export class Scene {
       other.put(changed.flatMap(([slot, value]) => (slots.get(slot) >= 0 ? [[slots.get(slot), value]] : [])));
     }
     this.happenings = null;
+    this.missed = undefined;
     if (this.refused() !== "") return new Float64Array(0);
     const states = () => {
       data.states.forEach((register, j) => (w[register] = data.x[j]));
@@ -142,6 +146,7 @@ export class Scene {
       const x = Float64Array.from(data.states, (register) => w[register]);
       this.observe(data.begin, x);
       blocks.patient = false;
+      this.missed = data.met.find(([is, wanted]) => Math.abs(w[is] - w[wanted]) > MET * Math.max(1, Math.abs(w[wanted])));
       return x;
     };
     if (data.laws === null && data.events === null) return states();
