@@ -1,4 +1,7 @@
-"""Try many random mechanisms of the plane: ``python tests/many_mechanisms.py [FIRST] [COUNT]``; 1000 by default."""
+"""Try many random mechanisms of the plane: ``python tests/many_mechanisms.py [FIRST] [COUNT] [formulations]``.
+
+1000 by default. With the last word those with loops are run in all formulations.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,15 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent / "scenes"
 def main() -> int:
     """Print the seeds that fail with what they say; the number of them is the exit code, 99 at most."""
     from oracles.planar import Mechanism
-    from test_random_mechanisms import check
+    from test_random_mechanisms import check, check_formulations
 
-    first, count = (*map(int, sys.argv[1:]), *(0, 1000)[len(sys.argv) - 1 :])
+    numbers = [int(argument) for argument in sys.argv[1:3]]
+    first, count = (*numbers, *(0, 1000)[len(numbers) :])
+    tried = check_formulations if sys.argv[3:] == ["formulations"] else check
     failed = 0
     for seed in range(first, first + count):
         try:
-            check(Mechanism(seed))
+            tried(Mechanism(seed))
         except Exception as error:
             failed += 1
             said = str(error).splitlines() or [""]
