@@ -93,13 +93,19 @@ def _columns(wanted: Targets) -> tuple[np.ndarray, ...]:
 
 def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
     """Let Newton's method begin at the values wanted for the unknowns of nonlinear blocks."""
-    solved = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
-    if solved:
+    solved = plan.once(_solved)
+    if len(solved):
         near, values = plan.reduced.block_guess
         base[near] = values
         register = plan.reduced.register_of[wanted.variable]
-        own = np.isin(register, np.concatenate(solved))
+        own = np.isin(register, solved)
         base[register[own]] = wanted.value[own]
+
+
+def _solved(plan: Plan) -> np.ndarray:
+    """The registers of the unknowns of nonlinear blocks."""
+    blocks = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
+    return np.concatenate([np.zeros(0, int), *blocks])
 
 
 def _guess(plan: Plan, x: np.ndarray, given: np.ndarray) -> np.ndarray:
