@@ -17,10 +17,10 @@ from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, gives
 from lmoc.numerics.signals.tables import Table
 from lmoc.support.records import dataclass
+from lmoc.support.sizes import LARGE_BLOCK
 
 Made = TypeVar("Made")
 
-LARGE_BLOCK = 40  # unknowns
 _SMALL = 10_000  # registers up to which the last values are kept, for another run with the same parameters
 LEDGER = ("ledger.work", "ledger.heat")
 

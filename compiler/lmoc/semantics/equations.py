@@ -16,13 +16,14 @@ from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
 from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable
 from lmoc.semantics.instances.records import field_of
 from lmoc.semantics.laws import add_law, law_function
-from lmoc.semantics.values.constructors import LARGE, iteration
+from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
 from lmoc.semantics.values.reference import element_index, find_start, locate, unknown_name
 from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
 from lmoc.semantics.values.value import Value, number
 from lmoc.semantics.wrong import Exhausted, NotAlike, NotOneGroup, RowsDiffer, Wrong, check_size
+from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 
 
@@ -139,7 +140,7 @@ class EquationSection:
         except NotAlike as wrong:
             self._element_by_element(context, e, k, wrong)
             return
-        if len(numbers) <= LARGE:
+        if len(numbers) <= WRITTEN_OUT:
             self._unrolled(context, e, k, numbers, type_)
             return
         try:

@@ -12,8 +12,7 @@ from lmoc.ir.program import Apply, Program, Solve, Total
 from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.evaluate.newton import Newton, dense_solve
-
-DENSE = 120  # linear blocks with more unknowns are factorized as sparse matrices
+from lmoc.support.sizes import DENSE
 
 
 class Interpreter:

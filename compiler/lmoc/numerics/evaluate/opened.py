@@ -12,13 +12,12 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.ir.program import Program, Solve
-
-LARGE = 60  # unknowns of a block that is worth opening
+from lmoc.support.sizes import LARGE_BLOCK
 
 
 def is_large(block: Solve) -> bool:
     """Return whether IDA leaves a block open by default."""
-    return block.unknowns.shape[1] >= LARGE
+    return block.unknowns.shape[1] > LARGE_BLOCK
 
 
 def open_blocks(

@@ -12,7 +12,7 @@ import numpy as np
 from lmoc.ir.program import Program, Solve, read, written
 from lmoc.numerics.evaluate.casadi_system import Buffered, Lowered, can_lower
 from lmoc.numerics.evaluate.newton import Newton, dense_solve, vanishes
-from lmoc.numerics.plan import LARGE_BLOCK
+from lmoc.support.sizes import LARGE_BLOCK
 
 _EXACT = 1e-13  # as in `newton`
 _QUICK = 10  # undamped steps before the damped method takes over

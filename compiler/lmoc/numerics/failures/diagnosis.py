@@ -11,7 +11,7 @@ from lmoc.ir.program import Program, Solve, walk, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
-from lmoc.numerics.evaluate.interpreter import DENSE, Interpreter
+from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.losable import Moving, losable, moving
 from lmoc.numerics.observe.observer import Observer
@@ -19,6 +19,7 @@ from lmoc.numerics.observe.slices import Slice
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, is_own, sample
 from lmoc.support.distinct import distinct
+from lmoc.support.sizes import DENSE
 
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
 _LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger scene not every time is looked at

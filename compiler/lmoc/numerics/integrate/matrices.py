@@ -7,8 +7,8 @@ import numpy as np
 from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.plan import Plan
 from lmoc.support.records import dataclass
+from lmoc.support.sizes import DENSE
 
-_DENSE = 40  # states up to which dense matrices are as fast
 _BAND = 40  # widest band (both halves) for the band solver
 
 
@@ -64,7 +64,7 @@ def layout_of(system: System | IndexOne, plan: Plan) -> MatrixLayout:
     entries = np.flatnonzero((rows < plan.state_count) | (rows >= len(plan.states)))
     rows, columns = rows[entries], columns[entries]
     diagonal = np.arange(n)
-    if n <= _DENSE:
+    if n <= DENSE:
         return MatrixLayout("dense", None, entries, columns * n + rows, diagonal * n + diagonal, n * n)
     order = _narrow(rows, columns, n)
     new = np.empty(n, int)

@@ -15,6 +15,7 @@ import numpy as np
 
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Status
+from lmoc.support.sizes import DENSE
 
 PROPERTIES = Properties(
     "radau", "Radau IIA", "collocation", "5", "4", "scipy",
@@ -22,7 +23,6 @@ PROPERTIES = Properties(
     good_for="stiff scenes whose fastest mode swings, and where there is no SUNDIALS",
 )  # fmt: skip
 
-_DENSE = 100  # states up to which the Jacobian is a dense matrix
 _FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding
 _NODES = np.array([0.0, (4 - 6**0.5) / 10, (4 + 6**0.5) / 10, 1.0])  # of collocation, and the beginning
 _FIT = np.linalg.inv(np.vander(_NODES, 4, increasing=True))  # from values there to coefficients
@@ -157,7 +157,7 @@ def _rhs(problem: Problem) -> Callable:
 
 def _jacobian(problem: Problem) -> Callable:
     system = problem.system
-    if system.n <= _DENSE:
+    if system.n <= DENSE:
         return system.jacobian
     from scipy.sparse import csc_matrix
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.numerics.evaluate.system import System
+from lmoc.support.sizes import DENSE
 
 _INVERSE = 40  # states up to which a product with the inverse is the fastest
-_DENSE = 100  # states up to which the matrix is dense
 
 
 class Resolvent:
@@ -28,7 +28,7 @@ class Resolvent:
         """Take the Jacobian at a place."""
         self.evaluations += 1
         self._h = np.nan
-        if self.system.n <= _DENSE:
+        if self.system.n <= DENSE:
             self._jacobian = self.system.jacobian(t, x)
             return
         from scipy.sparse import csc_matrix
@@ -53,7 +53,7 @@ class Resolvent:
         n = self.system.n
         if n <= _INVERSE:
             return np.linalg.inv(shift * np.eye(n) - self._jacobian).__matmul__
-        if n <= _DENSE:
+        if n <= DENSE:
             from scipy.linalg import lu_factor, lu_solve
 
             factors = lu_factor(shift * np.eye(n) - self._jacobian)

@@ -11,7 +11,7 @@ from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
 from lmoc.semantics.instances.instance import InstanceNode
-from lmoc.semantics.values.constructors import LARGE, column_of_numbers, comprehension, concatenated
+from lmoc.semantics.values.constructors import column_of_numbers, comprehension, concatenated
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, locate
 from lmoc.semantics.values.translate import (
@@ -25,6 +25,7 @@ from lmoc.semantics.values.translate import (
 )
 from lmoc.semantics.values.value import Value, common_type, number, stack, text
 from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 
 Handler = Callable[[Context, tree.Call], Value]
@@ -300,7 +301,7 @@ def _linspace(context: Context, call: tree.Call) -> Value:
     if n < 2:
         raise Wrong("E0301", "'linspace' needs at least 2 points", call.arguments[2].span, found=str(n))
     steps = np.arange(n) / (n - 1)
-    if n > LARGE:
+    if n > WRITTEN_OUT:
         weight = column_of_numbers(context, steps, "Real")
     else:
         weight = stack([number(w) for w in steps])

@@ -13,9 +13,8 @@ from lmoc.semantics.values.reference import dimension_type
 from lmoc.semantics.values.translate import MAX_UNROLLED, sizes_differ
 from lmoc.semantics.values.value import Value, common_type, number, stack
 from lmoc.semantics.wrong import NotAlike, NotOneGroup, Wrong, check_size
+from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
-
-LARGE = 16  # a longer array of numbers becomes a column of them rather than a shape each
 
 
 @translates(tree.Array)
@@ -34,7 +33,7 @@ def join(context: Context, items: list[Value], spans: list[Span]) -> Value:
         if item.type != items[0].type and {item.type, items[0].type} - {"Real", "Integer"}:
             raise Wrong("E0301", "the elements of an array differ in type", span,
                         expected=items[0].type, found=item.type)  # fmt: skip
-    if len(items) > LARGE and all(v.expr is not None and v.expr.is_const and not v.dims for v in items):
+    if len(items) > WRITTEN_OUT and all(v.expr is not None and v.expr.is_const and not v.dims for v in items):
         return column_of_numbers(context, np.array([v.expr.value for v in items]), common_type(items))
     return stack(items)
 
@@ -86,7 +85,7 @@ def concatenated(context: Context, axis: int, parts: list[Value], spans: list[Sp
 @translates(tree.Range)
 def _range(context: Context, e: tree.Range) -> Value:
     numbers, type_ = range_numbers(context, e)
-    if len(numbers) > LARGE:
+    if len(numbers) > WRITTEN_OUT:
         return column_of_numbers(context, numbers, type_)
     return stack([number(x, type_) for x in numbers], type=type_)
 
@@ -136,7 +135,7 @@ def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
         return context.value(e.element)
     index = e.indices[k]
     numbers, type_ = iteration(context, index, e.element)
-    if len(numbers) > LARGE:
+    if len(numbers) > WRITTEN_OUT:
         try:
             return _comprehend_at_once(context, e, k, numbers, type_)
         except NotOneGroup:

@@ -15,9 +15,7 @@ from lmoc.structure.blocks.block_equations import BatchRows, SquareSystem, SumRo
 from lmoc.structure.blocks.explicit import as_formula, pivot, solved
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.records import dataclass
-
-# equations up to which blocks are sorted into classes and torn one equation at a time
-SMALL_BLOCK = 60
+from lmoc.support.sizes import LARGE_BLOCK
 
 
 @dataclass(eq=False)
@@ -125,7 +123,7 @@ class Solution:
 
     def _blocks(self, members: np.ndarray) -> None:
         system, blocks = self.system, self.system.blocks
-        large = blocks.size > SMALL_BLOCK
+        large = blocks.size > LARGE_BLOCK
         for s in system.sums:
             large[blocks.block[s.equations]] = True
         number = blocks.block[members]

@@ -19,10 +19,11 @@ from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.incidence import ranges
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.support.distinct import distinct
+from lmoc.support.sizes import DENSE
 
 # steps until it is given up; relative size of the last one; what keeps the equations for it regular where constraints
-# repeat each other; how many of them are solved densely
-STEPS, CLOSED, DAMPING, DENSE = 40, 1e-9, 1e-13, 100
+# repeat each other
+STEPS, CLOSED, DAMPING = 40, 1e-9, 1e-13
 
 
 def start_point(system: EquationSystem, c: np.ndarray, highest: int) -> Sample:

@@ -37,9 +37,8 @@ from lmoc.structure.linear.sum_rows import SumRows
 from lmoc.structure.loops.redundancy import constraints, free_reactions
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
 from lmoc.support.records import dataclass
+from lmoc.support.sizes import RANK
 
-# a component of so many rows is looked at densely; larger ones are left as they are
-DENSE = 400
 # how far beside the start points lie
 ASIDE = 2e-2
 # a row depends on others when no more than this share of it is left: first beside a place at which the rows to be
@@ -331,7 +330,7 @@ def _components(groups: tuple[Rows, ...], start: Sample, ease: np.ndarray) -> It
     rows = np.concatenate(row)
     incidence = Incidence.of(len(source), len(jets), rows, column, np.zeros(len(rows), np.int64))
     for own_rows, own_columns in components(incidence, np.arange(len(source)), np.arange(len(jets))):
-        if not 1 < len(own_rows) <= DENSE:
+        if not 1 < len(own_rows) <= RANK:
             continue
         own_rows = own_rows[np.argsort(source[own_rows], kind="stable")]
         place = np.full(len(source), -1)

@@ -19,9 +19,7 @@ from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
-
-# a singular matrix larger than this is not taken apart
-LARGEST_DENSE = 400
+from lmoc.support.sizes import RANK
 
 
 def structurally_singular(system: EquationSystem, report: Report) -> None:
@@ -195,7 +193,7 @@ class _Floating:
         """Return what the piece with this row leaves undetermined."""
         piece = int(self._piece[row])
         members, columns = self._pieces[piece]
-        if not 0 < len(columns) <= LARGEST_DENSE:
+        if not 0 < len(columns) <= RANK:
             return columns[:0]
         own = slice(*self._start[piece : piece + 2])
         matrix = np.zeros((len(members), len(columns)))

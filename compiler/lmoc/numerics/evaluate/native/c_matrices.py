@@ -8,8 +8,7 @@ import numpy as np
 
 from lmoc.numerics.evaluate.jacobian import Implicit
 from lmoc.numerics.evaluate.native.c_code import Matrix, Writer
-
-DENSE_LIMIT = 12  # a block with more unknowns has a sparse matrix
+from lmoc.support.sizes import DENSE_IN_C
 
 
 class Entries(Protocol):
@@ -49,7 +48,7 @@ class Matrices:
 
     @property
     def is_sparse(self) -> bool:
-        return self.size > DENSE_LIMIT
+        return self.size > DENSE_IN_C
 
     def number(self, value: int) -> str:
         """A number of the block; those of a small matrix stand in the text, so that the compiler knows them."""
