@@ -14,7 +14,7 @@ from lmoc.semantics.values import builtins, constructors
 def short_is_long(monkeypatch):
     """Every loop and array constructor takes the way of the long ones."""
     for module in (constructors, equation_module, builtins):
-        monkeypatch.setattr(module, "LARGE", 0)
+        monkeypatch.setattr(module, "WRITTEN_OUT", 0)
 
 
 def of_model(text: str) -> list[str]:
