@@ -383,9 +383,10 @@ SHAKEN = """model M Mass m(m = 1, q(fixed = true), v(fixed = true)); Spring s(k 
     connect(w.flange, d.a); connect(d.b, m.flange); connect(f.flange, m.flange); end M;"""
 
 
-def test_a_picture_is_drawn_from_the_steps_and_the_table_says_that_it_is_coarse():
+@pytest.mark.parametrize("solver", ["auto", "taylor", "gauss"])
+def test_a_picture_is_drawn_from_the_steps_and_the_table_says_that_it_is_coarse(solver):
     """50 Hz and 62 points a second: seen through the table it would be 12 Hz."""
-    run = lmoc.compile_text(SHAKEN).simulate(stop=8)
+    run = lmoc.compile_text(SHAKEN).simulate(stop=8, solver=solver)
     assert [n.code for n in run.notes] == ["N0528"] and "--points" in run.notes[0].hint
     drawn = run.plot("x").axes[0].lines[0]
     times, values = drawn.get_xdata(), drawn.get_ydata()
@@ -395,7 +396,7 @@ def test_a_picture_is_drawn_from_the_steps_and_the_table_says_that_it_is_coarse(
     assert np.isin(run.time, times).all()
     assert values[np.searchsorted(times, run.time)] == pytest.approx(run["x"], abs=1e-9)
     points = int(run.notes[0].hint.split()[-1].strip("(points=)"))
-    assert not lmoc.compile_text(SHAKEN).simulate(stop=8, points=points).notes
+    assert not lmoc.compile_text(SHAKEN).simulate(stop=8, points=points, solver=solver).notes
 
 
 def test_a_smooth_run_a_few_samples_and_a_copy_are_drawn_as_they_are(run):
