@@ -142,6 +142,7 @@ def test_a_drivetrain_keeps_its_laws():
     assert first.impulse == pytest.approx(1.2 * 80 / 0.15 * touch * 0.15 / 1.15, rel=1e-9)
     (lock,) = [t for name, kind, t in events(found, "lock") if name == "clutch"]
     assert 0.2 < lock < 1.5 and events(found, "unlock") == [("freewheel", "unlock", pytest.approx(1.5))]
+    assert [e.name for e in found.events if abs(e.time - 1.5) < 1e-3] == ["freewheel"]  # the gear goes on to hold
     assert np.abs(found["clutch.torque"]).max() <= 80 * (1 + 1e-12)
     assert (found["w2"] - found["hub.omega"]).min() >= -1e-9 and np.abs(found["gear.delta"]).max() <= 0.02 + 1e-9
     assert found["freewheel.tau"].max() <= 1e-9  # it pushes b forward only

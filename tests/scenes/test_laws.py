@@ -101,6 +101,9 @@ def test_wagons_are_caught_one_after_the_other():
     assert [e.time for e in caught] == pytest.approx(np.sqrt(0.01 * k * (k + 1)), abs=1e-10)
     assert [e.name for e in caught] == [f"string[{i}]" for i in k]
     assert found["v"][-1] == pytest.approx((10 * 6) / 12, abs=1e-9)
+    # wagon k + 1 is caught with the impulse p = v, of which each wagon before it has taken its share
+    last = caught[-1]
+    assert last.passed_on == tuple((f"string[{i}]", pytest.approx(last.impulse * i / 11, abs=1e-9)) for i in k[:-1])
     gaps = np.array([found[f"string[{i}].gap"] for i in k])
     assert gaps.min() > -1e-12 and np.array([found[f"string[{i}].f"] for i in k]).min() > -1e-9
 

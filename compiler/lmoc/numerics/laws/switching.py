@@ -242,6 +242,9 @@ class LawSwitching:
 
     def _events(self, t: float, before: Mode, found: Transition, at_start: bool) -> list[Event]:
         events = []
+        passing = before.closed & found.mode.closed & ~found.accumulated & (found.impulse != 0.0)
+        passed = tuple((self.laws[k][0], float(found.impulse[k])) for k in np.flatnonzero(passing).tolist())
+        alone = not (found.impulse[~passing] != 0.0).any()  # nobody else has been hit: they are the impact
         for k, (name, laws) in enumerate(self.laws):
             was, now = before.closed[k], found.mode.closed[k]
             turned = before.direction[k] * found.mode.direction[k] < 0
@@ -249,7 +252,7 @@ class LawSwitching:
             if found.accumulated[k]:
                 kind = "accumulation"
             elif was == now and not turned:
-                if not found.impulse[k] or (was and now):
+                if not found.impulse[k] or (was and now and not alone):
                     continue
                 kind = "impact"
             elif at_start and not found.impulse[k]:
@@ -265,6 +268,7 @@ class LawSwitching:
                     float(found.impulse[k]),
                     float(found.lost[k]),
                     f"{found.impact_law}'s law" if found.impulse[k] else "",
+                    passed if found.impulse[k] and not alone else (),
                 )
             )
         return events

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import SPRUNG
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array
-from lmoc.numerics.laws.contradiction import solving
+from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.impact import Friction, Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
@@ -28,6 +28,7 @@ LOCATED = 1e-14  # s, or this share of the time: how exactly events are located
 TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
 LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap …
+_HOLDS = 1e-6  # share of what a law alone would have to hold: beyond it a force is none of rounding
 _RESOLVED = 1e3  # … or than this many errors that the integrator allows itself
 
 
@@ -124,9 +125,8 @@ def transition(
         least = np.where(holding, np.inf, least)
     relaxed = relax(gauge, now, mode, trigger.opening, trigger.direction)
     now = relaxed.now
-    candidate = _candidates(table, now, touching, least) & ~(trigger.opening & ~table.dry)
-    at_limit = np.where(trigger.opening & mode.closed, trigger.direction, 0)
-    settled = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), at_limit)
+    candidate = _candidates(table, now, touching, least)
+    settled = _settled(table, now, mode, candidate, trigger)
     closed = settled.mode.closed
     now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
     settled = replace(settled, mode=decide(gauge, replace(relaxed, now=now), settled.mode))
@@ -139,6 +139,27 @@ def transition(
     lost += relaxed.lost
     touched = touching | (candidate & ~table.unilateral) | (table.degree == SPRUNG)
     return Transition(before, now, settled, impulse, lost, impact.law if impact else "", touched, over, until)
+
+
+def _settled(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Settled:
+    """Return the mode that holds from here on.
+
+    A force that has come to zero by itself is zero up to rounding, and its law opens. Where other laws open at the same
+    instant it may have to hold after all: as of two that a jump of a load has set free.
+    """
+    at_limit = np.where(trigger.opening & mode.closed, trigger.direction, 0)
+    releasing = trigger.opening & ~table.dry & candidate
+    if releasing.any() and np.count_nonzero(mode.closed) > 1:
+        try:
+            found = settle(table, now, mode, candidate, _sliding(table, now, candidate, trigger), at_limit)
+        except Contradiction:
+            found = None
+        if found is not None:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                alone = np.abs(now.bias / np.diag(now.delassus))
+            releasing &= ~(found.mode.closed & found.unique & (found.force > _HOLDS * np.nan_to_num(alone)))
+    left = candidate & ~releasing
+    return settle(table, now, mode, left, _sliding(table, now, left, trigger), at_limit)
 
 
 def resisted(gauge: Gauge, now: Instant, closed: Mask) -> Instant:

@@ -20,6 +20,7 @@ class Event:
     impulse : along the law, ≥ 0: N·s or N·m·s
     energy_lost : J
     note : what deserves a word, such as the law of an impact
+    passed_on : (name, impulse) of laws that were closed, have remained so, and have passed the impact on
     """
 
     time: float
@@ -30,3 +31,4 @@ class Event:
     impulse: float = 0.0
     energy_lost: float = 0.0
     note: str = ""
+    passed_on: tuple[tuple[str, float], ...] = ()
