@@ -32,7 +32,7 @@ def either_way(request, monkeypatch):
     """Loops are unrolled, and loops are one group."""
     if request.param:
         for module in (constructors, equation_module, builtins):
-            monkeypatch.setattr(module, "LARGE", 0)
+            monkeypatch.setattr(module, "WRITTEN_OUT", 0)
 
 
 def test_values_that_follow_from_parameters() -> None:

@@ -32,7 +32,7 @@ def test_if_equations_that_differ_within_an_array() -> None:
 
 def test_if_equations_in_long_loops(monkeypatch) -> None:
     for module in (constructors, equation_module, builtins):
-        monkeypatch.setattr(module, "LARGE", 0)
+        monkeypatch.setattr(module, "WRITTEN_OUT", 0)
     dae = flat(
         """model A parameter Integer n = 6; Real x[n];
         equation

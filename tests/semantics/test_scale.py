@@ -14,7 +14,7 @@ BENCH = sorted((Path(__file__).parents[2] / "models" / "bench").glob("*.lmo"))
 
 def flattened(path: Path, n: int, monkeypatch, long: int):
     for module in (constructors, equation_module, builtins):
-        monkeypatch.setattr(module, "LARGE", long)
+        monkeypatch.setattr(module, "WRITTEN_OUT", long)
     return flatten_text(path.read_text(encoding="utf-8"), None, {"N": 10 * n})
 
 
