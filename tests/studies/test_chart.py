@@ -248,3 +248,13 @@ def test_methods_of_one_call_have_a_deadline_where_another_one_takes_their_place
     for text, one_call in ((OSCILLATOR, True), (ball, False)):
         runner = points.Runner(lmoc.compile_text(text)._session, Request(RunOptions()))
         assert runner._is_one_call("cvodes") is one_call and not runner._is_one_call("dop853")
+
+
+def test_a_quick_chart_ends_where_its_reference_can_follow():
+    """`auto` is quick at 1e-6, but a reference at 1e-13 would take all the time that the chart has."""
+    text = """model M Real x(start = 1e-6, fixed = true), v(start = 0, fixed = true);
+      Real y(start = 1, fixed = true), w(start = 0, fixed = true);
+      equation der(x) = v; der(v) = -1e8*x; der(y) = w; der(w) = -y; annotation(experiment(StopTime = 10)); end M;"""
+    chart = lmoc.compile_text(text).chart(["auto", "dop853"], rtols=[1e-6], quick=True)
+    assert "to be quick, only until" in chart.note and chart.reference.uncertainty < 1e-8
+    assert chart.points[0].ok and chart.points[0].error < 1e-4

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from lmoc.simulation import Request
 from lmoc.studies.chart_text import save, table
 from lmoc.studies.findings import Findings
 from lmoc.studies.points import Measurement, Runner, Setting, steps_for
-from lmoc.studies.reference import Probe, make_reference, probe
+from lmoc.studies.reference import Probe, make_reference, probe, reach
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ _QUICK_RTOLS = 1e-3, 1e-5, 1e-7, 1e-9
 _QUICK = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
 _ELSEWHERE = "auto", "dop853", "taylor", "ida", "radau", "gauss"  # in other formulations, unless somebody asks
 _STEPS, _QUICK_STEPS = 6, 3  # lengths of fixed steps
+_QUICK_REFERENCE, _QUICK_SHARE = 0.2, 0.7  # of the time for it a run of the reference may take; of the way it gets then
 _QUICK_RUN = 0.04  # s, that a run by `auto` may take in a quick chart; of a longer one only the beginning is charted
 
 Progress = Callable[[str, float], None]
@@ -123,10 +125,10 @@ def chart(
     until = clock.thread_time() + budget.total
     progress("auto at rtol 1e-6", 0.0)
     first, note = probe(runner, budget.reference), ""
-    if quick and first.seconds > _QUICK_RUN:
-        share = (first.reached - first.begin) / (first.end - first.begin) * _QUICK_RUN / first.seconds
-        runner = runner.until(first.begin + share * (first.end - first.begin))
-        note = f"to be quick, only until {runner.span.end:.3g} s of {first.end:g} s"
+    end = _quick_end(runner, first, budget) if quick else first.end
+    if end < first.end:
+        runner = runner.until(end)
+        note = f"to be quick, only until {end:.3g} s of {first.end:g} s"
         first = probe(runner, budget.reference)
     reference = make_reference(runner, first, budget.reference, progress)
     settings = [
@@ -139,6 +141,16 @@ def chart(
     measurement.measure(settings, budget.repeats)
     points = (measurement.points.get(setting) for series in settings for setting in series)
     return Chart(session.flat.name, tuple(p for p in points if p is not None), reference, note, measurement.interrupted)
+
+
+def _quick_end(runner: Runner, first: Probe, budget: Budget) -> float:
+    """Return the end of the runs of a quick chart, s: `auto` gets there quickly, and so does the reference."""
+    end = first.end
+    if first.seconds > _QUICK_RUN:
+        end = first.begin + (first.reached - first.begin) * _QUICK_RUN / first.seconds
+    seconds = budget.reference * _QUICK_REFERENCE
+    reached = reach(runner if end == first.end else runner.until(end), replace(first, end=end), seconds)
+    return end if reached >= end else first.begin + _QUICK_SHARE * (reached - first.begin)
 
 
 def _budget(seconds: float | None, quick: bool) -> Budget:

@@ -97,6 +97,17 @@ def probe(runner: Runner, seconds: float) -> Probe:
     return Probe(compared_names(run), tuple(run.states), span.start, reached, span.end, spent, step, stiff)
 
 
+def reach(runner: Runner, first: Probe, seconds: float) -> float:
+    """Return how far the first method of a reference gets in so many seconds, s; the end where it gets there."""
+    solver, rtol = (_STIFF if first.stiff else _SMOOTH)[0]
+    try:
+        runner.run(Setting(solver, "reduced", rtol), seconds)
+    except SimulationError as failure:
+        if Status.TOO_LONG.value in str(failure):
+            return failure.time
+    return first.end
+
+
 def make_reference(runner: Runner, first: Probe, seconds: float, progress: Callable[[str, float], None]) -> Reference:
     """Return the reference of a scene.
 
