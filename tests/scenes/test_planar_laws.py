@@ -37,6 +37,20 @@ def test_a_pendulum_on_a_string_that_becomes_slack():
     assert run["string.gap"] == pytest.approx(1 - np.hypot(run["p.x"], run["p.y"]), abs=1e-14)
 
 
+@pytest.mark.parametrize(("solver", "rtol"), [("auto", 1e-3), ("taylor", 1e-6), ("radau", 1e-6), ("cvode", 1e-6)])
+def test_a_taut_string_is_not_longer_whatever_the_tolerance(solver, rtol):
+    """Its equation holds the acceleration; length and rate would drift with the square of time."""
+    dae = particle(0.6, -0.8, 0, 0, "  connect(anchor.point, string.a); connect(string.b, p.point);",
+                   "  Anchor anchor; Cable string(L = 1);")  # fmt: skip
+    run = dae.simulate(stop=20, points=401, solver=solver, rtol=rtol)
+    assert not run.events and [mode for _, mode in run.modes] == [{"string": "taut"}]
+    x, y, u, v = (run[f"p.{name}"] for name in ("x", "y", "vx", "vy"))
+    assert np.abs(np.hypot(x, y) - 1).max() < 1e-12
+    assert np.abs(run["string.gap"]).max() < 1e-12
+    assert np.abs(x * u + y * v).max() < 1e-12
+    assert np.abs((u**2 + v**2) / 2 + G * (y + 0.8)).max() < 1e4 * rtol
+
+
 def test_a_string_pulls_with_its_tension_and_may_be_folded_up():
     """Dropped from the anchor itself, where the string has no direction."""
     dae = particle(0, 0, 0, 0, "  connect(anchor.point, string.a); connect(string.b, p.point);",

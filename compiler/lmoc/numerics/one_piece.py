@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.failures.chatter import chatters, jumps
+from lmoc.numerics.formulations.table import ONE_STEP
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Roots
 from lmoc.numerics.integrate.standing import standing
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 _MULTISTEP = frozenset({"cvode", "adams"})
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
+_DRIFT = 0.1  # of the tolerance: from there on the states are moved onto what is closed
 ACCEPTED = 0.01  # share of the ranges of positions by which they may be off before a run warns of it
 
 
@@ -44,6 +47,7 @@ class Bounds:
     roots : what ends the piece early; None where nothing switches
     finer : factor on the tolerances
     way : bounds the steps after a change of coordinates
+    kept : moves states onto what is closed (`LawSwitching.kept`); None where nothing drifts
     """
 
     begin: float
@@ -52,6 +56,7 @@ class Bounds:
     roots: Roots | None = None
     finer: float = 1.0
     way: Way | None = None
+    kept: Callable[..., np.ndarray] | None = None
 
 
 class PieceSolver:
@@ -144,12 +149,19 @@ class PieceSolver:
     def _problem(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Problem:
         """Return what the integrator is given for a piece."""
         task, options, begin, end = self.task, self.task.options, bounds.begin, bounds.end
+        corrected = None
+        if bounds.kept is not None and options.solver in ONE_STEP:
+            corrected = partial(bounds.kept, share=_DRIFT * self.tolerances.rtol)
         loops, done, times = stretch.loops, stretch.recorder.reached, _times_ahead(stretch, end)
         whole = task.span.start, task.span.end
         self._lookout = lookout(stretch.plan, stretch.base, task.signals, whole, self._lookout)
 
         def sink(first: int, states: np.ndarray) -> None:
-            stretch.recorder(first + done, states if loops is None else loops.output(times[first:], states))
+            if loops is not None:
+                states = loops.output(times[first:], states)
+            elif bounds.kept is not None:
+                states = np.array([bounds.kept(t, x) for t, x in zip(times[first:].tolist(), states)])
+            stretch.recorder(first + done, states)
 
         def held(t: float, x: np.ndarray) -> bool:
             return bool(self.holding_jump(stretch, t, x))
@@ -171,7 +183,7 @@ class PieceSolver:
             breaks=self._breaks(stretch, begin, end),
             guard=stretch.watch or loops,
             roots=bounds.roots,
-            correction=None if loops is None else loops.correction,
+            correction=corrected if loops is None else loops.correction,
             landing=None if loops is None or loops.landing is None else loops,
             index_one=None if loops is None else loops.index_one,
             held=held if stretch.plan.once(jumps) else None,

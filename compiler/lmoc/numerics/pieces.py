@@ -277,7 +277,7 @@ class _Run:
             return Outcome(begin, x, 0, status)
         self._watch_loops(begin, x)
         if now is not None:
-            bounds = replace(bounds, longest=min(self.longest, now.longest_step))
+            bounds = replace(bounds, longest=min(self.longest, now.longest_step), kept=now.kept)
         # what follows from the states is known less well than they are, where one choice after the other divides by it
         if self.pieces and (self.stretch.watch is not None or self._went_over):
             bounds = replace(bounds, finer=_FINER)

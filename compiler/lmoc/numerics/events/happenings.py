@@ -8,7 +8,7 @@ something that they depend on.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -168,6 +168,11 @@ class Happenings:
             return found[0] if found else None
         signs = np.concatenate([r.signs for r in found])
         return Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
+
+    @property
+    def kept(self) -> Callable[..., np.ndarray] | None:
+        """Return what moves states onto what is closed (`LawSwitching.kept`); None where it stays closed by itself."""
+        return None if self.laws is None or not self.laws.drifting.any() else self.laws.kept
 
     def steps(self) -> TimeStepping:
         """Return what goes through the laws in steps of equal length, from the present states on."""

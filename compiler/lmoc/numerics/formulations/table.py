@@ -9,7 +9,7 @@ from lmoc.support.records import dataclass
 GAIN = 10.0  # 1/s, of Baumgarte's stabilization
 
 # methods of one step: the state may be moved between two of them without loss
-_ONE_STEP = ("auto", "dop853", "taylor", "radau", "gauss", "rk4", "midpoint")
+ONE_STEP = ("auto", "dop853", "taylor", "radau", "gauss", "rk4", "midpoint")
 _IMPLICIT = ("auto", "ida")
 STEPPED_IN_C = ("auto", "dop853", "taylor")  # of these, those for which projection costs little
 
@@ -40,7 +40,7 @@ class Formulation:
 _ALL = (
     Formulation("auto", "reduced; where the coordinates change often, projected from then on"),
     Formulation("reduced", "minimal coordinates, changed along the motion where others are better"),
-    Formulation("projected", "all coordinates of the loops, projected onto the closures after each step", _ONE_STEP),
+    Formulation("projected", "all coordinates of the loops, projected onto the closures after each step", ONE_STEP),
     Formulation("index1", "all coordinates of the loops, closures differentiated twice: they drift"),
     Formulation("baumgarte", "as index1, with feedback of the closures: baumgarte:GAIN, in 1/s"),
     Formulation("ggl", "closures and their derivatives as equations (Gear, Gupta, Leimkuhler)", _IMPLICIT, True),

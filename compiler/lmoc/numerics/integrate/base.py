@@ -44,7 +44,8 @@ class Problem:
     first_step : s, which a method of one step may begin with; infinity where it is to find one
     shortest : s, mean length of its steps below which a Taylor series is STIFF
     step : s, the length of all steps of a method with fixed steps; None where it chooses them
-    correction : (t, x) -> x, moves the end of an accepted step; None where it stays as it is
+    correction : (t, x) -> x, moves the end of an accepted step or returns the same array; None where all stay as they
+        are
     landing : the same and the guard in C; None where they are left to Python
     index_one : what IDA integrates in place of the system, with the states first among its components
     held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.

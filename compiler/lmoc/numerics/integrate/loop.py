@@ -178,6 +178,8 @@ class _Loop:
     def correct(self, status: Status) -> Status:
         """Move the state as the problem's correction says, and go on from there."""
         x = self.problem.correction(self.run.t, self.run.x)
+        if x is self.run.x:
+            return status
         if not np.isfinite(x).all():
             return Status.SINGULAR
         self.run.jump(x)

@@ -14,6 +14,7 @@ from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant
+from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, free_mode
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
@@ -22,6 +23,7 @@ from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
+KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times
 NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a piece …
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
 LEAVING = 1e-16  # … or by this one where they grow from zero at once
@@ -126,6 +128,31 @@ class LawSwitching:
         near = NEAR * coarser * scale
         near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
         return np.where(concerned & (np.abs(value) <= near), np.maximum(-value, 0.0) + share, 0.0)
+
+    # ------------------------------------------------------------------ what stays closed
+
+    @property
+    def drifting(self) -> NDArray[np.bool_]:
+        """(2, n) gaps and rates of closed laws that the integrator keeps at zero within its errors alone."""
+        closed, table = self.mode.closed, self.gauge.table
+        gaps, rates = closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2)
+        return self.gauge.curved & np.stack([gaps, rates])
+
+    def kept(self, t: float, x: Array, share: float = KEPT) -> Array:
+        """Return a state moved onto what is closed: the same array where it is there, NaN where there is no way.
+
+        Parameters
+        ----------
+        share : of the terms of a gap, or of a rate, by which it may miss zero
+        """
+        chosen, now = self.drifting, self.gauge.at(t, x)
+        value = np.abs(np.stack([now.gap, now.rate])[chosen])
+        if (value <= share * np.stack([now.gap_scale, now.rate_scale])[chosen]).all():
+            return x
+        try:
+            return project(self.gauge, now, *chosen).x
+        except Contradiction:
+            return np.full(len(x), np.nan)
 
     # ------------------------------------------------------------------ what happens
 
