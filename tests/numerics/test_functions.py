@@ -124,3 +124,18 @@ def test_another_branch_by_another_guess():
     ).functions
     for guess, sign in ((1.0, 1), (-1.0, -1)):
         assert float(f.algebraic(0, [0.5, 0.0], [], [], guess)) == pytest.approx(sign * np.arccos(0.5))
+
+
+def test_inputs_that_hold_the_modes_of_laws_have_names():
+    """A mass that sticks to the ground by friction, and one that slides."""
+    dae = lmoc.compile_text("""model Held Fixed wall; Mass m(m = 2); DryFriction f(F = 3); Force p(f = 5);
+    equation connect(wall.flange, f.a); connect(f.b, m.flange); connect(p.flange, m.flange); end Held;""")
+    made = dae.functions
+    assert set(made.inputs) == {"closed(f)", "force(f)", "direction(f)"}
+
+    def acceleration(**mode):
+        given = [mode.get(name.split("(")[0], 0.0) for name in made.inputs]
+        return float(made.ode(0, [0, 1], given, made.values)[made.states.index("m.v")])
+
+    assert acceleration(closed=1) == 0.0
+    assert acceleration(direction=1) == 1.0 and acceleration(direction=-1) == 4.0

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.flat import Kind
+from lmoc.ir.law import NONE
+from lmoc.ir.mode import law_names
 from lmoc.ir.program import needed_steps, program_rows
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
@@ -211,7 +213,7 @@ def casadi_functions(
     names = (
         tuple(reduced.state_names),
         tuple(reduced.register_name(int(r)) for r in unknowns),
-        tuple(flat.jet_name(int(v), int(order)) for v, order in reduced.inputs[1:].T),
+        _input_names(reduced),
         tuple(flat.variable_name(int(v)) for v in parameters),
     )
     residual = ca.Function(
@@ -222,6 +224,19 @@ def casadi_functions(
     right = ca.Function("right", [t, x, z, u, p], [f, y], ["t", "x", "z", "u", "p"], ["dx", "y"])
     shown = tuple(flat.variable_name(int(v)) for v in outputs)
     return Functions(names[0], names[2], names[3], shown, values[parameters], dae, right)
+
+
+def _input_names(reduced: Reduced) -> tuple[str, ...]:
+    """Return the names of the inputs and their derivatives; of those that hold the mode of a law, with its name."""
+    flat, form = reduced.flat, reduced.switched
+    held: dict[int, str] = {}
+    if form is not None:
+        for k, law in enumerate(law_names(flat, form.laws)):
+            own = {"closed": form.closed[k], "force": form.push[k], "direction": form.direction[k]}
+            held |= {int(v): f"{word}({law})" for word, v in own.items() if v != NONE}
+    return tuple(
+        held[v] if v in held and order == 0 else flat.jet_name(v, order) for v, order in reduced.inputs[1:].T.tolist()
+    )
 
 
 def _parameters(reduced: Reduced) -> tuple[np.ndarray, np.ndarray]:
