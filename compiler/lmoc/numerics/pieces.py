@@ -10,7 +10,6 @@ import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +24,13 @@ from lmoc.numerics.coordinates.change import (
     with_solutions,
 )
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.failures.account import check_start, check_values, explanation, registers_at_end
+from lmoc.numerics.failures.account import (
+    check_start,
+    check_values,
+    explanation,
+    note_coordinates,
+    registers_at_end,
+)
 from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.integrate.base import Outcome
@@ -49,7 +54,6 @@ if TYPE_CHECKING:
     from lmoc.numerics.events.happenings import Happenings
 
 _FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
-_SAME = 1e-14  # of the time: roots after a jump are found a few units of the last place after it
 
 
 def run_pieces(
@@ -88,9 +92,8 @@ class _Run:
         self.task, self.report = task, task.report
         options, span = task.options, task.span
         observer = Observer(plan, task.values, base, task.signals)
-        ledger = _ledger_names(observer) if options.energy else ()
-        keep = None if options.keep is None else (*options.keep, *ledger)
-        self.variables = None if keep is None else kept_variables(observer.flat, keep)
+        keep = options.keep
+        self.variables = None if keep is None else kept_variables(observer.flat, keep, options.energy)
         self.tolerances = Tolerances(task, options.tolerance(observer.flat.experiment))
         self.solver = PieceSolver(task, self.tolerances)
         self.stretch = Stretch(observer, system, span.start, span.times, 0, self.variables)
@@ -147,7 +150,7 @@ class _Run:
         }
         if self.stretch.plan.reduced.in_all_coordinates and not self._went_over and self.stretch.loops is not None:
             stats |= self.stretch.loops.stats
-        self._note_changes()
+        note_coordinates(self.pieces, self.changes if "changes" in self.__dict__ else None, self.report)
         notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
         records = (*self.impacts, *(() if happenings is None else happenings.records))
         crossing = None if happenings is None else happenings.crossing
@@ -186,14 +189,8 @@ class _Run:
         report.check()
         system.prepare(self.stretch.base, self.stretch.observer.signals)
         check_start(self.stretch, span.start, x, report)
-        self._record_start(x)
+        self.stretch.recorder.record_start(self.stretch.begin, x)
         return x
-
-    def _record_start(self, x: np.ndarray) -> None:
-        """Keep the state where a piece begins, if it is an output time: at an event, the one after it."""
-        recorder, begin = self.stretch.recorder, self.stretch.begin
-        if len(recorder.times) and _is_same(recorder.times[0], begin):
-            recorder(0, x[None])
 
     # ------------------------------------------------------------------ events
 
@@ -244,14 +241,12 @@ class _Run:
             return None
         if x is None:
             return None
-        recorder = stretch.recorder
-        if recorder.reached and _is_same(recorder.times[recorder.reached - 1], time):
-            recorder.reached -= 1  # the value at an event is the one after it
+        stretch.recorder.take_back(time)
         self.pieces.append(stretch.piece())
         if self.happenings.is_over:
             self.before_terminal = self.pieces[-1], outcome.x
         self._begin(time)
-        self._record_start(x)
+        self.stretch.recorder.record_start(self.stretch.begin, x)
         return x
 
     # ------------------------------------------------------------------ the way
@@ -293,7 +288,7 @@ class _Run:
         old, now = self.stretch, self.happenings
         observer = Observer(old.plan, self.task.values, now.open, self.task.signals)
         self.stretch = Stretch(observer, old.system, begin, self.task.span.times, old.first, self.variables)
-        self._record_start(x)
+        self.stretch.recorder.record_start(self.stretch.begin, x)
         old.system.prepare(observer.base, observer.signals)
         found = self.solver.march(self.stretch, x, now.steps)
         now.records += found.steps.records
@@ -309,7 +304,7 @@ class _Run:
 
     @property
     def _went_over(self) -> bool:
-        """Whether the run has gone over to all coordinates of its loops on its way."""
+        """Return whether the run has gone over to all coordinates of its loops."""
         return "changes" in self.__dict__ and self.changes.together is not None
 
     @cached_property
@@ -401,31 +396,3 @@ class _Run:
         piece = self.stretch.piece(outcome)
         if len(piece.time) or outcome.time > piece.begin or outcome.status is not Status.COORDINATES:
             self.pieces.append(piece)
-
-    def _note_changes(self) -> None:
-        """Report how often coordinates have changed, and between which, and singular positions on the way."""
-        names = [tuple(p.coordinates) for p in self.pieces]
-        changes = sum(a != b for a, b in pairwise(names))
-        if changes:
-            sets = "; ".join(", ".join(n) for n in dict.fromkeys(names))
-            often = "once" if changes == 1 else f"{changes} times"
-            self.report.note("N0632", f"coordinates changed {often}, between {sets}")
-        if self._went_over:
-            begin, end = self.changes.together, self.changes.returned
-            when = f"from t = {begin:.6g} s on" if end is None else f"from t = {begin:.6g} s to {end:.6g} s"
-            self.report.note("N0635", f"all coordinates of the loops were integrated {when}: few changed often")
-        passed = self.changes.passed if "changes" in self.__dict__ else []
-        if passed:
-            often = "a singular position was" if len(passed) == 1 else f"{len(passed)} singular positions were"
-            first = f"at t = {passed[0]:.6g} s" if len(passed) == 1 else f"the first at t = {passed[0]:.6g} s"
-            self.report.note("N0633", f"{often} passed, {first}: the motion goes on with continuous velocities")
-
-
-def _is_same(time: float, event: float) -> bool:
-    """Return whether an output time is that of an event."""
-    return 0 <= event - time <= _SAME * abs(event)
-
-
-def _ledger_names(observer: Observer) -> tuple[str, ...]:
-    names = ("ledger.stored", "ledger.work", "ledger.heat")
-    return names if all(observer.flat.find(n) is not None for n in names) else ()

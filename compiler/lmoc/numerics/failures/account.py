@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
@@ -9,9 +13,13 @@ from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.options import Span
 from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.task import Stretch
+
+if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.changes import Changes
 
 
 def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) -> None:
@@ -98,3 +106,29 @@ def explanation(stretch: Stretch, outcome: Outcome, span: Span, sizes: np.ndarra
         found = fastest(*place, sizes, span.end - span.start)
     detail = f": {found}" if found else ""
     return f"the run stopped at t = {outcome.time:.6g} s of {span.end:g} s: {known or outcome.status.value}{detail}"
+
+
+def note_coordinates(pieces: Sequence[Piece], changes: Changes | None, report: Report) -> None:
+    """Report how often coordinates have changed, and between which, and which singular positions were passed.
+
+    Parameters
+    ----------
+    changes : None where the coordinates could not have changed
+    """
+    names = [tuple(p.coordinates) for p in pieces]
+    count = sum(a != b for a, b in pairwise(names))
+    if count:
+        sets = "; ".join(", ".join(n) for n in dict.fromkeys(names))
+        often = "once" if count == 1 else f"{count} times"
+        report.note("N0632", f"coordinates changed {often}, between {sets}")
+    if changes is None:
+        return
+    if changes.together is not None:
+        begin, end = changes.together, changes.returned
+        when = f"from t = {begin:.6g} s on" if end is None else f"from t = {begin:.6g} s to {end:.6g} s"
+        report.note("N0635", f"all coordinates of the loops were integrated {when}: few changed often")
+    if changes.passed:
+        passed = changes.passed
+        often = "a singular position was" if len(passed) == 1 else f"{len(passed)} singular positions were"
+        first = f"at t = {passed[0]:.6g} s" if len(passed) == 1 else f"the first at t = {passed[0]:.6g} s"
+        report.note("N0633", f"{often} passed, {first}: the motion goes on with continuous velocities")

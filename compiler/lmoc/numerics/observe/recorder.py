@@ -12,6 +12,8 @@ from lmoc.support.distinct import distinct
 
 _SAMPLES = 25, 200  # least and most output times whose states are kept in any case …
 _SAMPLED = 2_000_000  # … and numbers in them, where that allows more than the least
+_SAME = 1e-14  # of the time: roots after a jump are found a few units of the last place after it
+_LEDGER = ("ledger.stored", "ledger.work", "ledger.heat")
 
 
 class Recorder:
@@ -53,6 +55,16 @@ class Recorder:
         """Return what is kept of some states."""
         return states if self._evaluate is None else self._evaluate(times, states)
 
+    def record_start(self, time: float, x: np.ndarray) -> None:
+        """Keep the state where a piece begins, if that is the first output time."""
+        if len(self.times) and _is_same(self.times[0], time):
+            self(0, x[None])
+
+    def take_back(self, time: float) -> None:
+        """Forget the last output time, if it is that of an event: there the next piece has the value after it."""
+        if self.reached and _is_same(self.times[self.reached - 1], time):
+            self.reached -= 1
+
     def taken(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the output times so far, and what is kept of them."""
         whole = self.reached == len(self.times)
@@ -65,7 +77,19 @@ class Recorder:
         return self.times[own], self.table[own] if self._sampled is None else self._sampled[: len(own)]
 
 
-def kept_variables(flat: FlatDAE, keep: Sequence[str]) -> np.ndarray:
-    """Return the variables of these names, and those in motion that the model's assertions look at."""
+def kept_variables(flat: FlatDAE, keep: Sequence[str], energy: bool) -> np.ndarray:
+    """Return the variables of these names, those in motion that the model's assertions look at, and the ledger's.
+
+    Parameters
+    ----------
+    energy : whether the energy ledger is kept, where the model has one
+    """
+    if energy and all(flat.find(name) is not None for name in _LEDGER):
+        keep = (*keep, *_LEDGER)
     judged = [own[flat.kind[own] >= Kind.INPUT] for own in (check.slots.ravel() for check in flat.checks)]
     return distinct(np.concatenate([*(find(flat, name) for name in keep), *judged, np.zeros(0, int)]))
+
+
+def _is_same(time: float, event: float) -> bool:
+    """Return whether an output time is that of an event."""
+    return 0 <= event - time <= _SAME * abs(event)
