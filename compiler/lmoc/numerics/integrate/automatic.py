@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmoc.numerics.evaluate.select import has_varying_blocks
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.status import Status
@@ -102,9 +103,11 @@ def _long_way(way: _Way, series: float = _SERIES) -> tuple[Outcome, str, float]:
         rtol = max(problem.rtol * factor, _FINEST)
         since = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
         text = f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {since}"
-    large = problem.system.n >= _LARGE
+    large, plan = problem.system.n >= _LARGE, problem.system.plan
     many, fine = (_FEWEST, np.inf) if large else (_MANY, series)
-    if problem.rtol * factor <= fine and ahead >= many and not _may_be_stiff(problem, way.outcome):
+    # the series of a large block that is solved at each evaluation takes the C compiler longer than the run
+    suits = not (large and has_varying_blocks(plan.program)) and problem.rtol * factor <= fine
+    if suits and ahead >= many and not _may_be_stiff(problem, way.outcome):
         outcome = way.go("taylor", factor, shortest=_SHORT * mean)
         if outcome.status not in _GIVEN_UP:
             return outcome, text, factor
