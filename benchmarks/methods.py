@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 
 from benchmarks.common import ROOT, save, table
+from lmoc.messages.diagnostics import ModelError, SimulationError
 
 SOLVERS = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
 SECONDS = 5.0  # of the processor for each scene
@@ -43,12 +44,23 @@ def measure(names: Sequence[str] = ()) -> list[dict]:
                 continue
             dae = lmoc.compile(path)
             forms = None if dae.reduced.constraints is None else ("reduced", "projected", "ggl", "index1", "index3")
-            chart = dae.chart(SOLVERS, forms, [RTOL], quick=True, seconds=SECONDS)
+            try:
+                chart = dae.chart(SOLVERS, forms, [RTOL], quick=True, seconds=SECONDS)
+            except (ModelError, SimulationError) as error:  # nothing to integrate, or nothing to measure errors by
+                rows.append(_without(path.stem, error))
+                continue
             finest = {(p.setting.formulation, p.setting.solver): p for p in chart.points}
             for (form, solver), p in finest.items():
                 rows.append({"scene": path.stem, "form": form, "solver": solver, "error": p.error, "status": p.status,
                              "seconds": p.seconds, "residual": p.residual, "energy": p.energy})  # fmt: skip
     return rows
+
+
+def _without(scene: str, error: ModelError | SimulationError) -> dict:
+    """Return the row of a scene that has no chart."""
+    reason = error.diagnostics[-1].message if isinstance(error, ModelError) else str(error).split("; ")[0]
+    nothing = dict.fromkeys(("error", "seconds", "residual", "energy"), math.nan)
+    return {"scene": scene, "form": "reduced", "solver": "auto", "status": reason, **nothing}
 
 
 def lines(rows: Sequence[dict]) -> tuple[list[list[str]], dict[str, str]]:
