@@ -181,7 +181,7 @@ class Reduced:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What is said of each redundant constraint that has been left out."""
+        """The notes on redundant constraints that have been left out."""
         return tuple(note.message for note in self.notes if note.code == "N0415")
 
     def register_name(self, register: int) -> str:

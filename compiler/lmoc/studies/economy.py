@@ -53,7 +53,7 @@ class Economy:
 
 
 class Economies(tuple[Economy, ...]):
-    """What a scene costs in each form."""
+    """The cost of a scene in each form."""
 
     def _repr_html_(self) -> str:
         """Return the HTML representation for notebooks."""

@@ -142,7 +142,7 @@ class Happenings:
 
     @property
     def is_over(self) -> bool:
-        """Whether what the model does at the end of the run has been done."""
+        """Return whether what the model does at the end of the run has been done."""
         hybrid = self.hybrid
         return hybrid is not None and hybrid.is_over
 

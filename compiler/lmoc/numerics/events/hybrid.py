@@ -192,7 +192,7 @@ class Hybrid:
 
     @property
     def is_over(self) -> bool:
-        """Whether ``terminal()`` has been true."""
+        """Return whether ``terminal()`` has been true."""
         terminal = self.layout.events.terminal
         return terminal >= 0 and self.machine.v[terminal] != 0
 

@@ -144,7 +144,7 @@ class Landing:
 
 
 class _Compiled:
-    """What is compiled of a plan's closures, and its data."""
+    """The compiled closures of a plan, and their data."""
 
     def __init__(self, plan: Plan) -> None:
         """

@@ -107,7 +107,7 @@ class LoopWatch:
 
     @property
     def is_near(self) -> bool:
-        """Whether the closures come near to a place where they depend on each other, or there is no way on."""
+        """Return whether the closures come near to a place where they depend on each other, or there is no way on."""
         return bool(self.reason) or self._least < _NEAR
 
     def why(self, status: Status) -> str:
@@ -189,7 +189,7 @@ class LoopWatch:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """How the closures of a scene stand at a place, by shape of loops.
+    """The closures of a scene at a place, by shape of loops.
 
     Attributes
     ----------

@@ -97,7 +97,7 @@ class Guard(Protocol):
 
 
 class Landing(Protocol):
-    """What guard and correction do, in C, for many steps at once.
+    """Guard and correction in C, for many steps at once.
 
     Attributes
     ----------
