@@ -70,3 +70,18 @@ def test_no_impact_creates_energy_or_pulls(seed, n):
     assert lost >= -1e-8 * scale
     assert (jacobian @ end >= -1e-7 * np.abs(rate).max()).all()
     assert impact.law in (NEWTON, POISSON)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e8])
+def test_laws_that_bar_each_other_come_to_rest(size):
+    """A string and a stop of one length between two bodies, and strings to the wall: what is compressed stays.
+
+    Newton's law contradicts itself, since the string would rebound and the stop would not let it; in the compression
+    of Poisson's law the rates vanish up to rounding, and the expansion must not take that for motion.
+    """
+    gaps = np.array([[1.0, -1.0], [0.0, -1.0], [-1.0, 1.0], [1.0, 0.0]])  # strings 1, 2 and 4, stop 3
+    delassus = gaps @ np.diag([1 / 1.53, 1.0]) @ gaps.T
+    rate = gaps @ [0.0, 1.0] * size
+    impact = collide(delassus, rate, np.array([0.5, 0.0, 1.0, 0.8]))
+    assert impact.law == "Poisson" and impact.rate == pytest.approx(np.zeros(4), abs=1e-14 * size)
+    assert (impact.impulse >= 0.0).all() and impact.lost.sum() == pytest.approx(size**2 / 2, rel=1e-12)

@@ -89,9 +89,9 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
         x, side = _pivot(regular, q - shift * before, lower, upper, side)
         x = _polished(matrix, q, x, side)
         w = matrix @ x + q
-        slack = _slack(matrix, q, x)
-        solved = np.abs(w[side == FREE]) <= slack[side == FREE]
-        if solved.all() and not len(_violated(x, w, side, lower, upper, slack, diagonal)):
+        allowed = slack(matrix, q, x)
+        solved = np.abs(w[side == FREE]) <= allowed[side == FREE]
+        if solved.all() and not len(_violated(x, w, side, lower, upper, allowed, diagonal)):
             w[side == FREE] = 0.0
             x = np.clip(x, lower, upper)
             return Solution(x, w, side, _determined(matrix, side))
@@ -106,7 +106,7 @@ def _pivot(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides) -> 
     for _ in range(100 + 2000 * n):
         x = _point(matrix, q, lower, upper, side)
         w = matrix @ x + q
-        violated = _violated(x, w, side, lower, upper, _slack(matrix, q, x), np.diag(matrix))
+        violated = _violated(x, w, side, lower, upper, slack(matrix, q, x), np.diag(matrix))
         if not len(violated):
             return x, side
         if len(violated) < fewest:
@@ -120,7 +120,7 @@ def _pivot(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides) -> 
     raise NoSolution(x)
 
 
-def _slack(matrix: Array, q: Array, x: Array) -> Array:
+def slack(matrix: Array, q: Array, x: Array) -> Array:
     """Return by how much each component of w may be wrong: a share of its terms, and rounding of the others'."""
     terms = np.abs(matrix) @ np.abs(x) + np.abs(q)
     return NEGLIGIBLE * terms + ROUNDING * terms.max()
@@ -169,12 +169,12 @@ def _inverse(matrix: Array) -> Array | None:
 
 
 def _violated(
-    x: Array, w: Array, side: Sides, lower: Array, upper: Array, slack: Array, diagonal: Array
+    x: Array, w: Array, side: Sides, lower: Array, upper: Array, allowed: Array, diagonal: Array
 ) -> NDArray[np.int64]:
-    """Return the components that are not where their conditions want them, by more than `slack` in w."""
-    beyond = slack / diagonal
+    """Return the components that are not where their conditions want them, by more than `allowed` in w."""
+    beyond = allowed / diagonal
     outside = (side == FREE) & ((x < lower - beyond) | (x > upper + beyond))
-    pulled = ((side == LOWER) & (w < -slack)) | ((side == UPPER) & (w > slack))
+    pulled = ((side == LOWER) & (w < -allowed)) | ((side == UPPER) & (w > allowed))
     return np.flatnonzero(outside | (pulled & (lower < upper)))
 
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Sides, Solution, solve
+from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Sides, Solution, slack, solve
 from lmoc.support.records import dataclass
 
 NEWTON, POISSON = "Newton", "Poisson"
@@ -100,7 +100,9 @@ def _newton(delassus: Array, rate: Array, restitution: Array, friction: Friction
 
 def _poisson(delassus: Array, rate: Array, restitution: Array, friction: Friction) -> Impact:
     compression = _solved(delassus, rate, np.zeros(len(rate)), friction)
-    expansion = _solved(delassus, compression.w, restitution * compression.x, friction)
+    rest = np.abs(compression.w) <= slack(delassus, rate, compression.x)
+    left = np.where(rest, 0.0, compression.w)  # laws that depend on each other would contradict each other by rounding
+    expansion = _solved(delassus, left, restitution * compression.x, friction)
     impulse = compression.x + expansion.x
     return _impact(rate, impulse, expansion.w, POISSON, compression.unique & expansion.unique)
 
@@ -144,12 +146,12 @@ def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, fou
     limit = friction.share * x[friction.normal]
     lower, upper = least.copy(), np.full(n, np.inf)
     lower[friction.rows], upper[friction.rows] = -limit, limit
-    slack = NEGLIGIBLE * (np.abs(delassus) @ np.abs(x) + np.abs(q))
+    allowed = NEGLIGIBLE * (np.abs(delassus) @ np.abs(x) + np.abs(q))
     size = NEGLIGIBLE * (np.abs(x).max() + np.abs(found.x).max())
-    good = np.abs(matrix @ x - right).max() <= max(size, slack.max())
+    good = np.abs(matrix @ x - right).max() <= max(size, allowed.max())
     good &= bool((x >= lower - size).all() and (x <= upper + size).all())
-    good &= bool((w[side == LOWER] >= -slack[side == LOWER]).all())
-    good &= bool((w[(side != LOWER) & ~free] <= slack[(side != LOWER) & ~free]).all())
+    good &= bool((w[side == LOWER] >= -allowed[side == LOWER]).all())
+    good &= bool((w[(side != LOWER) & ~free] <= allowed[(side != LOWER) & ~free]).all())
     w[free] = 0.0
     return Solution(x, w, side, found.unique) if good else None
 
