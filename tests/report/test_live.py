@@ -63,7 +63,7 @@ def test_what_is_no_finite_number_is_refused_and_changes_nothing(cart, value):
         with pytest.raises(lmoc.ModelError, match="E0621.*cannot be set to this value"):
             change()
     assert dict(live.inputs) == {"F": 1.0} and live["rail.v"] == 0
-    with pytest.raises(UnknownNameError, match="derivatives are not at hand here"):
+    with pytest.raises(UnknownNameError, match="derivatives are not available here"):
         live["der(rail.v)"]
 
 
