@@ -1,0 +1,52 @@
+"""The figures of docs/accuracy.md that are computed from measurements, by cases that can be done by hand."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks import auto, economy, frontier, other_methods
+from lmoc.studies.points import Point, Setting
+
+PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
+CHARTS = PAGE.parent / "charts"
+
+
+def point(solver: str, rtol: float, error: float, seconds: float, evaluations: int = 100) -> Point:
+    return Point(Setting(solver, "reduced", rtol), error, error, seconds, 1, evaluations, note="")
+
+
+def test_a_curve_is_straight_in_logarithms_and_ends_at_its_smallest_error():
+    points = [point("a", 1e-4, 1e-4, 1e-3), point("a", 1e-6, 1e-6, 1e-1)]
+    assert auto.curve(points, 1e-5) == pytest.approx(1e-2)
+    assert auto.curve(points, 1e-3) == pytest.approx(1e-3)
+    assert auto.curve(points, 1e-7) == float("inf")
+
+
+def test_a_pair_of_the_same_method_is_judged_by_its_work():
+    own = Point(Setting("auto", "reduced", 1e-6), 1e-6, 1e-6, 3e-3, 1, 110, note="dop853")
+    others = {"dop853": [point("dop853", 1e-6, 1e-6, 1e-3, 100)], "taylor": [point("taylor", 1e-6, 1e-6, 2e-3)]}
+    row = auto._pair(own, others, 0.0)
+    assert row["best"] == "dop853" and row["ratio"] == pytest.approx(1.1)
+    others["taylor"] = [point("taylor", 1e-6, 1e-6, 0.5e-3)]
+    row = auto._pair(own, others, 0.0) | {"rtol": 1e-6, "trusted": 0.0}
+    assert row["best"] == "taylor" and row["ratio"] == pytest.approx(6.0)
+    assert not auto.is_good(row) and not auto.is_near(row) and auto.is_calibrated(row)
+
+
+def test_auto_fails_only_where_another_method_succeeds():
+    failed = Point(Setting("auto", "reduced", 1e-6), status="it stopped")
+    assert auto._pair(failed, {"a": [point("a", 1e-6, 1e-6, 1.0)]}, 0.0)["ratio"] == float("inf")
+    assert auto._pair(failed, {"a": [Point(Setting("a", "reduced", 1e-6), status="so did it")]}, 0.0)["ratio"] == 1.0
+
+
+def test_a_frontier_has_no_point_that_another_is_better_than():
+    points = [(1e-3, 1.0), (1e-6, 2.0), (1e-5, 3.0), (1e-9, 5.0), (1e-4, 2.0)]
+    assert frontier.envelope(points) == [(1e-3, 1.0), (1e-6, 2.0), (1e-9, 5.0)]
+
+
+def test_the_page_is_what_its_measurements_say():
+    text = PAGE.read_text(encoding="utf-8")
+    kept = {name: json.loads((CHARTS / f"{name}.json").read_text()) for name in ("auto", "economy", "others", "peers")}
+    assert economy.page(kept["economy"]) in text and other_methods.page(kept["others"]) in text
+    assert auto.page(kept["auto"]) in text and frontier.page(kept["peers"]) in text
