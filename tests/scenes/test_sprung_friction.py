@@ -137,3 +137,19 @@ def test_frictions_in_series_have_no_unique_answer():
         lmoc.compile_text(text)
     assert failed.value.diagnostics[0].code == "E0416"
     assert "slider and other" in str(failed.value)
+
+
+def test_the_equations_of_its_modes():
+    """Sliding forward is a mode of its own: the sliding velocity follows from the rate of the force."""
+    text = """model Held
+      Fixed wall;
+      Mass m(m = 1, q(start = 0.05, fixed = true), v(start = 0, fixed = true));
+      Spring k1(k = 100), k0(k = 50);
+      DryFriction f(F = 1);
+    equation
+      connect(m.flange, k1.b); connect(k1.a, f.b); connect(f.a, wall.flange);
+      connect(m.flange, k0.b); connect(k0.a, wall.flange);
+    end Held;"""
+    printed = str(lmoc.compile_text(text).equations())
+    assert "f stick" in printed and "f slip forward" in printed
+    assert "m·q̈ + k·q = -F" in printed and "push" not in printed

@@ -233,9 +233,12 @@ def equations_of_modes(
     found = []
     for one in modes[:MOST_MODES]:
         closed = np.array(one.closed, bool)
-        mode = scene.in_mode(closed)
+        forward = scene.sprung & ~closed & ~scene.complementary  # whose velocity follows from the rate of its force
+        mode = scene.in_mode(closed, forward.astype(int))
         equations = equations_of_motion(mode.reduced, mode.values, forces, solved)
-        found.append(OneMode(scene.words(closed), one.since, equations))
+        words = scene.words(closed)
+        words |= {scene.names[k]: f"{words[scene.names[k]]} forward" for k in np.flatnonzero(forward).tolist()}
+        found.append(OneMode(words, one.since, equations))
     laws = _laws(scene)
     symbols = [law.force for law in laws] + [v for law in laws for v in law.quantities.values()]
     late = list(dict.fromkeys(q for m in found for q in m.equations.coordinates))
@@ -265,6 +268,7 @@ def _laws(scene: Lawful) -> tuple[LawText, ...]:
     system = symbolic_system(loose.reduced, loose.values, wanted)
     rates = {system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0}
     pushes = {sp.Symbol(loose.flat.variable_name(int(p))): f for p, f in zip(form.push, _forces(scene), strict=True)}
+    pushes |= {jet_symbol(push.name, 1): jet_symbol(force.name, 1) for push, force in pushes.items()}
     found = []
     for k, ((g, row), name, force) in enumerate(zip(rows, scene.names, _forces(scene), strict=True)):
         own = {n: sp.sympify(system.variables[f"{k} {n}"]).xreplace(rates | pushes) for n in columns[k]}
