@@ -288,7 +288,8 @@ def test_parameters_out_of_their_limits_are_refused_before_the_run(given: dict, 
     dae = lmoc.compile_text(LIMITED)
     assert dae.check() == ()
     at_once = lambda: lmoc.compile_text(LIMITED, parameters=given).check()  # noqa: E731
-    for attempt in (at_once, lambda: dae.simulate(parameters=given)):
+    sound_before = lambda: dae.simulate() and dae.simulate(parameters=given)  # noqa: E731
+    for attempt in (at_once, lambda: dae.simulate(parameters=given), sound_before, sound_before):
         with pytest.raises(lmoc.ModelError) as caught:
             attempt()
         (only,) = caught.value.diagnostics

@@ -20,6 +20,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.parameters import Value, indexed, starting_at
 from lmoc.pipeline import Clock, Scene
+from lmoc.semantics.parameter_checks import check_parameters
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.system import System
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.laws.modes import Lawful
 
 REFUSED_STATE = "E0406"  # a requested state cannot be one
+_KNOWN_AGAIN = 10_000  # variables up to which the values checked last are kept
 _MODEL = ()  # the key of the coordinates that the model and the user prefer
 
 
@@ -62,6 +64,7 @@ class Session:
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
         self._busy = Lock()  # a simulator has one set of buffers
         self._reshaped: dict[tuple, Session] = {}  # one for each set of structural values met so far
+        self._sound = b""  # parameter values with which nothing was wrong
 
     # ------------------------------------------------------------------ parameter values
 
@@ -90,6 +93,16 @@ class Session:
             return self, Prepared(self.flat, self.reduced, values)
         note = Diagnostic("N0631", f"the reduction was redone because an assumption no longer holds: {broken}")
         return self, Prepared(self.flat, self._reduction(values, _MODEL, clock), values, (note,))
+
+    def check(self, values: np.ndarray, report: Report) -> None:
+        """Report what is wrong with parameter values (`check_parameters`); the last sound ones are known again."""
+        key = values.tobytes() if len(values) <= _KNOWN_AGAIN else b""
+        if key and key == self._sound:
+            return
+        before = len(report.diagnostics)
+        check_parameters(self.flat, values, report)
+        if len(report.diagnostics) == before:
+            self._sound = key
 
     def for_derivation(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
         """Return the scene for symbolic derivations with other parameter values: events as they are at the start."""

@@ -12,7 +12,6 @@ from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import ModelError, Report, RunInterrupted, SimulationError
 from lmoc.parameters import Value, check_initial, check_mappings
 from lmoc.pipeline import Clock
-from lmoc.semantics.parameter_checks import check_parameters
 from lmoc.session import Session
 from lmoc.support.records import dataclass
 
@@ -76,7 +75,7 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
     from lmoc.numerics.start.singular import StartSingular
 
     report = Report()
-    check_parameters(session.flat, prepared.values, report)
+    session.check(prepared.values, report)
     report.check()
     prepared = session.formulated(prepared, request.options.requested, clock)
     with clock.stage("lower"):
