@@ -54,6 +54,7 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
         "closed": register[form.closed].tolist(),
         "direction": np.where(form.direction == NONE, -1, register[form.direction]).tolist(),
         "degree": form.degree.tolist(),
+        "held": plan.held[plan.held >= 0].tolist(),
         "unilateral": (kinds == LawKind.UNILATERAL.value).tolist(),
         "complementary": np.isin(kinds, [k.value for k in COMPLEMENTARY]).tolist(),
         "dry": (kinds == LawKind.DRY_FRICTION.value).tolist(),

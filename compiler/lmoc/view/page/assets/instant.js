@@ -17,6 +17,7 @@ export class Gauge {
   hold(mode = null) {
     const { w, blocks } = this.scene;
     blocks.changes++;
+    for (const register of this.own.held) w[register] = 0; // what is at rest stays there but for rounding
     this.own.closed.forEach((register, k) => (w[register] = Number(mode !== null && mode.closed[k] && !mode.implied[k])));
     this.own.push.forEach((register, k) => (w[register] = mode === null ? 0 : mode.push[k]));
     this.own.direction.forEach((register, k) => {

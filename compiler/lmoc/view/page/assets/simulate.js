@@ -78,6 +78,9 @@ class Run {
       const end = happenings?.until ?? data.end;
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
       const outcome = this.piece(begin, x, end, happenings?.roots(begin, x) ?? null);
+      this.steps++; // a piece may end within its first step, again and again
+      if (this.steps > this.mostSteps) this.reason = "it takes too many steps";
+      if (this.now() > this.deadline) this.reason = "it takes too long";
       if (this.reason !== "") return;
       if (outcome.changes) {
         x = this.otherCoordinates(outcome);
