@@ -296,7 +296,8 @@ class EquationSection:
         except Wrong as wrong:
             if wrong.code == "E0218":
                 return None
-            if wrong.code == "E0201" and not wrong.diagnostic.hint.startswith("did you mean"):
+            port = any(part.span == wrong.diagnostic.span for part in ref.parts[1:])  # and no name in a subscript
+            if wrong.code == "E0201" and port and not wrong.diagnostic.hint.startswith("did you mean"):
                 raise _no_such_port(context, ref, start, wrong) from None
             raise
         node = located.node
