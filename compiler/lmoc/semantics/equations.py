@@ -296,8 +296,7 @@ class EquationSection:
         except Wrong as wrong:
             if wrong.code == "E0218":
                 return None
-            port = any(part.span == wrong.diagnostic.span for part in ref.parts[1:])  # and no name in a subscript
-            if wrong.code == "E0201" and port and not wrong.diagnostic.hint.startswith("did you mean"):
+            if wrong.code == "E0201" and _unguessed_port(ref, wrong):
                 raise _no_such_port(context, ref, start, wrong) from None
             raise
         node = located.node
@@ -363,6 +362,12 @@ def _round(context: Context, row: int) -> str:
         index = context.leaves[value.expr.value[0]].index if value.expr.op == "slot" else value.expr.value
         values.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
     return ", ".join(values)
+
+
+def _unguessed_port(ref: tree.Ref, wrong: Wrong) -> bool:
+    """Whether it is the name of a port that is unknown, no name in a subscript, and none is like it."""
+    found = wrong.diagnostic
+    return any(part.span == found.span for part in ref.parts[1:]) and not found.hint.startswith("did you mean")
 
 
 def _no_such_port(context: Context, ref: tree.Ref, node: InstanceNode, wrong: Wrong) -> Wrong:
