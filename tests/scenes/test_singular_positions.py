@@ -63,6 +63,20 @@ def test_parallelogram_goes_on_as_one_through_its_flat_positions(rtol, solver, a
     assert [n.message.split(" were")[0] for n in run.notes if n.code == "N0633"] == ["4 singular positions"]
 
 
+@pytest.mark.parametrize("compiler", ["own", "none"])
+@pytest.mark.parametrize(("rtol", "solver"), [(1e-3, "dop853"), (1e-5, "auto"), (1e-8, "taylor")])
+def test_singular_positions_are_counted_and_told_when_they_are(monkeypatch, compiler, rtol, solver):
+    """Once each, where the bars are in line, though Newton's method goes over to crossed bars before some of them."""
+    if compiler == "none":
+        monkeypatch.setenv("LMOC_CC", "")
+    run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=4, points=101, rtol=rtol, solver=solver)
+    (note,) = [n.message for n in run.notes if n.code == "N0633"]
+    assert note.startswith("4 singular positions were passed, the first at t = ")
+    times = np.linspace(0, 1, 1001)
+    expected = np.interp(np.pi / 2, upright(1.2, 1, times), times)
+    assert float(note.split("t = ")[1].split()[0]) == pytest.approx(expected, abs=1e-4)
+
+
 @pytest.mark.parametrize("solver", ["taylor", "adams", "ida", "cvode"])
 def test_nothing_is_lost_where_a_singular_position_is_passed(solver):
     """The errors are those of the same solver on the equation of the angle, which has no such positions."""

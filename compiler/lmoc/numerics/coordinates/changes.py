@@ -195,7 +195,9 @@ class Changes:
             watch.go_back()
             watch.relent()
             return None
-        self.passed.append(watch.singular)
+        singular = watch.singular_within(found)
+        if singular is not None:
+            self.passed.append(singular)
         begin = min(float(found.times[-1]), end)
         between = self._standing(stretch, place.t, found.solutions[0], stretch.reached)
         ahead = between.recorder.times

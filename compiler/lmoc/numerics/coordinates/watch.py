@@ -11,6 +11,7 @@ from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.certificate import UNEXPLAINED, Certifier, Scales, recipe_of
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
 from lmoc.numerics.coordinates.entries import Unscaled, entries_of
+from lmoc.numerics.coordinates.passage import Passage
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import (
     SHARE,
@@ -23,6 +24,7 @@ from lmoc.numerics.coordinates.tableau import (
     vanishes,
 )
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate.roots import lowest
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Path
 
@@ -172,6 +174,25 @@ class CoordinateWatch:
         if len(self.unknowns):
             base, signals = self.system.given
             self.system.prepare(with_solutions(base, self.unknowns, self.accepted.solutions), signals)
+
+    def singular_within(self, found: Passage) -> float | None:
+        """Return when within a passage the constraints depend on each other (s); None where they do nowhere.
+
+        A step is rejected as well where Newton's method has gone over to another branch on the way to the place where
+        the branches meet. The passage over the jump is right, but passes no singular place. The system's
+        blocks are left at any place.
+        """
+        base, signals = self.system.given
+
+        def margin(t: float) -> float:
+            states, solutions = found.at(np.array([t]))
+            self.system.prepare(with_solutions(base, self.unknowns, solutions[0]), signals)
+            return rank_margin(self._scaled(self._matrix(t, states[0])))
+
+        last = len(found.times) - 1
+        k = int(np.argmin([margin(t) for t in found.times.tolist()]))
+        t, least = lowest(margin, float(found.times[max(k - 1, 0)]), float(found.times[min(k + 1, last)]))
+        return t if least < _DEPENDENT else None
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""

@@ -148,7 +148,7 @@ class RootFinder:
             if heights[i] < 0:
                 return locate(lambda t: sign * curve(t), times[i - 1], times[i], heights[i - 1], heights[i])
             if i + 1 < len(times) and _may_dip(*heights[i - 1 : i + 2]):
-                low = _lowest(lambda t: sign * float(curve(np.array([t]))[0]), times[i - 1], times[i + 1])
+                low = lowest(lambda t: sign * float(curve(np.array([t]))[0]), times[i - 1], times[i + 1])
                 if low[1] < 0:
                     return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
         return None
@@ -216,7 +216,7 @@ def locate(curve: Callable[[np.ndarray], np.ndarray], a: float, b: float, at_a: 
     return float(b)
 
 
-def _lowest(curve, a: float, b: float) -> tuple[float, float]:
+def lowest(curve: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
     """Return a place and value of a minimum between two times (golden sections); where below zero, at once."""
     c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
     at_c, at_d = curve(c), curve(d)
