@@ -130,7 +130,7 @@ def test_limits_end_a_run():
     with pytest.raises(SimulationError, match="too many steps"):
         simulate(reduced, options=RunOptions(solver="dop853", max_steps=20))
     for solver in ("dop853", "cvode", "ida"):
-        with pytest.raises(SimulationError, match="time allowed"):
+        with pytest.raises(SimulationError, match="time limit"):
             simulate(reduced, options=RunOptions(stop=1e7, points=3, solver=solver, max_seconds=0.05))
 
 

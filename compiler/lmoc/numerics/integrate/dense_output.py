@@ -15,7 +15,7 @@ from lmoc.numerics.integrate.base import Problem
 
 _LAST_WEIGHTS = (4 / 7) ** 4 * (3 / 7) ** 3 * table.D[3]  # the last term of the polynomial where it is largest
 _BATCH = 400_000  # numbers gathered before they are evaluated
-_CHUNK = 500_000  # numbers of the result made at once
+_CHUNK = 16_000  # numbers of the result made at once: what they are made from stays in the cache
 
 
 class DenseOutput:
@@ -62,7 +62,7 @@ class DenseOutput:
         result = np.empty((len(owner), x.shape[1]))
         for a in range(0, len(owner), largest):
             own = owner[a : a + largest]
-            result[a : a + largest] = evaluate_dense(theta[a : a + largest], x[own], terms[own])
+            evaluate_dense(theta[a : a + largest], x[own], terms[own], result[a : a + largest])
         return result
 
 
@@ -89,11 +89,14 @@ def dense_terms(h: np.ndarray, x: np.ndarray, x_new: np.ndarray, stages: np.ndar
     return terms
 
 
-def evaluate_dense(theta: np.ndarray, x: np.ndarray, terms: np.ndarray) -> np.ndarray:
-    """Dense output at fractions theta (k,) of steps that begin at x (k, n) or (1, n); terms (k, 7, n) or (1, 7, n)."""
+def evaluate_dense(theta: np.ndarray, x: np.ndarray, terms: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+    """Dense output at fractions theta (k,) of steps that begin at x (k, n) or (1, n); terms (k, 7, n) or (1, 7, n).
+
+    It is written to `out` (k, n) if there is one.
+    """
     theta = theta[:, None]
     rest = 1.0 - theta
-    y = terms[:, 6] * theta
+    y = np.multiply(terms[:, 6], theta, out)
     for i in range(5, -1, -1):
         y += terms[:, i]
         y *= rest if i % 2 else theta

@@ -21,7 +21,6 @@ from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.integrate import dop853_table
 from lmoc.numerics.integrate.automatic import (
     ADDED,
-    CALIBRATED,
     EIGENVALUES,
     FORGOTTEN,
     LEAST_FACTOR,
@@ -29,6 +28,7 @@ from lmoc.numerics.integrate.automatic import (
     NO_FINER,
     TRIAL,
     WORTHWHILE,
+    calibrated,
 )
 from lmoc.numerics.integrate.base import REQUESTED
 from lmoc.numerics.observe.event import STEP
@@ -350,7 +350,7 @@ class _Scene:
         """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start."""
         plan = self.plan
         constants = {"trial": TRIAL, "added": ADDED, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
-        constants |= {"least": LEAST_FACTOR, "slowest": None, "calibrated": CALIBRATED, "noFiner": NO_FINER}
+        constants |= {"least": LEAST_FACTOR, "slowest": None, "calibrated": calibrated(plan), "noFiner": NO_FINER}
         jacobian = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
         w = self._at_start(plan.program)
         n = plan.state_count
