@@ -195,7 +195,7 @@ def test_no_second_branch_without_a_word():
 def test_what_a_page_cannot_do_is_said():
     dae = lmoc.compile(MODELS / "laws" / "h19_bouncing_ball.lmo")
     with pytest.raises(NotWritten, match="impulses"):
-        write_script(dae.simulate(points=20, solver="moreau").trajectory)
+        write_script(dae.simulate(stop=0.5, points=20, solver="moreau", step=0.01).trajectory)
     first = dae.simulate(stop=1, points=20)
     with pytest.raises(NotWritten, match="another one has ended"):
         write_script(dae.simulate(start=1, stop=2, initial=first.end).trajectory)

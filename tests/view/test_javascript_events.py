@@ -12,8 +12,7 @@ from lmoc.view.javascript.script import NotWritten, write_script
 from lmoc.view.javascript.sliders import sliders
 
 MODELS = Path(__file__).parents[2] / "models"
-# looked at on its own; takes long; is not computed by the page; rounding decides about the last of its bounces
-LEFT_OUT = {"bungee_jump", "wagons", "h20_road_step", "drivetrain"}
+LEFT_OUT = {"bungee_jump", "wagons", "h20_road_step"}  # looked at on its own; takes long; is not computed by the page
 WITH_LAWS = [f for f in sorted((MODELS / "laws").glob("*.lmo")) if f.stem not in LEFT_OUT]
 WITH_LAWS += [MODELS / "notes" / f"{name}.lmo" for name in ("ex08_slack_cable", "fig6_slack_string")]
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
-from lmoc.ir.program import Solve, walk
 from lmoc.numerics.laws.open_scene import Interpreted, open_scene, quantities_of
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -139,28 +138,14 @@ class Gauge:
     def _find_rate_forms(self) -> Array:
         count = len(self.plan.states)
         forms = np.full((self.form.count, count), np.nan)
-        functions, present = self.scene.functions, self._present[1]
-        if functions is None:
+        linear = self.scene.linear[1]
+        if not linear.any():
             return forms
         rest = self._at(0.0, np.zeros(count))
-        linear = np.zeros(len(present), bool)
-        linear[present] = functions.linear[-int(present.sum()) :] if present.any() else False
         of_velocities = ~rest.slope[1][:, self.plan.held < 0].any(axis=1)
         own = linear & of_velocities & (rest.rate == 0.0) & (self.table.degree == POSITION)
         forms[own] = rest.slope[1][own]
         return forms
-
-    @cached_property
-    def curved(self) -> Mask:
-        """(2, n) gaps and rates that are not linear in the states: integrators keep them within their errors alone.
-
-        None where the scene has nonlinear blocks, or is too large for compiled functions.
-        """
-        curved, functions = np.zeros((2, self.form.count), bool), self.scene.functions
-        implicit = any(isinstance(s, Solve) and not s.linear for s in walk(self.plan.full_program))
-        if functions is not None and not implicit:
-            curved[self._present[:2]] = ~functions.linear
-        return curved
 
     def at(self, t: float, x: Array) -> Instant:
         """Return the laws' quantities at a time and state."""

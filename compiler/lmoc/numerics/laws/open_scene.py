@@ -7,7 +7,7 @@ blocks, which have to be followed from place to place, the switched form with al
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -146,6 +146,30 @@ class OpenScene:
         those of gaps and rates by the states.
         """
         return _Compiled(self, self.functions, base, signals) if self.functions else Interpreted(self, base, signals)
+
+    @cached_property
+    def linear(self) -> NDArray[np.bool_]:
+        """(2, n) gaps and rates that are linear in the states, with coefficients that depend on parameters alone.
+
+        None where the scene is too large for compiled functions.
+        """
+        return self._motions(lambda linear: linear)
+
+    @cached_property
+    def curved(self) -> NDArray[np.bool_]:
+        """(2, n) gaps and rates that are not linear in the states: integrators keep them within their errors alone.
+
+        None where the scene has nonlinear blocks, or is too large for compiled functions.
+        """
+        implicit = any(isinstance(s, Solve) and not s.linear for s in walk(self.switched.full_program))
+        return self._motions(lambda linear: ~linear & (not implicit))
+
+    def _motions(self, chosen: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> NDArray[np.bool_]:
+        """Return an entry for each law of what is chosen by whether motions are linear."""
+        found = np.zeros((2, len(self.push)), bool)
+        if self.functions is not None:
+            found[self.quantities.registers[:2] >= 0] = chosen(self.functions.linear)
+        return found
 
     @cached_property
     def by_force(self) -> Jacobian:

@@ -136,7 +136,7 @@ class LawSwitching:
         """(2, n) gaps and rates of closed laws that the integrator keeps at zero within its errors alone."""
         closed, table = self.mode.closed, self.gauge.table
         gaps, rates = closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2)
-        return self.gauge.curved & np.stack([gaps, rates])
+        return self.gauge.scene.curved & np.stack([gaps, rates])
 
     def kept(self, t: float, x: Array, share: float = KEPT) -> Array:
         """Return a state moved onto what is closed: the same array where it is there, NaN where there is no way.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
 from lmoc.ir.mode import law_names, law_rows, mode_word
 from lmoc.ir.program import Program, needed_steps
-from lmoc.numerics.laws.open_scene import limits_of
+from lmoc.numerics.laws.open_scene import limits_of, open_scene
 from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal
 from lmoc.view.javascript.tangent import tangent
 
 
@@ -22,7 +24,7 @@ class Places(Protocol):
     def of_variables(self, variables: np.ndarray) -> np.ndarray: ...
 
 
-def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str, Any]]:
+def write_laws(plan: Plan, signals: Mapping[int, Signal], places: Places) -> tuple[dict[str, Program], dict[str, Any]]:
     """Return the programs of the laws, and what `instant.js` and `switching.js` read."""
     form, flat = plan.reduced.switched, plan.reduced.flat
     assert form is not None
@@ -45,6 +47,7 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
         inside = (registers >= 0) & (registers < plan.count)
         return np.where(inside, of[np.where(inside, registers, 0)], -1).tolist()
 
+    scene = open_scene(plan, signals)
     kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
     rows = law_rows(flat, form.laws)
     data: dict[str, Any] = {name: registers.tolist() for name, registers in found.items()}
@@ -54,7 +57,10 @@ def write_laws(plan: Plan, places: Places) -> tuple[dict[str, Program], dict[str
         "closed": register[form.closed].tolist(),
         "direction": np.where(form.direction == NONE, -1, register[form.direction]).tolist(),
         "degree": form.degree.tolist(),
-        "held": plan.held[plan.held >= 0].tolist(),
+        "held": plan.held.tolist(),
+        "linearRates": scene.linear[1].tolist(),
+        "curvedGaps": scene.curved[0].tolist(),
+        "curvedRates": scene.curved[1].tolist(),
         "unilateral": (kinds == LawKind.UNILATERAL.value).tolist(),
         "complementary": np.isin(kinds, [k.value for k in COMPLEMENTARY]).tolist(),
         "dry": (kinds == LawKind.DRY_FRICTION.value).tolist(),

@@ -255,7 +255,7 @@ class _Scene:
         programs: Programs = {}
         laws = events = None
         if self.plan.reduced.switched is not None:
-            own, laws = write_laws(self.plan, self)
+            own, laws = write_laws(self.plan, self.observer.signals, self)
             programs |= own
         if self.flat.events is not None:
             others, events = write_events(self.observer, self)

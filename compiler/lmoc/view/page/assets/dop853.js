@@ -46,6 +46,16 @@ export class Dop853 {
     this.stepSize = firstStep ?? this.findFirstStep();
   }
 
+  /** Go on from another state at the same time. */
+  jump(x) {
+    this.before = this.t;
+    this.x.set(x);
+    this.last.set(x);
+    this.system.rates(this.t, this.x, this.f);
+    this.system.keep();
+    this.evaluations++;
+  }
+
   norm(v) {
     let sum = 0;
     for (let j = 0; j < this.n; j++) sum += (v[j] / (this.atol[j] + this.rtol * Math.abs(this.x[j]))) ** 2;

@@ -31,6 +31,13 @@ export class Happenings {
     return this.hybrid === null ? Infinity : this.hybrid.longestStep;
   }
 
+  /** What moves states onto what is closed, (t, x, share) → x (`LawSwitching.kept`); null where it stays closed by itself. */
+  get kept() {
+    const { laws } = this;
+    if (laws === null || !laws.drifting().some((chosen) => chosen.some(Boolean))) return null;
+    return (t, x, share) => laws.kept(t, x, share);
+  }
+
   /** What ends the piece that begins at a place; null where nothing does. */
   roots(t, x) {
     const own = this.laws === null ? null : this.laws.roots(t, x);

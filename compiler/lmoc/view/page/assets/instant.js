@@ -1,6 +1,7 @@
 // The laws of a scene at one instant: gaps, rates, the effect of their forces, and their limits, as `numerics/laws/instant.py`.
 
-import { zeroMatrix } from "./matrix.js";
+import { putSolutions, solutionsOf } from "./blocks.js";
+import { filled, zeroMatrix } from "./matrix.js";
 
 export class Gauge {
   /** `scene` evaluates; `scene.data.laws` says where the quantities of the laws stand among the registers. */
@@ -13,15 +14,32 @@ export class Gauge {
     this.table = { unilateral, complementary, dry, contact, degree, normal, impulsive, restitution };
   }
 
-  /** The registers of a mode, all laws open without one. */
-  hold(mode = null) {
+  /** The registers of a mode that keeps the velocities `still` at zero; without one all laws are open. */
+  hold(mode = null, still = null) {
     const { w, blocks } = this.scene;
     blocks.changes++;
-    for (const register of this.own.held) w[register] = 0; // what is at rest stays there but for rounding
+    this.own.held.forEach((register, j) => {
+      if (register >= 0) w[register] = Number(still !== null && still[j]);
+    });
     this.own.closed.forEach((register, k) => (w[register] = Number(mode !== null && mode.closed[k] && !mode.implied[k])));
     this.own.push.forEach((register, k) => (w[register] = mode === null ? 0 : mode.push[k]));
     this.own.direction.forEach((register, k) => {
       if (register >= 0) w[register] = mode === null ? 0 : mode.direction[k];
+    });
+  }
+
+  /** Each law's rate as a linear form in velocities, whose coefficients do not change between events; null for others. */
+  rateForms() {
+    const { scene, own } = this;
+    if (!own.linearRates.some(Boolean)) return filled(this.count, null);
+    const { last } = scene;
+    const solutions = solutionsOf(scene.blocks);
+    const { rate, rateSlope } = this.at(0, new Float64Array(own.held.length));
+    scene.last = last;
+    putSolutions(scene.blocks, solutions);
+    return rateSlope.map((form, k) => {
+      const ofVelocities = form.every((v, j) => v === 0 || own.held[j] >= 0);
+      return own.linearRates[k] && own.degree[k] === 2 && ofVelocities && rate[k] === 0 ? form : null;
     });
   }
 

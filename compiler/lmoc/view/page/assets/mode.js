@@ -32,7 +32,7 @@ export function solvingFor(laws, reason, work) {
 }
 
 /**
- * The mode that holds from an instant on, with its forces: {mode, force, level}.
+ * The mode that holds from an instant on, with its forces: {mode, force, level, unique}; `unique` forces are determined.
  *
  * `candidate` laws could be closed from here on; `sliding` is the direction of friction that is none; in the direction
  * `atLimit` stuck friction begins to slide that has just reached its limit.
@@ -80,7 +80,7 @@ export function settle(table, now, mode, candidate, sliding, atLimit) {
     implied = implied.map((i, k) => i && (closed[k] || small[k]));
   }
   const push = force.map((f, k) => (closed[k] && implied[k] ? (side[k] === FREE ? f : f / share) : 0));
-  return { mode: { closed, direction, implied, push }, force, level };
+  return { mode: { closed, direction, implied, push }, force, level, unique };
 }
 
 /** Solve for the forces of the laws in `stuck`; those of sliding friction follow from them. */

@@ -44,6 +44,16 @@ export class Radau {
     this.renew();
   }
 
+  /** Go on from another state at the same time. */
+  jump(x) {
+    this.before = this.t;
+    this.x.set(x);
+    this.last.set(x);
+    this.dense = this.earlier = null;
+    this.rates(this.t, this.x, this.f);
+    this.renew();
+  }
+
   rates(t, x, out) {
     this.system.rates(t, x, out);
     this.evaluations++;

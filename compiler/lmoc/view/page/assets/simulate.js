@@ -13,6 +13,7 @@ const CLOCK = 16; // steps between two looks at the clock
 const SAME = 1e-14; // of the time: an output time that is that of an event
 const FINER = 0.1; // factor on the tolerances behind a change of coordinates
 const STIFFER = 0.1; // factor on the tolerances of the implicit method
+const DRIFT = 0.1; // of the tolerance: from there on the states are moved onto what is closed
 const NO_TIME = 1e-15; // of the time: in a shorter piece nothing moves
 
 /**
@@ -164,6 +165,7 @@ class Run {
     const maxStep = Math.min(scene.longest(begin, end), happenings?.longestStep ?? Infinity);
     const finder = roots === null ? null : new RootFinder(roots, begin, x);
     const place = new Float64Array(x.length);
+    const kept = happenings?.kept ?? null;
     let trying = data.refine !== null && x.length > 0;
     let method = x.length
       ? new Dop853(data.method, scene, begin, x, end, { ...tolerances, maxStep })
@@ -174,7 +176,7 @@ class Run {
         if (time > last) return;
         if (time === method.t) place.set(method.x);
         else method.interpolate(time, place);
-        this.record(times[this.reached], place);
+        this.record(times[this.reached], kept === null ? place : kept(time, place));
       }
     };
     outputs(begin);
@@ -200,10 +202,18 @@ class Run {
         this.count(method);
         return { ...found, which: finder.which };
       }
+      if (kept !== null) this.correct(method, kept(method.t, method.x, DRIFT * data.rtol));
       this.judge(method);
     }
     this.count(method);
     return { t: end, x: Float64Array.from(method.x), which: null };
+  }
+
+  /** Go on from the state that has been found for the end of the last step. */
+  correct(method, x) {
+    if (x === method.x) return;
+    if (x.every(Number.isFinite)) method.jump(x);
+    else this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: what is closed cannot stay closed`;
   }
 
   /** The end of a piece whose coordinates have become bad. */

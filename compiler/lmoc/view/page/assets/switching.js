@@ -4,9 +4,12 @@
 import { Contradiction, Gauge } from "./instant.js";
 import { filled, indices } from "./matrix.js";
 import { freeMode, STILL } from "./mode.js";
+import { project } from "./manifold.js";
+import { heldVelocities } from "./rest.js";
 import { Stopped } from "./stopped.js";
 import { transition } from "./transition.js";
 
+const KEPT = 1e-14; // share of its terms by which what is closed may miss zero at output times
 const UP_TO_ROUNDING = 1e-10; // values below this share of their terms are zero at the beginning of a piece …
 const APART = 1e-13; // … and have come back to zero only when they are below zero by this share …
 const LEAVING = 1e-16; // … or by this one where they grow from zero at once
@@ -25,11 +28,12 @@ export class LawSwitching {
     this.touched = filled(count, false); // laws whose motion was zero there
     this.idle = filled(count, 0); // roots in sequence at which nothing has happened to a law
     this.second = []; // the laws whose forces have a lower limit as well
+    this.still = null; // velocities that the closed laws keep at zero
   }
 
   /** Have the equations hold in the present mode. */
   hold() {
-    this.gauge.hold(this.mode);
+    this.gauge.hold(this.mode, this.still);
   }
 
   /** The functions that are positive as long as the mode holds: one a law, two for stuck friction. */
@@ -78,6 +82,34 @@ export class LawSwitching {
     });
   }
 
+  /** Closed laws whose gaps, and whose rates, the integrator keeps at zero within its errors alone: two masks. */
+  drifting() {
+    const { own, table } = this.gauge;
+    const { closed } = this.mode;
+    const gaps = closed.map((c, k) => c && own.curvedGaps[k] && table.unilateral[k] && table.degree[k] >= 1);
+    return [gaps, closed.map((c, k) => c && own.curvedRates[k] && table.degree[k] === 2)];
+  }
+
+  /**
+   * A state moved onto what is closed: the same array where it is there, NaN where there is no way.
+   *
+   * `share` of the terms of a gap, or of a rate, is by how much it may miss zero.
+   */
+  kept(t, x, share = KEPT) {
+    const [gaps, rates] = this.drifting();
+    const now = this.gauge.at(t, x);
+    const near = (chosen, values, scale) => indices(chosen).every((k) => Math.abs(values[k]) <= share * scale[k]);
+    try {
+      if (near(gaps, now.gap, now.gapScale) && near(rates, now.rate, now.rateScale)) return x;
+      return project(this.gauge, now, gaps, rates).x;
+    } catch (failed) {
+      if (!(failed instanceof Contradiction)) throw failed;
+      return new Float64Array(x.length).fill(NaN);
+    } finally {
+      this.hold();
+    }
+  }
+
   /** The state at the start, on what is closed there, and what happened on the way: [x, events]. */
   start(t, x) {
     const none = filled(this.count, false);
@@ -119,6 +151,7 @@ export class LawSwitching {
   take(t, x, trigger, atStart) {
     const before = this.mode;
     const { own } = this.gauge;
+    const forms = this.gauge.rateForms(); // first: they are evaluated elsewhere than the motion is
     const here = this.gauge.at(t, x);
     this.refuseOverlaps(here, trigger);
     let found;
@@ -130,7 +163,9 @@ export class LawSwitching {
       throw new Stopped(`the laws of ${names} contradict each other at t = ${t.toPrecision(6)} s: ${failed.message}`);
     }
     Object.assign(this, { mode: found.mode, now: found.now, touched: found.touched });
-    const state = Float64Array.from(found.now.x);
+    const closedForms = forms.filter((form, k) => form !== null && found.mode.closed[k]);
+    this.still = heldVelocities(closedForms, own.held.length);
+    const state = Float64Array.from(found.now.x, (v, j) => (this.still[j] ? 0 : v));
     if (own.work >= 0 && found.impulse.some((v) => v !== 0)) {
       const lost = found.lost.reduce((sum, v) => sum + v, 0);
       state[own.heat] += lost;

@@ -2,6 +2,7 @@
 // closed or closing, impulses change the velocities, and the forces decide which laws hold from here on.
 
 import { collide } from "./impact.js";
+import { Contradiction } from "./instant.js";
 import { filled, indices, part } from "./matrix.js";
 import { project } from "./manifold.js";
 import { settle, solvingFor, STILL } from "./mode.js";
@@ -12,6 +13,7 @@ const LOCATED = 1e-14; // s, or this share of the time: how exactly events are l
 const TURNING = 1e-8; // s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 const BOUNCES_LEFT = 1e-9; // s; where all bounces to come would take less, they are over …
 const LEAST_HEIGHT = 1e-14; // … as where they are lower than this share of the lengths that make the gap
+const HOLDS = 1e-6; // share of what a law alone would have to hold: beyond it a force is none of rounding
 
 /**
  * What follows at the instant `here`: {before, now, mode, force, impulse, lost, impactLaw, touched, accumulated, until}.
@@ -47,9 +49,8 @@ export function transition(gauge, here, mode, trigger) {
     [over, until] = lastBounces(table, now, mode, each((k) => striking[k] && now.rate[k] > least[k]), trigger);
     if (over.some(Boolean)) strike(table.restitution.map((e, k) => (over[k] ? 0 : e)));
   } else least = least.map((v, k) => (mode.closed[k] ? Infinity : v)); // what has been closed is at rest
-  const candidate = candidates(table, now, touching, least).map((c, k) => c && !(trigger.opening[k] && !dry[k]));
-  const atLimit = mode.closed.map((c, k) => (c && trigger.opening[k] ? trigger.direction[k] : 0));
-  const settled = settle(table, now, mode, candidate, slidingDirections(table, now, candidate, trigger), atLimit);
+  const candidate = candidates(table, now, touching, least);
+  const settled = settledAmong(table, now, mode, candidate, trigger);
   const { closed } = settled.mode;
   const gaps = each((k) => closed[k] && unilateral[k] && degree[k] >= 1);
   now = project(gauge, now, gaps, each((k) => closed[k] && degree[k] === 2));
@@ -68,6 +69,36 @@ export function transition(gauge, here, mode, trigger) {
   const touched = each((k) => touching[k] || (candidate[k] && !unilateral[k]));
   const impactLaw = impact === null ? "" : impact.law;
   return { before, now, mode: settled.mode, impulse, lost, impactLaw, touched, accumulated: over, until };
+}
+
+/**
+ * The mode that holds from here on.
+ *
+ * A force that has come to zero by itself is zero up to rounding, and its law opens. Where other laws open at the same
+ * instant it may have to hold after all: as of two that a jump of a load has set free.
+ */
+function settledAmong(table, now, mode, candidate, trigger) {
+  const atLimit = mode.closed.map((c, k) => (c && trigger.opening[k] ? trigger.direction[k] : 0));
+  const settling = (those) => settle(table, now, mode, those, slidingDirections(table, now, those, trigger), atLimit);
+  let releasing = candidate.map((c, k) => c && trigger.opening[k] && !table.dry[k]);
+  if (releasing.some(Boolean) && indices(mode.closed).length > 1) {
+    const found = unlessContradicted(() => settling(candidate));
+    const holds = (k) => {
+      const alone = Math.abs(now.bias[k] / now.delassus[k][k]);
+      return found.mode.closed[k] && found.unique[k] && found.force[k] > HOLDS * (alone || 0);
+    };
+    if (found !== null) releasing = releasing.map((r, k) => r && !holds(k));
+  }
+  return settling(candidate.map((c, k) => c && !releasing[k]));
+}
+
+function unlessContradicted(work) {
+  try {
+    return work();
+  } catch (failed) {
+    if (!(failed instanceof Contradiction)) throw failed;
+    return null;
+  }
 }
 
 const acceleration = (now, k) => Math.abs(now.bias[k]) + (Math.abs(now.delassus[k][k] * now.stick[k]) || 0);
