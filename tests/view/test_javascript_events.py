@@ -48,7 +48,7 @@ def judge(found, least=1e-6):
 
 
 def test_every_scene_with_laws():
-    judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60))
+    judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60), 1e-7)
 
 
 def test_a_small_tolerance_where_rounding_decides_about_the_steps():
@@ -167,10 +167,31 @@ equation
 end Pushed;
 """
 
+KICKED = """
+model Kicked "What rests on the ground, and what sticks to it, is kicked"
+  parameter Real kick = 2;
+  Mass ball(m = 1, g = 9.81, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Stop floor(e = 0.5, L = 0);
+  Mass box(m = 2, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  DryFriction friction(F = 6);
+  Fixed ground;
+equation
+  connect(ball.flange, floor.a);
+  connect(floor.b, ground.flange);
+  connect(box.flange, friction.a);
+  connect(friction.b, ground.flange);
+  when time > 0.5 then
+    reinit(ball.v, -kick);
+    reinit(box.v, kick);
+  end when;
+  annotation(experiment(StopTime = 2));
+end Kicked;
+"""
+
 
 def test_events_of_all_kinds():
     changes = {BOUNCE: {"e": 0.8}, SAMPLED: {"Ts": 1.15}, THERMOSTAT: {"P": 1.2}, ENDED: {"stopAt": 1.3}}
-    changes |= {SIGNALS: {"a": 1.15}, PUSHED: {"e": 1.15}}
+    changes |= {SIGNALS: {"a": 1.15}, PUSHED: {"e": 1.15}, KICKED: {"kick": 1.3}}
     judge(repeated([(lmoc.compile_text(text), changed) for text, changed in changes.items()]), 1e-7)
 
 

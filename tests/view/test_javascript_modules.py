@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oracles.node import needs_node, run_script
 
+from lmoc.numerics.laws.rest import held_velocities
 from lmoc.numerics.signals.curves import fit
 from lmoc.view.javascript.script import method
 from lmoc.view.page import join
@@ -51,6 +52,43 @@ def test_dop853_keeps_its_order_in_steps_and_between():
     """
     worst = run_script(joined("dop853.js") + body.replace("METHOD", json.dumps(method())))
     assert worst[0] < 1e-2 and worst[1] < 1e-5 and worst[2] < 1e-8
+
+
+@pytest.mark.parametrize("method_called", ["dop853", "radau"])
+def test_methods_go_on_from_another_state(method_called):
+    """A decay that is raised by 1 at the end of the step that passes t = 1."""
+    made = {"dop853": "new Dop853(METHOD, ", "radau": "new Radau("}[method_called]
+    options = "{ rtol: 1e-9, atol: [1e-12], firstStep: 1e-3 }"
+    body = """
+    const system = { rates(t, x, out) { out[0] = -2*x[0]; }, keep() {}, restore() {} };
+    const run = MADE system, 0, [1], 3, OPTIONS);
+    while (run.t < 1) run.step();
+    const [at, x] = [run.t, run.x[0]];
+    run.jump(Float64Array.from([x + 1]));
+    run.step();
+    const inside = new Float64Array(1);
+    run.interpolate(at, inside);
+    while (run.t < 3) run.step();
+    console.log(JSON.stringify([at, x, inside[0], run.x[0]]));
+    """
+    text = body.replace("MADE", made).replace("METHOD", json.dumps(method())).replace("OPTIONS", options)
+    at, before, behind, last = run_script(joined(f"{method_called}.js") + text)
+    assert at < 3 and abs(before - np.exp(-2 * at)) < 1e-8 and behind == pytest.approx(before + 1, rel=1e-12)
+    assert last == pytest.approx((np.exp(-2 * at) + 1) * np.exp(-2 * (3 - at)), rel=1e-7)
+
+
+def test_velocities_that_closed_laws_hold():
+    """Velocities that vanish wherever forms do: as in Python, and as the null space of the forms says."""
+    rng = np.random.default_rng(4)
+    forms = [rng.integers(-1, 2, size=(rng.integers(1, 5), 5)).astype(float) for _ in range(60)]
+    body = f"console.log(JSON.stringify({json.dumps([f.tolist() for f in forms])}.map((f) => heldVelocities(f, 5))));"
+    found = run_script(joined("rest.js") + body)
+    assert found == [held_velocities(f).tolist() for f in forms]
+    for form, held in zip(forms, found, strict=True):
+        _, values, rows = np.linalg.svd(form)
+        null = rows[np.count_nonzero(values > 1e-9) :]
+        assert held == (np.abs(null) < 1e-9).all(axis=0).tolist()
+    assert any(any(held) and not all(held) for held in found)
 
 
 @pytest.mark.parametrize("smoothness", [0, 1, 2])

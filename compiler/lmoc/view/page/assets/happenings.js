@@ -66,7 +66,7 @@ export class Happenings {
     const [state, events] = this.laws.start(begin, x);
     this.records.push(...events);
     x = state;
-    return this.hybrid === null ? x : this.settle(begin, x);
+    return this.hybrid === null ? x : this.settle(begin, x, x);
   }
 
   /** The states behind what has ended a piece at {t, x, which}; null at the end of the run. */
@@ -85,20 +85,22 @@ export class Happenings {
     if (this.hybrid === null) return which === null ? null : state;
     const behind = this.hybrid.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
     this.collect();
-    return behind === null || this.laws === null ? behind : this.settle(t, behind);
+    return behind === null || this.laws === null ? behind : this.settle(t, state, behind);
   }
 
-  /** Let laws and discrete equations answer each other until nothing changes. */
-  settle(t, from) {
-    let x = from;
+  /** Let laws and discrete equations answer each other until nothing changes; `left` by the laws and `from` now are the states. */
+  settle(t, left, from) {
+    const { ledger } = this.laws.gauge;
+    let [before, x] = [left, from];
     for (let round = 0; round < MUTUAL_ROUNDS; round++) {
-      const before = JSON.stringify(this.laws.mode);
+      const mode = JSON.stringify(this.laws.mode);
+      const jumped = x.some((v, j) => v !== before[j] && !ledger[j]);
       this.laws.second = this.laws.stuckFriction();
-      const [state, events] = this.laws.happen(t, x, []);
+      const [state, events] = this.laws.happen(t, x, [], jumped);
       this.records.push(...events);
-      x = state;
-      if (events.length === 0 && before === JSON.stringify(this.laws.mode)) return x;
-      x = this.hybrid.settle(t, x);
+      if (events.length === 0 && mode === JSON.stringify(this.laws.mode)) return state;
+      before = state;
+      x = this.hybrid.settle(t, state);
       this.collect();
     }
     throw new Stopped(`laws and events change each other again and again at t = ${t.toPrecision(6)} s`);

@@ -8,6 +8,7 @@ import { Contradiction } from "./instant.js";
 import { dot, filled, indices, largest, part, product, termsOf, zeroMatrix } from "./matrix.js";
 
 export const STILL = 1e-11; // rates below this share of the velocities that make them are zero
+const POSITION = 2; // degree of a law between inertias
 const IMPLIED = 1e-9; // what elimination leaves of the diagonal of a law that depends on others
 const IN_CONE = 1e-10; // by which a contact friction may pass its limit and still stick
 const RESTING = 1e-9; // share of its terms below which an acceleration is zero
@@ -72,7 +73,7 @@ export function settle(table, now, mode, candidate, sliding, atLimit) {
   });
   const terms = termsOf(now.delassus, force).map((v, k) => v + Math.abs(now.bias[k]));
   const small = level.map((v, k) => Math.abs(v) <= RESTING * terms[k]);
-  const resting = candidate.map((c, k) => c && ((!closed[k] && small[k] && table.degree[k] === 0) || direction[k] !== 0));
+  const resting = candidate.map((c, k) => c && ((!closed[k] && small[k] && table.degree[k] === POSITION) || direction[k] !== 0));
   let implied = filled(n, false);
   if (resting.some(Boolean) || closed.some((c, k) => c && (side[k] !== FREE || !unique[k]))) {
     implied = dependent(table, now, direction, closed, resting, side);

@@ -113,11 +113,15 @@ export class LawSwitching {
   /** The state at the start, on what is closed there, and what happened on the way: [x, events]. */
   start(t, x) {
     const none = filled(this.count, false);
-    return this.take(t, x, { closing: none, opening: none, direction: filled(this.count, 0) }, true);
+    return this.take(t, x, { closing: none, opening: none, direction: filled(this.count, 0), jumped: false }, true);
   }
 
-  /** The state behind an instant at which root functions vanish, and what happened: [x, events]. */
-  happen(t, x, which) {
+  /**
+   * The state behind an instant at which root functions vanish, and what happened: [x, events].
+   *
+   * `jumped`: the states have been changed from outside.
+   */
+  happen(t, x, which, jumped = false) {
     const { closed } = this.mode;
     const first = closed.map((_, k) => Boolean(which[k]));
     const second = filled(this.count, false);
@@ -126,6 +130,7 @@ export class LawSwitching {
       closing: first.map((f, k) => f && !closed[k]),
       opening: first.map((f, k) => (f || second[k]) && closed[k]),
       direction: first.map((f) => (f ? -1 : 1)), // a force at its upper limit gives way to a motion against it
+      jumped,
     };
     const [state, events] = this.take(t, x, trigger, false);
     const quiet = events.length === 0;
@@ -190,6 +195,8 @@ export class LawSwitching {
   events(t, before, found, atStart) {
     const { own } = this.gauge;
     const events = [];
+    const passing = (k) => before.closed[k] && found.mode.closed[k] && !found.accumulated[k];
+    const alone = found.impulse.every((v, k) => v === 0 || passing(k)); // nobody else has been hit: they are the impact
     own.names.forEach((name, k) => {
       const was = before.closed[k];
       const now = found.mode.closed[k];
@@ -197,7 +204,7 @@ export class LawSwitching {
       let kind = now ? own.closing[k] : own.opening[k];
       if (found.accumulated[k]) kind = "accumulation";
       else if (was === now && before.direction[k] * found.mode.direction[k] >= 0) {
-        if (impulse === 0 || was) return;
+        if (impulse === 0 || (was && !alone)) return;
         kind = "impact";
       } else if (atStart && impulse === 0) return; // how it begins is no event
       const time = found.accumulated[k] ? Math.max(t, found.until) : t;

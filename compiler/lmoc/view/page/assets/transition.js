@@ -18,18 +18,20 @@ const HOLDS = 1e-6; // share of what a law alone would have to hold: beyond it a
 /**
  * What follows at the instant `here`: {before, now, mode, force, impulse, lost, impactLaw, touched, accumulated, until}.
  *
- * `trigger` has {closing, opening, direction}: open laws whose motion has come to zero, closed ones whose force has come
- * to its end, and the direction in which friction among them begins to slide.
+ * `trigger` has {closing, opening, direction, jumped}: open laws whose motion has come to zero, closed ones whose force
+ * has come to its end, the direction in which friction among them begins to slide, and whether states have been changed
+ * from outside, so that what is closed may move.
  */
 export function transition(gauge, here, mode, trigger) {
   const { table, count } = gauge;
   const each = (test) => Array.from({ length: count }, (_, k) => Boolean(test(k)));
-  const { unilateral, degree, impulsive, contact, dry, normal } = table;
+  const { unilateral, degree, impulsive, contact, normal } = table;
   let now = here;
   const touching = each(
     (k) => unilateral[k] && degree[k] >= 1 && (mode.closed[k] || trigger.closing[k] || aboutToClose(now, k)),
   );
-  const atRest = each((k) => mode.closed[k] || (trigger.closing[k] && isTurning(now, k)));
+  const holding = each((k) => mode.closed[k] && (!trigger.jumped || isTurning(here, k)));
+  const atRest = each((k) => holding[k] || (trigger.closing[k] && isTurning(now, k)));
   now = project(gauge, now, touching, each((k) => atRest[k] && !unilateral[k] && degree[k] === 2));
   const before = now;
   const striking = each((k) => impulsive[k] && (touching[k] || !unilateral[k])); // an open ratchet may be driven back
@@ -48,7 +50,7 @@ export function transition(gauge, here, mode, trigger) {
     strike(table.restitution);
     [over, until] = lastBounces(table, now, mode, each((k) => striking[k] && now.rate[k] > least[k]), trigger);
     if (over.some(Boolean)) strike(table.restitution.map((e, k) => (over[k] ? 0 : e)));
-  } else least = least.map((v, k) => (mode.closed[k] ? Infinity : v)); // what has been closed is at rest
+  } else least = least.map((v, k) => (holding[k] ? Infinity : v)); // what has been closed is at rest
   const candidate = candidates(table, now, touching, least);
   const settled = settledAmong(table, now, mode, candidate, trigger);
   const { closed } = settled.mode;
