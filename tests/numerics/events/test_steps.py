@@ -164,3 +164,12 @@ def test_sines_that_begin_with_a_kink_have_none_of_their_value() -> None:
     # der(v) = -a·v + a·u', u' = 0.1·cos τ: v = 0.1·a·(a·cos τ + sin τ - a·e^(-a·τ))/(a² + 1)
     a = 2.5
     assert result["m.v"][-1] == pytest.approx(0.1 * a * (-a - a * exp(-a * pi)) / (a * a + 1), abs=1e-9)
+
+
+@pytest.mark.parametrize("signal", ["noEvent({})", "smooth(0, {})", "if noEvent(time < 1) then 0 else 0.1"])
+def test_a_step_inside_of_no_event_is_no_less_of_a_step(signal):
+    plain = "if time < 1 then 0 else 0.1"
+    expected, found = (run(stepped("Damper d(c = 5)", s)) for s in (plain, signal.format(plain)))
+    assert [e.kind for e in found.events] == [e.kind for e in expected.events] == ["step", "relation"]
+    for name in ("m.q", "m.v"):
+        assert found[name] == pytest.approx(expected[name], abs=1e-14)

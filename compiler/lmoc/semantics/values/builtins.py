@@ -150,11 +150,11 @@ def _homotopy(context: Context, call: tree.Call) -> Value:
 
 
 def _quietly(context: Context, make: Callable[[], Value]) -> Value:
-    context.quiet += 1
+    context.quiet, context.marked = context.quiet + 1, context.marked + 1
     try:
         return make()
     finally:
-        context.quiet -= 1
+        context.quiet, context.marked = context.quiet - 1, context.marked - 1
 
 
 # -------------------------------------------------------------------------- derivatives

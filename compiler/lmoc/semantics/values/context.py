@@ -84,7 +84,9 @@ class Context:
     space : the rows
     leaves : the columns of the group in the making
     names : iteration variables and, in a function, its variables
-    quiet : how many noEvent() or smooth() stand around: kinks are intended, and relations make no events
+    quiet : how many noEvent() or smooth() stand around, or a place without events: kinks are intended, and relations
+        make no events
+    marked : how many of these are noEvent() or smooth(), within which relations of time alone are events all the same
     in_when : it appears in the body of a `when`
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
@@ -93,8 +95,8 @@ class Context:
     """
 
     __slots__ = (
-        "model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "in_when", "choices", "depth", "end",
-        "assigned",
+        "model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "marked", "in_when", "choices",
+        "depth", "end", "assigned",
     )  # fmt: skip
 
     def __init__(
@@ -115,6 +117,7 @@ class Context:
         self.names = {} if names is None else names
         self.arrays = Arrays(self.leaves, self.space.rank)
         self.quiet = quiet
+        self.marked = 0
         self.in_when = False
         self.choices: dict[int, int] = {}
         self.depth = 0
@@ -128,7 +131,7 @@ class Context:
     def within(self, space: Space, names: dict[str, Value]) -> Context:
         """The same place with another space and further names."""
         inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
-        inner.depth, inner.choices, inner.in_when = self.depth, self.choices, self.in_when
+        inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
         inner.assigned = self.assigned
         return inner
 
@@ -139,13 +142,13 @@ class Context:
             return self
         kept = {name: value for name, value in self.names.items() if name not in self.assigned}
         inner = Context(self.model, self.node, self.scope, self.space, self.leaves, kept, self.quiet)
-        inner.depth, inner.choices, inner.in_when = self.depth, self.choices, self.in_when
+        inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
         return inner
 
     def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
         """The body of a function: it sees its own names only."""
         inner = Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
-        inner.depth = self.depth
+        inner.depth, inner.marked = self.depth, self.marked
         return inner
 
     # ------------------------------------------------------------ known when compiling

@@ -221,10 +221,15 @@ def continuous(context: Context, value: Value) -> bool:
 
 
 def at_event(context: Context, value: Value) -> Value:
-    """A value that jumps does so at an event, unless nothing in it changes or ``noEvent`` stands around it (8.5)."""
+    """A value that jumps does so at an event, unless nothing in it changes or ``noEvent`` stands around it (8.5).
+
+    What time alone decides is an event inside ``noEvent``, too: its value is the same, and a run that integrated across
+    the jump of a prescribed position would miss the impulse of it.
+    """
     if value.items is not None:
         return Value(None, value.dims, value.type, tuple(at_event(context, item) for item in value.items))
-    if context.quiet or context.depth or not continuous(context, value):
+    literal = context.quiet > context.marked or (context.marked and _changes_with_variables(context, value))
+    if literal or context.depth or not continuous(context, value):
         return value
     return Value(dag.event(value.expr), value.dims, value.type)
 
