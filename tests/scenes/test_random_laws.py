@@ -23,15 +23,26 @@ def check(seed: int) -> None:
     assert not wrong, "; ".join(wrong)
 
 
+COARSE = (460, 480, 500, 520, 540)  # steps; an error also depends on where in its step each event falls
+
+
 def check_steps(seed: int) -> None:
-    """Compare a random scene without restitution with time stepping: the difference falls with the step."""
+    """Compare a random scene without restitution with time stepping: the difference falls with the step.
+
+    With 16 times as many steps it is a sixteenth, but where a body grazes what it has hit before: there an error of the
+    position as large as a step shows in the velocity as its square root, and a quarter of it remains.
+    """
     drawn = draw(seed, plastic=True)
     run = lmoc.compile_text(drawn.text).simulate(stop=STOP, points=21, rtol=1e-9)
     found = np.array([run[coordinate] for coordinate, *_ in drawn.bodies]).T
-    coarse, fine = (np.abs(march(drawn.scene, STOP, n)[0][:: n // 20] - found).max() for n in (500, 8000))
+
+    def apart(steps: int) -> float:
+        return float(np.abs(march(drawn.scene, STOP, steps)[0][:: steps // 20] - found).max())
+
+    coarse, fine = max(map(apart, COARSE)), apart(8000)
     size = np.ptp(found) + np.abs(found).max()
-    near = fine < 5e-4 * size or (fine < 0.25 * coarse and fine < 0.01 * size)
-    assert near, f"time stepping is off by {coarse:.2g} with 500 steps and by {fine:.2g} with 8000"
+    near = fine < 1e-8 * size or (fine < 0.25 * coarse and fine < 0.01 * size)
+    assert near, f"time stepping is off by {coarse:.2g} with about 500 steps and by {fine:.2g} with 8000"
 
 
 @pytest.mark.parametrize("seed", [2, 8, 14, 52, 135, 216])
@@ -51,9 +62,23 @@ def test_rounding_of_what_laws_hold_at_rest_is_no_error_of_the_balance():
     assert "W0553" not in [note.code for note in run.notes]
 
 
-@pytest.mark.parametrize("seed", [0, 2, 8, 12])
+@pytest.mark.parametrize("seed", [0, 2, 8, 12, 150, 2002, 2014])
 def test_time_stepping_converges_to_the_run(seed):
     check_steps(seed)
+
+
+def test_two_strings_that_throw_each_other_open_in_turn_end_taut():
+    drawn = draw(2018, plastic=True)
+    run = lmoc.compile_text(drawn.text).simulate(stop=STOP, points=21, rtol=1e-9)
+    impacts = [e for e in run.events if e.impulse and 0.6 < e.time < 0.65]
+    strings = [e.impulse for e in impacts if e.name == "e6"]
+    m1, m2, m4 = drawn.scene.mass[[1, 2, 4]]
+    left = m1 / (m1 + m4) * m2 / (m2 + m4)  # of the velocity of the last impact but one
+    assert strings[-2] / strings[1] == pytest.approx(left ** (len(strings) - 3), rel=1e-3)
+    assert {e.name: e.after for e in impacts} == {"e5": "taut", "e6": "taut"}
+    assert impacts[-1].time == pytest.approx(0.6482727, abs=1e-6)
+    at_rest = np.searchsorted(run.time, 0.7)
+    assert run["e5.gap"][at_rest:] == pytest.approx(0, abs=1e-12) == run["e6.gap"][at_rest:]
 
 
 @pytest.mark.parametrize("part", ["Stop s(L = 0)", "Cable s(L = 2)"])

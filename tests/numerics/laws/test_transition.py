@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oracles.lawful import gauge_of, state
 
+import lmoc
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.mode import free_mode
 from lmoc.numerics.laws.transition import Trigger, transition
@@ -93,3 +94,32 @@ def test_a_body_that_is_caught_is_a_contradiction():
     with pytest.raises(Contradiction) as found:
         at(text, {}, closing=[0, 1])
     assert found.value.laws.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("load", "force"),
+    [
+        ("0", lambda t: 0.0 * t),
+        ("sin(3*time)", lambda t: np.sin(3 * t)),
+        ("-sin(3*time)", lambda t: -np.sin(3 * t)),
+        ("time^3", lambda t: t**3),
+    ],
+)
+def test_a_load_that_grows_from_zero_is_no_event_of_what_is_closed_at_the_start(load, force):
+    text = f"""model Between
+  Fixed wall;
+  Stop s(L = 0);
+  Cable c(L = 0);
+  Mass m(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Force f(f = {load});
+equation
+  connect(wall.flange, s.a);
+  connect(wall.flange, c.a);
+  connect(s.b, m.flange);
+  connect(c.b, m.flange);
+  connect(f.flange, m.flange);
+end Between;"""
+    run = lmoc.compile_text(text).simulate(stop=1, points=11, rtol=1e-9)
+    assert run.events == ()
+    assert (run["m.q"] == 0.0).all()
+    assert run["s.f"] + run["c.f"] == pytest.approx(force(run.time), abs=1e-12)

@@ -18,7 +18,7 @@ from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, free_mode
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
-from lmoc.numerics.laws.transition import Transition, Trigger, resisted, transition
+from lmoc.numerics.laws.transition import AT_ONCE, Transition, Trigger, resisted, transition
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
@@ -57,6 +57,7 @@ class LawSwitching:
         self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
         self.reader = reader(self.gauge)
         self.limits = self.gauge.known[4]
+        self.begun = -np.inf  # s, where the first mode was found
         self.unresolved: Array | float = 0.0  # what the integrator tells the states apart by no more
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
         self.ledger = _ledger(self.gauge)
@@ -160,6 +161,7 @@ class LawSwitching:
         """Return the state at the start, on what is closed there, and what happened on the way."""
         n = len(self.mode.closed)
         nothing = np.zeros(n, bool)
+        self.begun = t
         return self._take(t, x, Trigger(nothing, nothing, np.zeros(n, int)), at_start=True)
 
     def resume(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> tuple[Array, list[Event]]:
@@ -182,7 +184,7 @@ class LawSwitching:
 
     def go_on(self, before: LawSwitching, t: float, x: Array) -> None:
         """Take over the mode at the same place from the laws in other coordinates."""
-        self.mode, self.touched = before.mode, before.touched
+        self.mode, self.touched, self.begun = before.mode, before.touched, before.begun
         self.second = np.flatnonzero(self.mode.closed & ~self.gauge.table.complementary)
         self.now = now = self.gauge.at(t, x)
         self.forces = before.forces
@@ -192,7 +194,7 @@ class LawSwitching:
     def renewed(self, base: Array) -> LawSwitching:
         """Return the laws in the same mode with other registers that do not change between events."""
         made = LawSwitching(self.gauge.plan, self.gauge.values, base, self.gauge.signals)
-        made.mode, made.idle, made.unresolved = self.mode, self.idle, self.unresolved
+        made.mode, made.idle, made.unresolved, made.begun = self.mode, self.idle, self.unresolved, self.begun
         made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
         made._hold()
         return made
@@ -209,7 +211,9 @@ class LawSwitching:
         second[self.second] = which[len(closed) :]
         direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
         trigger = Trigger(first & ~closed, (first | second) & closed, direction, jumped)
-        found = self._take(t, x, trigger)
+        # a load that grows from zero opens a law in the first instant: that is how the run begins
+        at_start = not jumped and bool(which.any()) and t - self.begun <= AT_ONCE
+        found = self._take(t, x, trigger, at_start)
         idle = (first | second) & (closed == self.mode.closed) & (not found[1])
         self.idle = np.where(idle, self.idle + 1, 0.0 if found[1] else self.idle)
         return found

@@ -121,6 +121,10 @@ def transition(
             impact = _impact(table, before, sharing, mode.closed, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
         least = np.maximum(least, _least_rate(now))
+        thrown = _thrown_for_nothing(table, now, mode, touching, least, trigger, lowest)
+        if thrown.any():
+            now = _together(gauge, now, thrown | (table.impulsive & touching & (np.abs(now.rate) <= least)))
+            least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
         least = np.where(holding, np.inf, least)
     relaxed = relax(gauge, now, mode, trigger.opening, trigger.direction)
@@ -230,6 +234,30 @@ def _last_bounces(
         low = now.rate**2 <= -2 * level * lowest
     over = (left < BOUNCES_LEFT) | (leaving & (level < 0.0) & low)
     return over, now.t + float(left[over].max(initial=-np.inf))
+
+
+def _thrown_for_nothing(
+    table: Table, now: Instant, mode: Mode, touching: Mask, least: Array, trigger: Trigger, lowest: Array
+) -> Mask:
+    """Return closed laws that an impact opens by a gap that cannot be told from zero, before they close again.
+
+    Two strings without restitution may throw each other open in turn, ever shorter: that ends with both of them taut.
+    """
+    thrown = touching & table.impulsive & mode.closed & (now.rate > least)
+    if not thrown.any():
+        return thrown
+    resting = _candidates(table, now, touching & ~thrown, least) & ~thrown
+    level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger), np.zeros(len(thrown), int)).level
+    return thrown & (level < 0.0) & (now.rate**2 <= -2 * level * lowest)
+
+
+def _together(gauge: Gauge, now: Instant, held: Mask) -> Instant:
+    """Return the instant behind the impulses that bring these laws to rest, as all further impacts together do."""
+    which = np.flatnonzero(held)
+    impulse = np.linalg.lstsq(now.delassus[np.ix_(which, which)], -now.rate[which], rcond=None)[0]
+    change = now.response[:, which] @ impulse
+    change[gauge.plan.ledger] = 0.0
+    return gauge.at(now.t, now.x + change)
 
 
 # ---------------------------------------------------------------------- what could be closed
