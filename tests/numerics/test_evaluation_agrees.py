@@ -107,6 +107,8 @@ def points(dae: lmoc.DAE, plan: Plan, count: int) -> list[np.ndarray]:
 def test_casadi_numpy_and_c_agree(path: Path) -> None:
     dae = compiled(path)
     plan, found = systems(dae)
+    if len(found) == 1 and find_compiler() is None:
+        pytest.skip("no C compiler, and too large for casadi")
     assert len(found) > 1  # else the comparison is empty
     for t, x in zip((0.0, 0.37), points(dae, plan, 2), strict=True):
         reference = derivatives(found["numpy"], t, x)

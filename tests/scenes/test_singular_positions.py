@@ -6,6 +6,7 @@ from oracles.models import CONNECTED_SLIDER_CRANK
 from scipy.integrate import solve_ivp
 
 import lmoc
+from lmoc.numerics.evaluate.native.compiler import find_compiler
 
 G = 9.81
 PARALLELOGRAM = """model Parallelogram "three bars of 1 m and 1 kg, from the upright with 1 m/s"
@@ -39,6 +40,16 @@ equation
 end Isosceles;"""
 
 
+@pytest.fixture
+def no_compiler(monkeypatch):
+    """Have no C compiler found; it is looked for once, so anew before and after."""
+    monkeypatch.setenv("LMOC_CC", "")
+    find_compiler.cache_clear()
+    yield
+    monkeypatch.undo()
+    find_compiler.cache_clear()
+
+
 def upright(ratio: float, omega: float, times: np.ndarray) -> np.ndarray:
     """Angles from the upright of θ'' = ratio·g·sin θ."""
     return solve_ivp(lambda t, z: [z[1], ratio * G * np.sin(z[0])], (0, times[-1]), [0, omega], "DOP853", times,
@@ -65,10 +76,10 @@ def test_parallelogram_goes_on_as_one_through_its_flat_positions(rtol, solver, a
 
 @pytest.mark.parametrize("compiler", ["own", "none"])
 @pytest.mark.parametrize(("rtol", "solver"), [(1e-3, "dop853"), (1e-5, "auto"), (1e-8, "taylor")])
-def test_singular_positions_are_counted_and_told_when_they_are(monkeypatch, compiler, rtol, solver):
+def test_singular_positions_are_counted_and_told_when_they_are(request, compiler, rtol, solver):
     """Once each, where the bars are in line, though Newton's method goes over to crossed bars before some of them."""
     if compiler == "none":
-        monkeypatch.setenv("LMOC_CC", "")
+        request.getfixturevalue("no_compiler")
     run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=4, points=101, rtol=rtol, solver=solver)
     (note,) = [n.message for n in run.notes if n.code == "N0633"]
     assert note.startswith("4 singular positions were passed, the first at t = ")
@@ -119,8 +130,7 @@ def test_isosceles_slider_crank_goes_beyond_its_pivot(rtol, solver, allowed):
     assert np.abs(run["rod.b.x"] - run["line.s"]).max() < 1e-12
 
 
-def test_long_steps_over_a_singular_place_become_shorter_without_a_compiler(monkeypatch):
-    monkeypatch.setenv("LMOC_CC", "")
+def test_long_steps_over_a_singular_place_become_shorter_without_a_compiler(no_compiler):
     run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=2, points=11, rtol=1e-3, solver="dop853")
     assert np.abs(run["first.phi"] - np.pi / 2 + upright(1.2, -1, run.time)).max() < 0.1
     assert np.abs(run["second.phi"] - run["first.phi"]).max() < 1e-12
