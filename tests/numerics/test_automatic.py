@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import lmoc
+from lmoc.messages.diagnostics import SimulationError
 from lmoc.numerics.evaluate.native.compiler import find_compiler
+from lmoc.numerics.integrate import automatic
+from lmoc.numerics.options import RunOptions
+from lmoc.numerics.simulate import simulate
 
 OSCILLATOR = """model O
   parameter Real c = 0;
@@ -43,6 +47,21 @@ def test_a_motion_that_forgets_its_errors_is_not_refined(dae):
 
 def test_a_short_run_is_not_looked_at(dae):
     assert dae.simulate(stop=10).stats["reason"] == "not stiff"
+
+
+def test_the_method_is_not_left_where_few_steps_lie_behind_those_of_the_trial(dae, monkeypatch):
+    judged = []
+    refinement = automatic._refinement
+    monkeypatch.setattr(automatic, "_refinement", lambda *given: judged.append(given[1].time) or refinement(*given))
+    run = dae.simulate(stop=60, rtol=1e-7)
+    assert automatic.TRIAL < run.stats["steps"] < automatic.TRIAL + 120 and not judged
+    dae.simulate(stop=60, rtol=1e-7, max_step=0.3)
+    assert len(judged) == 1
+
+
+def test_a_limit_of_steps_holds_where_few_lie_ahead(dae):
+    with pytest.raises(SimulationError, match="too many steps"):
+        simulate(dae.reduced, options=RunOptions(stop=60, rtol=1e-7, max_steps=automatic.TRIAL + 10))
 
 
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler")

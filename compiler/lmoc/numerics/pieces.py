@@ -174,7 +174,7 @@ class _Run:
         elif isinstance(initial, End):
             states = partial(continued, plan, initial)
         else:
-            wanted = targets(observer.flat, observer.values, initial, report)
+            wanted = targets(plan, observer.values, initial, report)
             report.check()
             seed_blocks(plan, stretch.base, wanted)
 

@@ -73,7 +73,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     """
     way = _Way(replace(problem, patience=patience(problem.system)), integrate)
     reason, factor = "not stiff", _calibration(problem)
-    outcome = way.go("dop853", factor, most=TRIAL)
+    outcome = way.go("dop853", factor, most=TRIAL, overrun=_FEWEST if problem.system.n >= _LARGE else _MANY)
     if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > TRIAL:
         outcome, finer, factor = _long_way(way)
         reason += finer
@@ -131,13 +131,17 @@ class _Way:
         self.outcome = Outcome(problem.t, problem.x, 0)
         self.solvers: list[str] = []
 
-    def go(self, name: str, factor: float = 1.0, most: int | None = None, shortest: float = 0.0) -> Outcome:
+    def go(
+        self, name: str, factor: float = 1.0, most: int | None = None, shortest: float = 0.0, overrun: int = 0
+    ) -> Outcome:
         """Go on with a method from where the last one has stopped.
 
         Parameters
         ----------
         factor : on the tolerances
         most : steps
+        overrun : steps by which these may be exceeded where so many are expected to reach the end: where fewer lie
+            ahead than a Taylor series needs to pay, and their errors do not add up
         shortest : s, mean length of steps below which a Taylor series gives up
         """
         problem, before = self.problem, self.outcome
@@ -153,6 +157,7 @@ class _Way:
                 rtol=rtol,
                 atol=problem.atol * (rtol / problem.rtol),
                 max_steps=left if most is None else min(most, left),
+                overrun=overrun if most is not None and most + overrun <= left else 0,
                 first_step=before.step if self.solvers[-1:] == [name] else np.inf,
                 shortest=shortest,
                 sink=lambda first, states: problem.sink(first + done, states),

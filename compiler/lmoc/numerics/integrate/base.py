@@ -35,6 +35,7 @@ class Problem:
     max_step : s, the longest step
     lookout : bounds the steps where something short happens in what depends on time alone
     max_steps : steps after which the run is given up
+    overrun : steps by which these may be exceeded where so many are expected to reach the end
     deadline : value of ``time.monotonic()`` at which to stop, None for no limit
     progress : called with the time reached, a few times a second at the most
     patience : steps that an explicit method may still need where it finds the problem stiff; beyond, it gives up
@@ -63,6 +64,7 @@ class Problem:
     max_step: float = np.inf
     lookout: Lookout = field(default_factory=Lookout)
     max_steps: int = 5_000_000
+    overrun: int = 0
     deadline: float | None = None
     progress: Callable[[float], None] | None = None
     patience: float = np.inf

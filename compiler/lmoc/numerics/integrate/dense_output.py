@@ -14,7 +14,7 @@ from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.integrate.base import Problem
 
 _LAST_WEIGHTS = (4 / 7) ** 4 * (3 / 7) ** 3 * table.D[3]  # the last term of the polynomial where it is largest
-_BATCH = 400_000  # numbers gathered before they are evaluated
+_BATCH = 100_000  # numbers gathered before they are evaluated: memory that a run need not ask the system for
 _CHUNK = 16_000  # numbers of the result made at once: what they are made from stays in the cache
 
 

@@ -118,11 +118,13 @@ class _Loop:
         problem, run, step = self.problem, self.run, self.step
         if self.finder is None and problem.guard is None:
             step = self.step_unwatched
-        end, looked = problem.end, 0
+        end, looked, most = problem.end, 0, problem.max_steps
         while run.t < end:
             done = run.steps + run.rejected
-            if done >= problem.max_steps:
-                return Status.TOO_MANY_STEPS
+            if done >= most:
+                if most > problem.max_steps or not self.is_nearly_there():
+                    return Status.TOO_MANY_STEPS
+                most += problem.overrun
             if done >= looked:
                 looked = done + _LOOK
                 if self.watch.expired(run.t):
@@ -133,6 +135,11 @@ class _Loop:
             if status is not _OK:
                 return status
         return Status.OK
+
+    def is_nearly_there(self) -> bool:
+        """Return whether as many more steps as are allowed reach the end if they are as long as those so far."""
+        problem, t = self.problem, self.run.t
+        return self.run.steps * (problem.end - t) < problem.overrun * (t - problem.t)
 
     def is_held(self, done: int) -> bool:
         """Return whether the latest steps have hardly got on because a jump of the equations keeps the motion."""

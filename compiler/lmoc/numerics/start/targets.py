@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.flat import Kind
 from lmoc.ir.names import hint_for
 from lmoc.messages.diagnostics import Report
+from lmoc.numerics.plan import Plan
 from lmoc.support.records import dataclass
 
 
@@ -25,20 +26,39 @@ class Targets:
         return len(self.variable)
 
 
-def targets(flat: FlatDAE, values: np.ndarray, initial: Mapping[str, float], report: Report) -> Targets:
+class _OwnStarts:
+    """The model's own start values, kept for the parameter values that they were computed with last."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.flat = plan.reduced.flat
+        self._given: bytes | None = None
+        self._found = np.zeros(0), np.zeros(0, bool)
+
+    def at(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values (count,), NaN where there is none, and a mask of those that hold exactly."""
+        flat, given = self.flat, values.tobytes()
+        if given != self._given:
+            start, hard = np.full(flat.count, np.nan), np.zeros(flat.count, bool)
+            for a in flat.starts:
+                start[a.target] = a.values(values)
+            for a in flat.fixed:
+                hard[a.target] = a.values(values) != 0
+            start[hard & np.isnan(start)] = 0.0
+            self._given, self._found = given, (start, hard)
+        return self._found[0].copy(), self._found[1].copy()
+
+
+def targets(plan: Plan, values: np.ndarray, initial: Mapping[str, float], report: Report) -> Targets:
     """Fixed and start values of unknowns, with those of the caller in place of the model's own.
 
     Parameters
     ----------
-    values : parameter values of the flat model
+    values : of the parameters of its flat model
     initial : {name: value}; the name of an array takes one value or as many as it has variables
     """
-    start, hard, given = np.full(flat.count, np.nan), np.zeros(flat.count, bool), np.zeros(flat.count, bool)
-    for a in flat.starts:
-        start[a.target] = a.values(values)
-    for a in flat.fixed:
-        hard[a.target] = a.values(values) != 0
-    start[hard & np.isnan(start)] = 0.0
+    flat = plan.reduced.flat
+    start, hard = plan.once(_OwnStarts).at(values)
+    given = np.zeros(flat.count, bool)
     for name, value in initial.items():
         variables = flat.find(name)
         if variables is None:

@@ -59,8 +59,8 @@ def start_program(observer: Observer, time: float, x: np.ndarray, room: Room) ->
     ----------
     time, x : of the start of the run
     """
-    plan, flat = observer.plan, observer.flat
-    own = targets(flat, observer.values, {}, Report())
+    plan = observer.plan
+    own = targets(plan, observer.values, {}, Report())
     steps, register = _wanted(observer, own, room)
     measured = plan.reduced.register_of[own.variable]
     order = np.flatnonzero((register >= 0) & (measured >= 0))
