@@ -77,6 +77,10 @@ def test_two_strings_that_throw_each_other_open_in_turn_end_taut():
     assert strings[-2] / strings[1] == pytest.approx(left ** (len(strings) - 3), rel=1e-3)
     assert {e.name: e.after for e in impacts} == {"e5": "taut", "e6": "taut"}
     assert impacts[-1].time == pytest.approx(0.6482727, abs=1e-6)
+    coarse = lmoc.compile_text(drawn.text).simulate(stop=STOP, points=21, rtol=1e-8, solver="cvode")
+    assert len(coarse.events) < len(run.events)  # it ends them earlier, and books what the others would have taken
+    assert run.energy.supplied[-1] == pytest.approx(coarse.energy.supplied[-1], rel=1e-5)
+    assert run.energy.lost[-1] == pytest.approx(coarse.energy.lost[-1], rel=1e-4)
     at_rest = np.searchsorted(run.time, 0.7)
     assert run["e5.gap"][at_rest:] == pytest.approx(0, abs=1e-12) == run["e6.gap"][at_rest:]
 

@@ -108,7 +108,7 @@ def transition(
     before = now = project(gauge, now, touching, at_rest & ~table.unilateral & (table.degree == 2))
     striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
     sharing = striking | _rubbing(table, striking)
-    impact, over, until = None, np.zeros(len(held), bool), -np.inf
+    impact, over, until, further = None, np.zeros(len(held), bool), -np.inf, 0.0
     least = _least_rate(now)
     if (now.rate[striking] < -least[striking]).any():
         impact = _impact(table, before, sharing, mode.closed, table.restitution)
@@ -123,7 +123,7 @@ def transition(
         least = np.maximum(least, _least_rate(now))
         thrown = _thrown_for_nothing(table, now, mode, touching, least, trigger, lowest)
         if thrown.any():
-            now = _together(gauge, now, thrown | (table.impulsive & touching & (np.abs(now.rate) <= least)))
+            now, further = _together(gauge, now, thrown | (table.impulsive & touching & (np.abs(now.rate) <= least)))
             least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
         least = np.where(holding, np.inf, least)
@@ -137,6 +137,7 @@ def transition(
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
     if impact is not None:
         impulse[sharing], lost[sharing] = impact.impulse, impact.lost
+        lost[impulse.argmax()] += further  # what all later impacts take counts as this one's
         rubbing = np.flatnonzero(sharing & table.contact)  # what friction takes counts as its contact's
         np.add.at(lost, table.normal[rubbing], lost[rubbing])
         impulse[rubbing] = lost[rubbing] = 0.0
@@ -251,13 +252,16 @@ def _thrown_for_nothing(
     return thrown & (level < 0.0) & (now.rate**2 <= -2 * level * lowest)
 
 
-def _together(gauge: Gauge, now: Instant, held: Mask) -> Instant:
-    """Return the instant behind the impulses that bring these laws to rest, as all further impacts together do."""
+def _together(gauge: Gauge, now: Instant, held: Mask) -> tuple[Instant, float]:
+    """Return the instant behind the impulses that bring these laws to rest, as all further impacts together do.
+
+    The second value is the energy that they take, in J.
+    """
     which = np.flatnonzero(held)
     impulse = np.linalg.lstsq(now.delassus[np.ix_(which, which)], -now.rate[which], rcond=None)[0]
     change = now.response[:, which] @ impulse
     change[gauge.plan.ledger] = 0.0
-    return gauge.at(now.t, now.x + change)
+    return gauge.at(now.t, now.x + change), -0.5 * float(impulse @ now.rate[which])
 
 
 # ---------------------------------------------------------------------- what could be closed
