@@ -56,11 +56,9 @@ them as C, casadi in its virtual machine, heyoka and diffsol as machine code of 
 
 {table}
 
-lmoc does not lead: heyoka is faster on every scene, and diffsol on most, by the factor in the last column. Where it is
-largest, lmoc's time is not that of the integration: a run of Andrews' mechanism takes 10 to 13 ms and one of the car
-axis 13 to 18 ms, and the rest went into reading angles and places that are no states, one output time after the other.
-The others have them as states. Since this was measured they are found at all output times at once: the seven angles
-of Andrews' mechanism take 16 ms.
+lmoc does not lead where the last column is above one: what it takes there is Python between steps and at the
+beginning of each run, and reading angles and places that are no states, which have to be solved for at each output
+time. The others have them as states.
 
 `python -m benchmarks.peers --scenes` measures this with what is installed of SciPy, casadi, heyoka and diffsol; here on
 an {processor} with {cores} cores. Tolerances go down to 1e-13 for lmoc and heyoka, to 1e-12 for the others; a dash
