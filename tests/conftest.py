@@ -1,6 +1,7 @@
 """What the tests of the command share."""
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,9 @@ ROOT = Path(__file__).parents[1]
 settings.register_profile("same", derandomize=True)
 settings.register_profile("random")
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
+
+# a shell starts its background jobs with Ctrl-C ignored, and tests of Ctrl-C would inherit that
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # every structure that a stage hands on is checked, in child processes too
 os.environ["LMOC_CHECK"] = "1"
