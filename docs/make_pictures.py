@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import lmoc
-from lmoc.dae import DAE
+from lmoc.interface import DAE
 from lmoc.pipeline import Clock, Scene, flatten, open_scene
 from lmoc.view.drawing import Drawing
 from lmoc.view.scene.compose import picture_of

@@ -31,8 +31,9 @@ ORDER = (
     "live",
     "simulation",
     "places",
-    "studies",
     "dae",
+    "studies",
+    "interface",
     "compilation",
     "cli",
 )

@@ -13,7 +13,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers know it; importing `typing` would come before the command's care for Ctrl-C
 if TYPE_CHECKING:
     from lmoc.compilation import compile, compile_text
-    from lmoc.dae import DAE
+    from lmoc.interface import DAE
     from lmoc.messages.diagnostics import ModelError, SimulationError
     from lmoc.report.compare import compare
     from lmoc.report.picture import plot
@@ -25,7 +25,7 @@ __all__ = ["__version__", "DAE", "ModelError", "Run", "SimulationError", "compar
 # Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
 _HOME = {
     "__version__": "lmoc.support.version",
-    "DAE": "lmoc.dae",
+    "DAE": "lmoc.interface",
     "compare": "lmoc.report.compare",
     "compile": "lmoc.compilation",
     "compile_text": "lmoc.compilation",

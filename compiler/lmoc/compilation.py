@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from lmoc import pipeline
-from lmoc.dae import DAE
+from lmoc.interface import DAE
 from lmoc.ir.names import names_of
 from lmoc.messages.source import Source
 from lmoc.parameters import Value, check_mappings

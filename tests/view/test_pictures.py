@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lmoc.dae import DAE
+from lmoc.interface import DAE
 from lmoc.ir.flat import FlatDAE
 from lmoc.pipeline import Clock, Scene, flatten, open_scene
 from lmoc.view.scene.abbreviate import shown

@@ -42,7 +42,7 @@ def _drawn(arguments: argparse.Namespace) -> Drawing:
     from lmoc import pipeline
     from lmoc.cli.progress import Progress
     from lmoc.cli.scene import scene_of
-    from lmoc.dae import DAE
+    from lmoc.interface import DAE
     from lmoc.parameters import indexed
     from lmoc.pipeline import Clock
     from lmoc.view.drawing import Drawing

@@ -12,7 +12,7 @@ from lmoc.cli.symbols import add_symbol_arguments, compiled, listed, names
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 
 if TYPE_CHECKING:
-    from lmoc.dae import DAE
+    from lmoc.interface import DAE
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibrium
     from lmoc.symbolic.laws.equations import EquationsOfModes

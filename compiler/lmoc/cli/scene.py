@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lmoc.cli.progress import Progress
-    from lmoc.dae import DAE
+    from lmoc.interface import DAE
     from lmoc.pipeline import Scene
 
 

@@ -14,7 +14,7 @@ from lmoc.messages.diagnostics import Diagnostic
 if TYPE_CHECKING:
     import numpy as np
 
-    from lmoc.dae import DAE
+    from lmoc.interface import DAE
 
 
 def add_symbol_arguments(parser: Parser) -> None:

@@ -15,7 +15,7 @@ from lmoc.cli.symbols import add_place_arguments, add_symbol_arguments, compiled
 from lmoc.messages.diagnostics import ModelError
 
 if TYPE_CHECKING:
-    from lmoc.dae import DAE
+    from lmoc.interface import DAE
     from lmoc.symbolic.notation import Notation
     from lmoc.symbolic.transfer import TransferFunction
 
