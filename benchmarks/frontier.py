@@ -484,7 +484,8 @@ def draw(data: dict, path: Path) -> None:
         for axis in axes[len(scenes) :]:
             axis.set_visible(False)
         handles = [axes[0].plot([], [], color=COLOURS[k], label=tool)[0] for k, tool in enumerate(tools)]
-        figure.legend(handles=handles, loc="upper right", ncols=len(tools), frameon=False, borderaxespad=0.2)
+        figure.legend(handles=handles, loc="upper right", ncols=len(tools), frameon=False, borderaxespad=0.2,
+                      handlelength=1.2, columnspacing=1.2)  # fmt: skip
         figure.supylabel("milliseconds of a warm run", fontsize=9)
         figure.supxlabel("error: largest deviation, relative to each signal's largest value", fontsize=9)
         head(figure, "Six scenes by lmoc and by other tools")
