@@ -103,6 +103,7 @@ def solve_structure(
     whole = minimal is selection
     notes = diagnosis.notes(system, minimal.choice, minimal.tied) if whole else ()
     notes += diagnosis.immobile(system, *immobile(minimal))
+    notes += diagnosis.differentiated_jumps(system, minimal.c)
     quadratures = np.flatnonzero(selection.quadrature)
     # what is solved together with a derivative is not needed for it where the solution is a formula
     helpers = solution.helpers + len(rate)

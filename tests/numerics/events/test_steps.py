@@ -173,3 +173,19 @@ def test_a_step_inside_of_no_event_is_no_less_of_a_step(signal):
     assert [e.kind for e in found.events] == [e.kind for e in expected.events] == ["step", "relation"]
     for name in ("m.q", "m.v"):
         assert found[name] == pytest.approx(expected[name], abs=1e-14)
+
+
+@pytest.mark.parametrize(("value", "noted"), [
+    ("noEvent(if m.q > 0.05 then 0 else 0.1)", True), ("smooth(0, if m.q > 0.05 then 0 else 0.1)", True),
+    ("noEvent(0.1*sign(m.q - 0.05))", True), ("0.1*noEvent(abs(m.q))", False),
+    ("noEvent(if time > 0.5 then 0 else 0.1)", False), ("0.1*m.q^2", False),
+])  # fmt: skip
+def test_a_differentiated_jump_without_an_event_is_noted(value, noted):
+    """The same value as a force is not differentiated, and needs no note."""
+    parts = "Damper d(c = 5); Spring k(k = 100); Mass m(m = 1, q(fixed = true), v(fixed = true));"
+    wires = "connect(d.a, k.a); connect(d.b, m.flange); connect(k.b, m.flange);"
+    moved = f"model M Motion r(q = {value}); {parts} equation connect(r.flange, d.a); {wires} end M;"
+    assert ("N0418" in [n.code for n in lmoc.compile_text(moved).notes]) == noted
+    fixed = f"Force f(f = {value}); Fixed w; {parts} equation connect(w.flange, d.a); connect(f.flange, m.flange);"
+    pushed = f"model M {fixed} {wires} end M;"
+    assert "N0418" not in [n.code for n in lmoc.compile_text(pushed).notes]

@@ -92,6 +92,12 @@ STRUCTURE: dict[str, Entry] = {
         "Nonlinear constraints hold a mass or an inertia in one place: an arm of different length beside the "
         "first, a linkage with a rod too many. It stays at rest. Linear constraints of this kind are an error (E0412).",
     ),
+    "N0418": Entry(
+        "the derivative of what may jump without an event",
+        "What varies decides on the value of an expression inside `noEvent(...)` or `smooth(...)` that prescribes a\n"
+        "motion and is differentiated. A jump of its value is not seen there, so that the velocities do not jump with\n"
+        "it. Where the value is continuous, nothing is missing.",
+    ),
     "E0440": Entry(
         "a law without effect on its own motion",
         "A law relates a force to a gap or a velocity: the force must be able to change it. That fails where "

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lmoc.expression.dag import Expr, nodes_outside_events, slots
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, Label, Report
 from lmoc.messages.ranges import LOOKED_AT, report_alike
@@ -16,6 +17,7 @@ from lmoc.structure.index.dulmage_mendelsohn import components, decompose
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
 from lmoc.structure.index.system import EquationSystem
+from lmoc.structure.linear.coefficients import UNKNOWN, Kinds
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
@@ -294,6 +296,45 @@ def immobile(system: EquationSystem, columns: np.ndarray, rows: np.ndarray) -> t
     hint = "two ways that lead there do not agree: remove one, or put a spring where the real mechanism is elastic"
     labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
     return (Diagnostic("W0417", message, spans[0] if spans else None, hint=hint, labels=labels),)
+
+
+def differentiated_jumps(system: EquationSystem, c: np.ndarray) -> tuple[Diagnostic, ...]:
+    """Return notes on expressions that are differentiated although they may jump without an event (N0418).
+
+    Parameters
+    ----------
+    c : (rows,) how often each equation is differentiated
+    """
+    rows = [
+        int(b.row[k])
+        for b in system.batches
+        if _may_jump(b.shape, b.kinds)
+        for k in np.flatnonzero(c[b.row] > 0)[:1]  # one of many alike
+    ]
+    if not rows:
+        return ()
+    equations = Equations(system.flat)
+    sources = system.source[rows].tolist()
+    spans = [span for span in equations.spans(sources) if span is not None]
+    message = f"the derivative of {equations.text(sources[0])} does not contain what jumps inside noEvent or smooth"
+    hint = "where the value jumps, leave them out: the jump is an event then, and its impulse is computed"
+    labels = tuple(Label(span, "also here") for span in spans[1:SHOWN])
+    return (Diagnostic("N0418", message, spans[0] if spans else None, hint=hint, labels=labels),)
+
+
+_STEPS = frozenset(("sign", "floor", "ceil", "integer", "mod", "rem", "div_integer"))
+
+
+def _may_jump(shape: Expr, kinds: Kinds) -> bool:
+    """Whether what varies decides on a value outside of `event`."""
+
+    def varies(node: Expr) -> bool:
+        return any(kinds[leaf.value[0]] == UNKNOWN for leaf in slots(node))
+
+    return any(
+        varies(node.args[0]) if node.op == "if" else node.op in _STEPS and varies(node)
+        for node in nodes_outside_events(shape)
+    )
 
 
 # ---------------------------------------------------------------------------- wording
