@@ -9,6 +9,7 @@ from conftest import ROOT
 import lmoc
 from lmoc.expression.functions import SMOOTH
 from lmoc.numerics.evaluate.native.compiler import find_compiler
+from lmoc.numerics.integrate import loop
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -118,3 +119,15 @@ def test_a_pole_ends_the_run():
     assert failure.value.time == pytest.approx(1.0, abs=1e-3)
     partial = failure.value.partial
     assert partial["x"][:9] == pytest.approx(1 / (1 - partial.time[:9]), rel=1e-4)
+
+
+@pytest.mark.parametrize("room", [1, 6, 40])
+@pytest.mark.parametrize("solver", ["taylor", "auto"])
+def test_output_within_one_step_that_there_is_no_room_for_at_once(solver, room, monkeypatch):
+    """As in large scenes; the last step, too, has many output times within, and one is at its end."""
+    monkeypatch.setattr(loop, "_BATCH", room)
+    dae = lmoc.compile_text("model M Real x(start = 1, fixed = true); Real v; equation der(x) = v; der(v) = -x; end M;")
+    run = dae.simulate(solver=solver, stop=200, points=5001, rtol=1e-9)
+    assert "taylor" in run.stats["solver"] and run.stats["steps"] < 500
+    assert run.complete and len(run.time) == 5001
+    assert np.abs(run["x"] - np.cos(run.time)).max() < 3e-8

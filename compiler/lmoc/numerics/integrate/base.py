@@ -222,7 +222,7 @@ class Batches(Protocol):
     """The ability of a method to make many steps with their output without Python between them."""
 
     def several(self, times: np.ndarray, most: int) -> tuple[Status, int]:
-        """Make up to `most` steps; keep the states at the first of `times` that they reach.
+        """Make up to `most` steps; keep the states at the first of `times` that they, or the last one before, reach.
 
         Returns
         -------

@@ -100,18 +100,24 @@ class _Loop:
             if left <= 0:
                 return Status.TOO_MANY_STEPS
             began = clock.perf_counter()
-            times = problem.times[self.reached : self.reached + self.most]
-            status, reached = method.several(times, min(most, left))
-            self.reached += reached
-            self.next = self.times[self.reached] if self.reached < len(self.times) else math.inf
-            if self.reached - self.handed >= self.most:
-                self.flush()
+            status = self.several(method, min(most, left))
+            while self.next <= run.t and run.before < run.t:  # there was no room for all output within the last step
+                self.several(method, 0)
             if self.watch.expired(run.t):
                 return Status.TOO_LONG
             if status is Status.DOUBTFUL:
                 problem.landing.resume(run.t, run.x)
                 status = self.step()
             most = min(2 * most, _MANY) if clock.perf_counter() - began < _QUICK else max(_LOOK, most // 2)
+        return status
+
+    def several(self, method: Batches, most: int) -> Status:
+        """Have the method make up to `most` steps, and take the output for which there is room."""
+        status, reached = method.several(self.problem.times[self.reached : self.reached + self.most], most)
+        self.reached += reached
+        self.next = self.times[self.reached] if self.reached < len(self.times) else math.inf
+        if self.reached - self.handed >= self.most:
+            self.flush()
         return status
 
     def go_stepwise(self) -> Status:
