@@ -65,6 +65,7 @@ class Constraints:
         coordinates, the others are states
     watched : (rows,) dependent coordinates whose rows change along the motion; the others follow by constant pivots
     variable : (columns,) the flat variable of each coordinate
+    source : (rows,) the flat equation that each row comes from
     """
 
     program: Program
@@ -74,6 +75,7 @@ class Constraints:
     register: np.ndarray
     watched: np.ndarray
     variable: np.ndarray
+    source: np.ndarray
 
     @property
     def rows(self) -> int:

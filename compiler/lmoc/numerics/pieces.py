@@ -51,6 +51,7 @@ from lmoc.numerics.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes, Way
+    from lmoc.numerics.coordinates.watch import CoordinateWatch
     from lmoc.numerics.events.happenings import Happenings
 
 _FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
@@ -104,6 +105,7 @@ class _Run:
         self.before_terminal: tuple[Piece, np.ndarray] | None = None
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
+        self.watch: CoordinateWatch | None = None  # over the last choice of coordinates
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
 
@@ -323,6 +325,9 @@ class _Run:
         from lmoc.numerics.coordinates.watch import CoordinateWatch
 
         stretch.watch = CoordinateWatch(stretch.system, stretch.base)
+        if self.watch is not None:
+            stretch.watch.inherit(self.watch)
+        self.watch = stretch.watch
         self.changes.bar(stretch)
         status = stretch.watch.begin(begin, x)
         if status is not Status.OK and not self.pieces:

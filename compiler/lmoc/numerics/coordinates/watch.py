@@ -72,7 +72,7 @@ class CoordinateWatch:
         self._place = own.row.astype(int) * len(own.variable) + own.column
         self._recent: tuple[np.ndarray, float] | None = None  # scaled matrix of the last look, and `Place.least` of it
         self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
-        self._size = self._bound = np.zeros((own.rows, len(own.variable)))
+        self._size, self._bound = np.zeros((2, own.rows, len(own.variable)))
         self._scales: tuple[np.ndarray, np.ndarray] | None = None
         self._columns: np.ndarray | None = None  # factors of the columns, the last ones
         self._factor = self._size  # of each entry, from these
@@ -86,9 +86,29 @@ class CoordinateWatch:
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
 
+    def inherit(self, before: CoordinateWatch) -> None:
+        """Compare entries with the sizes that they have had in the piece before, in whatever coordinates that was.
+
+        Near a singular place all entries of a coordinate may be small: in the sizes of that place alone they would not
+        show it.
+        """
+        (rows, own_rows), (columns, own_columns) = (
+            np.intersect1d(mine, others, return_indices=True)[1:]
+            for mine, others in (
+                (self.constraints.source, before.constraints.source),
+                (self.constraints.variable, before.constraints.variable),
+            )
+        )
+        self._size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Return the largest magnitude that each entry of the constraint matrix has had."""
+        told = self._certifier is not None and self._certifier.place is not None
+        return self._certifier.sizes(self._size) if told else self._size
+
     def begin(self, t: float, x: np.ndarray) -> Status:
         """Judge the place where the piece begins; its coordinates are compared with what they are there."""
-        self._size, self._scales = np.zeros_like(self._size), None
         self.last = place = self._look(t, x)
         worst = place.found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
@@ -142,7 +162,7 @@ class CoordinateWatch:
         """Take note of flat variables that cannot be states."""
         self.barred = self.barred | np.isin(self.constraints.variable[self.constraints.watched], list(refused))
         if self._certifier is not None and self._certifier.place is not None:
-            self._size, self._certifier.place = self._certifier.sizes(self._size), None
+            self._size, self._certifier.place = self.sizes, None
 
     @property
     def passed_a_singular_place(self) -> bool:

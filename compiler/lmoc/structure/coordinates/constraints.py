@@ -54,6 +54,7 @@ def changing_constraints(selection: Selection, first: int) -> Constraints | None
         place[own],
         np.flatnonzero(watched[kept]),
         selection.system.variable[order],
+        selection.system.source[kept],
     )
 
 

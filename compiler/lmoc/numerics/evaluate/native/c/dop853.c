@@ -43,11 +43,13 @@ void lmoc_dop853_attempt(lmoc_call *c, double time, double h, double rtol, const
   result[1] = change > 0 ? h*sqrt(rise/change) : 0;
 }
 
-/* The three further stages that dense output needs. */
+/* The three further stages that dense output needs. Nonlinear blocks go on from where they have been marked, so that
+   steps do not depend on which output times there are. */
 void lmoc_dop853_more(lmoc_call *c, double time, double h, const double *a, const double *times, const double *x,
                       double *k, double *work) {
   for (int s = 13; s < 16; s++) {
     lmoc_stage(c->n, s, a + 16*s, h, x, k, work);
     lmoc_derivatives(c, time + times[s]*h, work, k + s*c->n);
   }
+  if (c->marked) lmoc_go_back(c);
 }
