@@ -7,6 +7,7 @@ balance of a point without mass gives it by the motion alone: a spring's force a
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from lmoc.symbolic.names import base_of
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import Interpreter
+from lmoc.view.bodies.local import LocalForms
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.strip import BODIES
@@ -33,6 +35,7 @@ TENSION = frozenset(
     """spring damper spring-damper rod string elastic-string stop friction torsion-spring torsion-damper clutch
     bearing-friction ratchet""".split()
 )
+MOST_OPERATIONS = 16  # in a formula beside an arrow
 
 
 @dataclass(frozen=True)
@@ -42,17 +45,19 @@ class Force:
     Attributes
     ----------
     part : whose it is; the body itself for its weight
-    label : what stands at the arrow
+    value : along the coordinate, in jets of the scene's coordinates
+    label : what stands at the arrow: the same by the body's own coordinate
     sense : 1 where the arrow points along the coordinate, -1 against it
     """
 
     part: str
+    value: sympy.Expr
     label: sympy.Expr
     sense: int
 
     @property
-    def value(self) -> sympy.Expr:
-        """The force along the coordinate."""
+    def term(self) -> sympy.Expr:
+        """What stands in the balance."""
         return self.label * self.sense
 
 
@@ -104,8 +109,15 @@ class FreeBodies:
         return Notation.of(*expressions, late=self.late, given=self.own)
 
 
-def free_bodies(reduced: Reduced, values: np.ndarray, graph: Graph) -> FreeBodies:
-    """Return the forces on all bodies of lines and shafts.
+def free_bodies(
+    reduced: Reduced, values: np.ndarray, graph: Graph, cut_out: Container[str] | None = None
+) -> FreeBodies:
+    """Return the forces on bodies of lines and shafts.
+
+    Parameters
+    ----------
+    graph : all parts of the scene
+    cut_out : names of the bodies; None: all of them
 
     Raises
     ------
@@ -117,6 +129,7 @@ def free_bodies(reduced: Reduced, values: np.ndarray, graph: Graph) -> FreeBodie
     # the scene as it was written: set-valued laws leave their forces open, which then stand as symbols
     kinematics = Kinematics(interpreter, outline, [p for p, _ in ports_of_elements(graph.flat)])
     laws = _Laws(PartLaws(graph.flat, kinematics))
+    forms = LocalForms(graph, Names(graph), kinematics)
     at: dict[int, list[tuple[Element, Port]]] = {}
     for element in graph.elements:
         for port in element.ports:
@@ -124,16 +137,18 @@ def free_bodies(reduced: Reduced, values: np.ndarray, graph: Graph) -> FreeBodie
                 at.setdefault(port.node, []).append((element, port))
     found = []
     for element in graph.elements:
-        if element.symbol in BODIES and element.ports[0].domain in ("line", "shaft"):
-            found.append(_balance(element, at[element.ports[0].node], laws, graph))
+        if element.symbol not in BODIES or element.ports[0].domain not in ("line", "shaft"):
+            continue
+        if cut_out is None or element.name in cut_out:
+            found.append(_balance(element, at[element.ports[0].node], laws, forms))
     late = *(u.name for u in outline.inputs), *(q.name for q in kinematics.coordinates)
     return FreeBodies(tuple(found), late, {**_own_flows(found, graph), **outline.own_names})
 
 
 def _own_flows(balances: list[Balance], graph: Graph) -> dict[str, str]:
-    """The model's own names for the forces that stand as symbols."""
+    """The model's own names for the forces that stand as symbols, and for the bodies' coordinates."""
     names = Names(graph)
-    symbols = {s.name for b in balances for f in b.forces for s in f.label.free_symbols}
+    symbols = {base_of(s.name)[0] for b in balances for f in b.forces for s in f.label.free_symbols}
     found = {}
     for name in symbols:
         variables = graph.flat.find(name)
@@ -172,7 +187,7 @@ class _Laws:
         value = self.laws.value(port.flows[0])
         value = value.xreplace(self.known).xreplace(self.tied).xreplace(self.known)
         value = value.xreplace(self._declared(element, value))
-        return self._by_name(element, port) if self._foreign(value) else value
+        return self._by_name(element, port) if self._foreign(value) or _is_long(value) else value
 
     def _foreign(self, value: sympy.Expr) -> bool:
         """Return whether a symbol is no variable of the scene: the mode of a law, on which a massless point depends."""
@@ -211,13 +226,20 @@ class _Laws:
         return None if variable is None else self.laws.kinematics.interpreter.variable(variable)
 
 
-def _balance(body: Element, around: list[tuple[Element, Port]], laws: _Laws, graph: Graph) -> Balance:
+def _is_long(value: sympy.Expr) -> bool:
+    """Return whether a formula has no room at an arrow: cases, or a term of many operations."""
     import sympy as sp
 
-    port = body.ports[0]
+    return value.has(sp.Piecewise) or any(sp.count_ops(t) > MOST_OPERATIONS for t in sp.Add.make_args(value))
+
+
+def _balance(body: Element, around: list[tuple[Element, Port]], laws: _Laws, forms: LocalForms) -> Balance:
+    import sympy as sp
+
+    port, graph = body.ports[0], forms.graph
     own = sp.expand(laws.flow(body, port))
     inertial = [t for t in sp.Add.make_args(own) if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
-    forces = [Force(body.name, *_positive(-t)) for t in sp.Add.make_args(own) if t not in inertial and t != 0]
+    forces = [_weight(body, -t, graph) for t in sp.Add.make_args(own) if t not in inertial and t != 0]
     for element, other in around:
         if element.name == body.name and other.name == port.name:
             continue
@@ -225,9 +247,9 @@ def _balance(body: Element, around: list[tuple[Element, Port]], laws: _Laws, gra
             more = sp.expand(laws.flow(element, other))
             inertial += [t for t in sp.Add.make_args(more) if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
             rest = [t for t in sp.Add.make_args(more) if t not in inertial and t != 0]
-            forces += [Force(element.name, *_positive(-t)) for t in rest]
+            forces += [_weight(element, -t, graph) for t in rest]
             continue
-        forces += _forces(element, other, laws)
+        forces += _forces(element, other, laws, forms, port)
     name = "J" if port.domain == "shaft" else "m"
     mass = laws.parameter(graph, body, name)
     inertia = sp.Add(*inertial)
@@ -236,16 +258,36 @@ def _balance(body: Element, around: list[tuple[Element, Port]], laws: _Laws, gra
     return Balance(body, port, inertia, mass, tuple(forces), port.domain == "shaft")
 
 
-def _forces(element: Element, port: Port, laws: _Laws) -> list[Force]:
+def _forces(element: Element, port: Port, laws: _Laws, forms: LocalForms, body: Port) -> list[Force]:
     """The forces of a part on the body at one of its ports, term by term."""
     import sympy as sp
 
     on_body = -laws.flow(element, port)
-    if element.symbol in TENSION and len(element.ports) == 2:
-        first = element.ports[0].name == port.name
-        tension = on_body if first else -on_body
-        return [Force(element.name, t, 1 if first else -1) for t in sp.Add.make_args(tension) if t != 0]
-    return [Force(element.name, *_positive(t)) for t in sp.Add.make_args(on_body) if t != 0]
+    pulls = element.symbol in TENSION and len(element.ports) == 2
+    sense = 1 if element.ports[0].name == port.name else -1
+    sense = -sense if element.symbol == "stop" else sense  # it pushes
+    found = []
+    for value in sp.Add.make_args(on_body):
+        if value != 0:
+            label = forms.written(value, element, body)
+            found.append(Force(element.name, value, *((label * sense, sense) if pulls else _positive(label))))
+    return found
+
+
+def _weight(body: Element, value: sympy.Expr, graph: Graph) -> Force:
+    """A term of a body that is no inertia, as its weight: the arrow points to where it pulls with the values given.
+
+    A negative number for `g` is shown itself: the letter would hide its sign.
+    """
+    import sympy as sp
+
+    found = {s: graph.flat.find(s.name) for s in value.free_symbols}
+    if not all(v is not None and graph.flat.kind[v[0]] <= Kind.PARAMETER for v in found.values()):
+        return Force(body.name, value, *_positive(value))
+    sense = -1 if value.subs({s: graph.values[v[0]] for s, v in found.items() if v is not None}) < 0 else 1
+    acceleration, size = sp.Symbol(f"{body.name}.g"), graph.value(body, "g")
+    label = value.subs(acceleration, sp.Float(size, 15)) if size < 0 else value
+    return Force(body.name, value, label * sense, sense)
 
 
 def _positive(value: sympy.Expr) -> tuple[sympy.Expr, int]:

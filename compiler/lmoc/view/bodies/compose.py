@@ -12,7 +12,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.view.bodies.balance import Balance, Force, FreeBodies, free_bodies
 from lmoc.view.bodies.diagram import WIDTH, Numbers, draw_bodies
 from lmoc.view.bodies.plane import bodies_of, draw_plane_bodies
-from lmoc.view.scene.abbreviate import shown
+from lmoc.view.scene.abbreviate import shown, whole
 from lmoc.view.scene.arrange import strips_of
 from lmoc.view.scene.block import packed
 from lmoc.view.scene.compose import finished, world_gravity
@@ -75,9 +75,10 @@ def free_body_picture(
         title = f"{title}: forces at t = {run.time[at]:g} s"
     blocks = []
     if on_lines:
-        found = free_bodies(prepared.reduced, values, graph)
-        numbers = None if run is None else _numbers(found, prepared, graph, run, at)
-        blocks.append(draw_bodies(found, style_of(graph, Names(graph)), _directions(graph), numbers))
+        all_parts = whole(flat, values)
+        found = free_bodies(prepared.reduced, values, all_parts, {e.name for e in on_lines})
+        numbers = None if run is None else _numbers(found, prepared, all_parts, run, at)
+        blocks.append(draw_bodies(found, style_of(all_parts, Names(all_parts)), _directions(all_parts), numbers))
     if in_plane:
         value = _at(run, at) if run is not None else start()
         blocks.append(draw_plane_bodies(graph, value, world_gravity(graph), run is not None))

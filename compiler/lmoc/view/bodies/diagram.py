@@ -69,8 +69,8 @@ def balance_text(balance: Balance, notation: Notation, coordinate: str) -> str:
     left = f"{formula.product(balance.mass)}·{dotted(coordinate)}" if balance.mass != 0 else "0"
     terms = []
     for force in balance.forces:
-        negative = bool(force.value.as_coeff_Mul()[0] < 0)
-        terms.append((negative, term_text(balance, force, -force.value if negative else force.value, formula)))
+        negative = bool(force.term.as_coeff_Mul()[0] < 0)
+        terms.append((negative, term_text(balance, force, -force.term if negative else force.term, formula)))
     return f"{left} = {join_terms(sorted(terms, key=lambda t: t[0]), MARKED)}"
 
 

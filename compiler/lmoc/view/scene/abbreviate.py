@@ -72,6 +72,12 @@ def shown(flat: FlatDAE, values: np.ndarray) -> Shown:
     return Shown(Graph(flat, values, (*elements, *dots)), tuple(parts), (note,))
 
 
+def whole(flat: FlatDAE, values: np.ndarray) -> Graph:
+    """Return all parts of a scene, however many."""
+    first = node_of(flat)
+    return Graph(flat, values, tuple(e for p in drawn_parts(flat) for e in elements_of(flat, p, first, range(size(p)))))
+
+
 def _in_plane(flat: FlatDAE, part: Part) -> bool:
     return DOMAINS.get(tuple(flat.blocks[p].unit for p, _ in part.ports[:3]), "") in ("frame", "") and any(
         flat.blocks[p].path[-1][0] == "y" for p, _ in part.ports

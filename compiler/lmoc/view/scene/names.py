@@ -59,9 +59,14 @@ class Names:
         variable = self.graph.variable(element, name)
         if variable is None:
             return ""
+        variable = self.source(variable)
+        return symbol(self.flat.variable_name(variable)) if self.is_own(variable) else ""
+
+    def source(self, variable: int) -> int:
+        """Return the variable that one is bound to, by way of others; itself where it is bound to none."""
         while self._source[variable] != variable:
             variable = int(self._source[variable])
-        return symbol(self.flat.variable_name(variable)) if self.is_own(variable) else ""
+        return variable
 
     def is_own(self, variable: int) -> bool:
         """Return whether it is a variable of the model itself, not of a part."""
