@@ -1,4 +1,4 @@
-"""Right-hand sides of six scenes, written by hand in casadi as one who knows them would.
+"""Right-hand sides of seven scenes, written by hand in casadi as one who knows them would.
 
 Of the two mechanisms all coordinates and velocities are states; accelerations and multipliers come from one linear
 solve with the constraints on acceleration level. Andrews' squeezer, the car axis and Pleiades follow Mazzia and
@@ -147,3 +147,21 @@ def quarter_car():
     u, du = 0.05 * ca.sin(6 * t), 0.3 * ca.cos(6 * t)
     tire, strut = k1 * (u - q1) + c1 * (du - v1), k2 * (q1 - q2) + c2 * (v1 - v2)
     return ca.Function("ode", [t, s], [ca.vertcat(v1, v2, (tire - strut) / m1 - g, strut / m2 - g)]), np.zeros(4), 2.0
+
+
+def chain_of_bars():
+    """Return the function, the start (10,) with angles to the horizontal before their rates, and the stop time."""
+    import casadi as ca
+
+    n, m, length, g = 5, 1.0, 1.0, 9.81
+    t, s = ca.SX.sym("t"), ca.SX.sym("s", 2 * n)
+    angle, rate = s[:n], s[n:]
+    i, j = np.indices((n, n))
+    beyond = n - np.maximum(i, j) - 1.0  # bars that both carry
+    weight = m * length**2 * (beyond + np.where(i == j, 1 / 3, 1 / 2))
+    apart = ca.repmat(angle, 1, n) - ca.repmat(angle.T, n, 1)
+    mass, swing = ca.DM(weight) * ca.cos(apart), ca.DM(weight) * ca.sin(apart)
+    arms = m * g * length * (n - np.arange(n) - 0.5)
+    force = -ca.mtimes(swing, rate**2) - ca.DM(arms) * ca.cos(angle)
+    acceleration = ca.ldl_solve(force, *ca.ldl(mass))
+    return ca.Function("ode", [t, s], [ca.densify(ca.vertcat(rate, acceleration))]), np.zeros(2 * n), 2.0

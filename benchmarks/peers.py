@@ -1,7 +1,7 @@
 """The same chain in lmoc and elsewhere: same model, same tolerance, one run; building and running apart.
 
     python -m benchmarks.peers [--quick]
-    python -m benchmarks.peers --scenes [NAME …] [--repeat 7]    six scenes at equal error (`frontier`)
+    python -m benchmarks.peers --scenes [NAME …] [--repeat 7] [--packages FOLDER]    scenes at equal error (`frontier`)
 
 The chain starts in a fast mode, so that there is work at every length; every tool's end value is held against the
 closed form.
@@ -15,8 +15,8 @@ import time
 from collections.abc import Callable
 
 from benchmarks import chain_peers as peers
-from benchmarks import frontier
 from benchmarks.common import save, table
+from benchmarks.frontier.race import compare_all
 
 Measured = tuple[float, float, float]  # seconds to build, seconds to run, end value
 
@@ -102,11 +102,13 @@ def compare(n: int, quick: bool) -> list[dict]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="short chains only")
-    parser.add_argument("--scenes", nargs="*", metavar="NAME", help="six scenes at equal error, or those named")
+    parser.add_argument("--scenes", nargs="*", metavar="NAME", help="scenes at equal error, all or those named")
     parser.add_argument("--repeat", type=int, default=7, help="turns of each tool, with --scenes")
+    parser.add_argument("--packages", nargs="*", default=[], metavar="FOLDER",
+                        help="site-packages of other environments in which tools are installed")  # fmt: skip
     arguments = parser.parse_args()
     if arguments.scenes is not None:
-        frontier.compare_all(arguments.repeat, arguments.scenes)
+        compare_all(arguments.repeat, arguments.scenes, arguments.packages)
         return
     sizes = (10, 100) if arguments.quick else (10, 100, 400, 1000, 10_000)
     save("peers", [f for n in sizes for f in compare(n, arguments.quick)])

@@ -117,8 +117,9 @@ def keep(name: str, data: object) -> None:
 
 def accuracy() -> str:
     """The page of charts."""
-    from benchmarks import auto, economy, frontier, other_methods
+    from benchmarks import auto, economy, other_methods
     from benchmarks.common import machine
+    from benchmarks.frontier import page as peers
 
     parts = [ACCURACY.format(machine="an {processor} with {cores} cores".format(**machine()))]
     for scene in SCENES:
@@ -135,8 +136,8 @@ def accuracy() -> str:
     parts.append(economy.page(kept("economy")))
     parts.append(auto.page(kept("auto")))
     parts.append(other_methods.page(kept("others")))
-    frontier.draw(kept("peers"), FOLDER / "peers.png")
-    parts.append(frontier.page(kept("peers")))
+    peers.draw(kept("peers"), FOLDER / "peers.png")
+    parts.append(peers.page(kept("peers")))
     return "\n".join(parts)
 
 

@@ -1,0 +1,1 @@
+"""Compare lmoc with other tools on the same scenes at equal error (`python -m benchmarks.peers --scenes`)."""
