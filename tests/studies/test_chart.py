@@ -258,3 +258,22 @@ def test_a_quick_chart_ends_where_its_reference_can_follow():
     chart = lmoc.compile_text(text).chart(["auto", "dop853"], rtols=[1e-6], quick=True)
     assert "to be quick, only until" in chart.note and chart.reference.uncertainty < 1e-8
     assert chart.points[0].ok and chart.points[0].error < 1e-4
+
+
+def test_a_method_that_is_given_up_is_not_tried_at_finer_tolerances():
+    """The run that was stopped says how long it took, and those that take longer still are not begun."""
+    dae = lmoc.compile_text(OSCILLATOR)
+    runner = points.Runner(dae._session, Request(RunOptions(stop=200)))
+    wanted = [Setting("midpoint", "reduced", math.nan, step) for step in (1e-5, 1e-6, 1e-7)]
+    signals = Signals(("x",), np.linspace(0, 200, 501), np.ones((501, 1)), ())
+    measurement = points.Measurement(runner, signals, 0.05, math.inf, lambda text, share: None)
+    measurement.measure([wanted], 1)
+    first, *others = (measurement.points[setting].status for setting in wanted)
+    assert first.startswith("the run stopped at t = ") and points.TOO_SLOW in first
+    assert all(text.startswith(f"{points.NOT_RUN}: a coarser one takes more than 0.") for text in others)
+
+
+def test_a_scene_whose_parts_have_no_energy_has_no_balance():
+    text = "model M Real x(start = 1, fixed = true); equation der(x) = -x; end M;"
+    assert math.isnan(lmoc.compile_text(text).chart(["dop853"], rtols=[1e-6], quick=True).points[0].energy)
+    assert lmoc.compile_text(OSCILLATOR).chart(["dop853"], rtols=[1e-6], quick=True).points[0].energy < 1e-4

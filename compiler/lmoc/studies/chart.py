@@ -32,6 +32,7 @@ _ELSEWHERE = "auto", "dop853", "taylor", "ida", "radau", "gauss"  # in other for
 _STEPS, _QUICK_STEPS = 6, 3  # lengths of fixed steps
 _QUICK_REFERENCE, _QUICK_SHARE = 0.2, 0.7  # of the time for it a run of the reference may take; of the way it gets then
 _QUICK_RUN = 0.04  # s, that a run by `auto` may take in a quick chart; of a longer one only the beginning is charted
+_LEAST_SHARE = 0.5  # of the time for a chart that is left for its points, however long the reference has taken
 
 Progress = Callable[[str, float], None]
 
@@ -137,6 +138,7 @@ def chart(
         for solver in solvers or (_QUICK if quick else SOLVERS if formulation == "reduced" else _ELSEWHERE)
         if TABLE[formulation].goes_with(solver)
     ]
+    until = max(until, clock.thread_time() + _LEAST_SHARE * budget.total)
     measurement = Measurement(runner, reference.signals, budget.run, until, progress)
     measurement.measure(settings, budget.repeats)
     points = (measurement.points.get(setting) for series in settings for setting in series)

@@ -15,6 +15,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.options import Span
 from lmoc.run import Run
 from lmoc.session import Session
@@ -25,6 +26,7 @@ from lmoc.support.records import dataclass
 
 _ONE_CALL = ("cvodes", "idas", "collocation", "collocation-radau")  # a run is one call, which nothing can stop
 NOT_RUN = "not run"  # what a status begins with where there was no time for a run
+TOO_SLOW = "it takes "  # what stands before how long a run took until it was given up
 _BUSY = 3.0  # wall time that a run may take for each second of the processor
 _SHORT = 1e-3  # of the span, a run that warms up
 
@@ -217,20 +219,22 @@ class Measurement:
             return Point(setting, status=f"{NOT_RUN}: the time limit of the chart was reached")
         expected = _expected(series.points)
         if expected > self.limit:
-            series.given_up = f"{NOT_RUN}: it would take more than {self.limit:.2g} s"
+            series.given_up = f"{NOT_RUN}: it would take {expected:.2g} s"
             return Point(setting, status=series.given_up)
         point = self._measured(setting)
-        if not point.ok and "is over" in point.status:
-            series.given_up = f"{NOT_RUN}: a coarser one took more than {self.limit:.2g} s"
+        if TOO_SLOW in point.status:
+            series.given_up = f"{NOT_RUN}: a coarser one takes {point.status.partition(TOO_SLOW)[2]}"
         return point
 
     def _measured(self, setting: Setting) -> Point:
+        begin = clock.thread_time()
         try:
             run, seconds = self.runner.run(setting, self.limit)
         except RunInterrupted:
             raise
         except SimulationError as failure:
-            return Point(setting, status=str(failure), note=_reached(failure))
+            slow = f"{TOO_SLOW}more than {clock.thread_time() - begin:.2g} s"
+            return Point(setting, status=str(failure).replace(Status.TOO_LONG.value, slow), note=_reached(failure))
         except ModelError as error:
             return Point(setting, status="refused: " + error.diagnostics[-1].message)
         return _point(setting, run, seconds, self.reference)
@@ -272,13 +276,20 @@ def _point(setting: Setting, run: Run, seconds: float, reference: Signals) -> Po
     notes = [apart.note]
     if setting.solver != stats["solver"]:
         notes.insert(0, str(stats["solver"]))
-    energy = np.nan if run.energy is None else run.energy.balance
     finite = np.isfinite(apart.largest)
     return Point(
         setting, apart.largest, apart.end, seconds, 0, int(stats["evaluations"]), int(stats.get("jacobians", 0)),
-        int(stats.get("steps", 0)), len(run.events), *_residuals(run), float(energy),
+        int(stats.get("steps", 0)), len(run.events), *_residuals(run), _balance(run),
         "ok" if finite else "the signals have no finite values", "; ".join(filter(None, notes)),
     )  # fmt: skip
+
+
+def _balance(run: Run) -> float:
+    """Return the error of the energy balance; NaN where it is unknown, or no part says what energy it has."""
+    energy = run.energy
+    if energy is None or not any(flow.any() for flow in (energy.stored, energy.supplied, energy.lost)):
+        return np.nan
+    return float(energy.balance)
 
 
 def _residuals(run: Run) -> tuple[float, float]:
