@@ -197,7 +197,7 @@ class PieceSolver:
             text = f"the formulas of time have kinks or jumps after t = {own[-1]:g} s, too"
             self.task.report.warning("W0526", text)
         given = break_times(self.task.signals, begin, end, kinks.MOST // 10)
-        return distinct(np.concatenate([own, given]))
+        return distinct(np.concatenate([own, given])) if len(own) and len(given) else own if len(own) else given
 
 
 def _report_steps(found: Stepped, report: Report) -> None:

@@ -128,6 +128,9 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
     """Return the rest of a problem, from just after one edge to just before the next, with outputs on that edge."""
     done, times = outcome.reached, problem.times
     end = min(problem.end, edge - _near(edge) / 2)
+    longest = min(problem.max_step, problem.lookout.longest(begin, end))
+    if begin == problem.t and end == problem.end and longest == problem.max_step and not len(problem.breaks):
+        return problem  # nothing divides it
     inside = times[done : np.searchsorted(times, end if np.isinf(edge) else edge + _near(edge), "right")]
     return replace(
         problem,
@@ -135,7 +138,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         x=outcome.x,
         end=end,
         times=np.minimum(np.maximum(inside, begin), end),
-        max_step=min(problem.max_step, problem.lookout.longest(begin, end)),
+        max_step=longest,
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
     )

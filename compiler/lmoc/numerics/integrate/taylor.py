@@ -51,7 +51,7 @@ def begin(problem: Problem) -> Integration | None:
 
 def order_for(rtol: float) -> int:
     """Return the order that suits a tolerance (after Jorba and Zou, equation 3.7)."""
-    return int(np.clip(math.ceil(1.0 - _GROWTH * math.log(rtol)), _LEAST, _MOST))
+    return min(max(math.ceil(1.0 - _GROWTH * math.log(rtol)), _LEAST), _MOST)
 
 
 class Taylor(Integration):

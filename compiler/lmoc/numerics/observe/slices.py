@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
@@ -67,6 +68,14 @@ class Slice:
         blocks = [s.unknowns.ravel() for s in walk(self._program) if isinstance(s, Solve) and not s.linear]
         self.unknowns = np.concatenate([np.zeros(0, int), *blocks])
 
+    @cached_property
+    def _moving(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places among the registers that are states, and the columns of these."""
+        column = np.full(len(self.registers), -1)
+        column[self.state_registers] = self.state_columns
+        moving = np.flatnonzero(column[self.out] >= 0)
+        return moving, column[self.out[moving]]
+
     @property
     def implicit(self) -> bool:
         """Return whether it has nonlinear blocks."""
@@ -112,7 +121,10 @@ class Slice:
         A third argument (times, unknowns) has the solutions of the nonlinear blocks where they are known, NaN
         elsewhere: there they are followed from one time to the next.
         """
-        own, run = base[self.registers], _runner(self._program, len(self.registers))
+        own = base[self.registers]
+        if not self._program and not len(self.sampled):
+            return self._copies(own[self.out])
+        run = _runner(self._program, len(self.registers))
 
         def evaluate(times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
             result = np.empty((len(times), len(self.out)))
@@ -125,6 +137,20 @@ class Slice:
                     w[self.unknowns] = np.where(given, known[part], w[self.unknowns].T).T
                     _run_from(run, w, times[part], given.all(axis=1))
                 result[part] = w[self.out].T
+            return result
+
+        return evaluate
+
+
+    def _copies(self, constant: np.ndarray) -> Evaluate:
+        """``(times, states) -> (times, registers)`` where nothing has to be computed: states, and what is constant."""
+        moving, columns = self._moving
+
+        def evaluate(times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+            if len(moving) == len(constant):
+                return states[:, columns]
+            result = np.repeat(constant[None], len(times), axis=0)
+            result[:, moving] = states[:, columns]
             return result
 
         return evaluate

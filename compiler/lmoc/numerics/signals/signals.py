@@ -187,8 +187,11 @@ def bind_signals(
 
 def break_times(signals: Mapping[int, Signal], start: float, stop: float, most: int) -> np.ndarray:
     """Return the times at which tables jump or bend; of very many bends none, and the steps have to find them."""
-    found = [np.zeros(0)]
-    for table in {id(s): s for s in signals.values() if isinstance(s, Table)}.values():
+    tables = {id(s): s for s in signals.values() if isinstance(s, Table)}
+    if not tables:
+        return np.zeros(0)
+    found = []
+    for table in tables.values():
         kinks = table.curve.kinks
         kinks = kinks[(kinks >= start) & (kinks <= stop)]
         found += [table.jumps, kinks if len(kinks) <= most else np.zeros(0)]

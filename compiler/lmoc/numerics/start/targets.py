@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.ir.flat import Kind
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import hint_for
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.plan import Plan
@@ -33,9 +33,22 @@ class _OwnStarts:
         self.flat = plan.reduced.flat
         self._given: bytes | None = None
         self._found = np.zeros(0), np.zeros(0, bool)
+        self._targets: Targets | None = None
+
+    def targets(self, values: np.ndarray) -> Targets:
+        """Return them as targets, made once for the same parameter values."""
+        start, hard = self._at(values)
+        if self._targets is None:
+            chosen = _chosen(self.flat, start)
+            self._targets = Targets(chosen, start[chosen], hard[chosen], np.zeros(len(chosen), bool))
+        return self._targets
 
     def at(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the values (count,), NaN where there is none, and a mask of those that hold exactly."""
+        start, hard = self._at(values)
+        return start.copy(), hard.copy()
+
+    def _at(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         flat, given = self.flat, values.tobytes()
         if given != self._given:
             start, hard = np.full(flat.count, np.nan), np.zeros(flat.count, bool)
@@ -44,8 +57,8 @@ class _OwnStarts:
             for a in flat.fixed:
                 hard[a.target] = a.values(values) != 0
             start[hard & np.isnan(start)] = 0.0
-            self._given, self._found = given, (start, hard)
-        return self._found[0].copy(), self._found[1].copy()
+            self._given, self._found, self._targets = given, (start, hard), None
+        return self._found
 
 
 def targets(plan: Plan, values: np.ndarray, initial: Mapping[str, float], report: Report) -> Targets:
@@ -56,6 +69,8 @@ def targets(plan: Plan, values: np.ndarray, initial: Mapping[str, float], report
     values : of the parameters of its flat model
     initial : {name: value}; the name of an array takes one value or as many as it has variables
     """
+    if not initial:
+        return plan.once(_OwnStarts).targets(values)
     flat = plan.reduced.flat
     start, hard = plan.once(_OwnStarts).at(values)
     given = np.zeros(flat.count, bool)
@@ -72,5 +87,10 @@ def targets(plan: Plan, values: np.ndarray, initial: Mapping[str, float], report
             report.error("E0534", f"'{name}' is not a variable that can be given an initial value", hint=hint)
         else:
             start[variables], hard[variables], given[variables] = value, True, True
-    chosen = np.flatnonzero(np.isfinite(start) & (flat.kind == Kind.UNKNOWN))
+    chosen = _chosen(flat, start)
     return Targets(chosen, start[chosen], hard[chosen], given[chosen])
+
+
+def _chosen(flat: FlatDAE, start: np.ndarray) -> np.ndarray:
+    """Return the unknowns that have a start value."""
+    return np.flatnonzero(np.isfinite(start) & (flat.kind == Kind.UNKNOWN))
