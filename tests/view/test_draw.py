@@ -72,6 +72,38 @@ def test_an_icon_is_drawn_between_the_ports_and_replaces_a_symbol():
     assert (y0, x2) == (y1, 0) and x1 == -x0 and y2 == -y0 < 0
 
 
+def test_an_icon_keeps_its_colours_in_every_kind_of_picture(tmp_path):
+    law = """model Own extends Spring(k = 1);
+      annotation(Icon(graphics = {
+        Rectangle(extent = {{-90, 50}, {90, -50}}, lineColor = {200, 0, 0}, fillColor = {255, 255, 0},
+          fillPattern = FillPattern.Solid),
+        Line(points = {{-90, 0}, {90, 0}}, color = {0, 0, 255}, pattern = LinePattern.Dash),
+        Ellipse(extent = {{-30, -30}, {30, 30}}, pattern = LinePattern.None, fillPattern = FillPattern.Sphere),
+        Polygon(points = {{0, 40}, {20, 0}, {-20, 0}}, lineColor = {0, 0, 0}, fillColor = {255, 255, 255},
+          fillPattern = FillPattern.Solid),
+        Text(extent = {{-80, 60}, {80, 90}}, textString = "%name!", textColor = {0, 128, 0})}));
+      end Own;"""
+    drawing = lmoc.compile_text(law + CHAIN, model="Scene").draw()
+    shapes = [s for s in of(drawing.picture, "own").shapes if isinstance(s, Label) or s.dash or s.fill]
+    assert [(s.colour, getattr(s, "fill", "")) for s in shapes] == [
+        ("#c80000", "#ffff00"), ("#0000ff", ""), ("none", "body"), ("ink", "paper"), ("#008000", "")
+    ]  # fmt: skip
+    assert 'style="stroke:#c80000;fill:#ffff00"' in drawing.svg
+    drawing.save(tmp_path / "own.png")
+    from matplotlib.image import imread
+
+    pixels = imread(tmp_path / "own.png")[..., :3]
+    assert (abs(pixels - (1.0, 1.0, 0.0)).max(axis=2) < 0.01).sum() > 500
+
+
+def test_a_colour_that_is_none_is_told():
+    law = """model Own extends Spring(k = 1);
+      annotation(Icon(graphics = {Line(points = {{0, 0}, {1, 1}}, color = {0, 300, 0})}));
+      end Own;"""
+    notes = lmoc.compile_text(law + CHAIN, model="Scene").notes
+    assert [n.code for n in notes] == ["W0247"] and "a colour {red, green, blue}" in notes[0].message
+
+
 def test_an_assembly_with_a_look_hides_what_is_inside():
     inside = """model Own Flange a; Flange b; Spring s(k = 1);
       equation connect(a, s.a); connect(s.b, b); {} end Own;"""
@@ -143,6 +175,34 @@ def test_of_a_long_chain_the_ends_are_drawn_and_dots_count_the_rest():
     assert any("9998 × Spring" in t and "9997 × Mass" in t for t in texts(found))
     assert len(found.items) < 60 and "11 of" in found.notes[0]
     assert of(found, "mass[10000]").symbol == "mass"
+
+
+def chain(n: int, gravity: float = 0.0, grounded: bool = False) -> str:
+    """Different masses in a row on springs, each with a damper to the ground where they are `grounded`."""
+    lines = ["model Chain", "  Fixed wall;"]
+    lines += [f"  Mass body{i}(m = {i}, g = {gravity}); Spring s{i}(k = {i});" for i in range(1, n + 1)]
+    lines += [f"  Damper d{i}(c = 1);" for i in range(1, n + 1) if grounded]
+    lines.append("equation")
+    for i in range(1, n + 1):
+        before = f"body{i - 1}" if i > 1 else "wall"
+        lines.append(f"  connect({before}.flange, s{i}.a); connect(s{i}.b, body{i}.flange);")
+        if grounded:
+            lines.append(f"  connect(wall.flange, d{i}.a); connect(d{i}.b, body{i}.flange);")
+    return "\n".join([*lines, "end Chain;"])
+
+
+@pytest.mark.parametrize(("n", "gravity", "grounded"), [(30, 0.0, False), (20, 0.0, True), (12, 9.81, False)])
+def test_a_long_row_goes_on_where_a_number_says(n, gravity, grounded):
+    picture = drawn(chain(n, gravity, grounded))
+    assert picture.width < 720 and (picture.height < 720 or not gravity)
+    marks = [i for i in picture.items if i.symbol == "continuation" and len(i.ends) == 1]
+    numbers = [s.text for i in marks for s in i.shapes if isinstance(s, Label)]
+    assert sorted(numbers) == sorted(2 * [str(k + 1) for k in range(len(marks) // 2)]) and marks
+    masses = [i.part for i in picture.items if i.symbol == "mass"]
+    assert sorted(masses) == sorted(f"body{i}" for i in range(1, n + 1))
+    for number in numbers:  # both marks of a break move with the body that it is behind
+        own = [i for i in marks if any(isinstance(s, Label) and s.text == number for s in i.shapes)]
+        assert len({i.ends[0].moves[0].variable for i in own}) == 1
 
 
 def test_many_parts_by_name_give_a_table_of_their_kinds():

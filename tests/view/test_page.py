@@ -202,6 +202,19 @@ def test_the_command(tmp_path, capsys):
     assert not data_of(failed.read_text())["complete"]
 
 
+def test_sliders_do_not_depend_on_earlier_commands(tmp_path, monkeypatch):
+    """A run keeps its reduction without the assumptions that tell which sliders can move."""
+    from lmoc.cli.main import main
+
+    monkeypatch.setenv("LMOC_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("LMOC_CHECK", raising=False)
+    scene, page = str(MODELS / "notes" / "ex02_spring_mass_damper.lmo"), tmp_path / "page.html"
+    for command in (["run", scene, "--stop", "1"], ["run", scene, "--stop", "1"], ["view", scene, "-o", str(page)]):
+        assert main([*command, "--quiet"]) == 0
+    fixed = {p["name"]: p["fixed"] for p in data_of(page.read_text())["script"]["parameters"]}
+    assert fixed["m"] == fixed["k"] == fixed["c"] == ""
+
+
 def test_a_notebook_gets_a_frame():
     page = view_of(HOSTILE)
     assert page._repr_html_().startswith("<iframe srcdoc=") and Elements(page._repr_html_()).names == ["iframe"]

@@ -50,13 +50,19 @@ def check_formulation(arguments: argparse.Namespace) -> None:
     checked_formulation(arguments.formulation, arguments.solver)
 
 
-def simulate(arguments: argparse.Namespace) -> Run:
-    """Compile and run the scene, with progress shown unless quiet."""
+def simulate(arguments: argparse.Namespace, assumptions: bool = False) -> Run:
+    """Compile and run the scene, with progress shown unless quiet.
+
+    Parameters
+    ----------
+    assumptions : those that the reduction makes of the parameters are needed; one that an earlier process has kept has
+        the values in their place
+    """
     from lmoc.cli.progress import Progress
-    from lmoc.cli.scene import recalled_or_compiled
+    from lmoc.cli.scene import compiled, recalled_or_compiled
 
     with Progress(not arguments.quiet) as progress:
-        dae = recalled_or_compiled(arguments, progress)
+        dae = (compiled if assumptions else recalled_or_compiled)(arguments, progress)
         return dae.simulate(**options_of(arguments), listener=progress.stage, progress=progress.reached)
 
 

@@ -30,7 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     check_formulation(arguments)
     check_target(arguments.output, (".html", ".htm"))
     try:
-        run = simulate(arguments)
+        run = simulate(arguments, assumptions=True)
     except (SimulationError, RunInterrupted) as failure:
         partial: Run | None = failure.partial
         if partial is not None and len(partial.time):

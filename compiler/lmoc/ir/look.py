@@ -25,12 +25,18 @@ class Drawn:
     points : in the icon's own coordinates, scaled to -1 … 1, y upwards; of an ellipse and a text two opposite corners
     text : of a text; ``%name`` stands for the part's name
     filled : an area that is painted
+    colour : of the line or the text, "#rrggbb"; "none" for no line, "" for that of the picture
+    paint : colour of the area, likewise
+    dashed : the line is
     """
 
     kind: str
     points: tuple[tuple[float, float], ...]
     text: str = ""
     filled: bool = False
+    colour: str = ""
+    paint: str = ""
+    dashed: bool = False
 
 
 @dataclass(frozen=True)

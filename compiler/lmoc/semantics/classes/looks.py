@@ -107,8 +107,34 @@ def _drawn(item: tree.Expression, scaled) -> Drawn:
         raise Wrong("W0247", f"the extent of '{kind}' has two corners", given[wanted].span)
     if kind == "Rectangle":
         (a, b), (c, d) = points
-        return Drawn("polygon", scaled(((a, b), (c, b), (c, d), (a, d))), "", filled)
-    return Drawn(kind.lower(), scaled(points), text.value if isinstance(text, tree.String) else "", filled)
+        kind, points = "Polygon", ((a, b), (c, b), (c, d), (a, d))
+    words = text.value if isinstance(text, tree.String) else ""
+    colours = _line(kind, given), _colour(given, "fillColor")
+    return Drawn(kind.lower(), scaled(points), words, filled, *colours, _dashed(given))
+
+
+def _line(kind: str, given: dict[str, tree.Expression]) -> str:
+    """The colour of a line or a text."""
+    if kind == "Text":
+        return _colour(given, "textColor") or _colour(given, "lineColor")
+    if str(given.get("pattern", "")).endswith("LinePattern.None"):
+        return "none"
+    return _colour(given, "color" if kind == "Line" else "lineColor")
+
+
+def _dashed(given: dict[str, tree.Expression]) -> bool:
+    return str(given.get("pattern", "")).rpartition(".")[2] in ("Dash", "Dot", "DashDot", "DashDotDot")
+
+
+def _colour(given: dict[str, tree.Expression], name: str) -> str:
+    """``{red, green, blue}`` as ``#rrggbb``."""
+    value = given.get(name)
+    if value is None:
+        return ""
+    parts = [_number(n) for n in value.items] if isinstance(value, tree.Array) else []
+    if len(parts) != 3 or not all(0 <= p <= 255 for p in parts):
+        raise Wrong("W0247", "expected a colour {red, green, blue}, each from 0 to 255", value.span)
+    return "#" + "".join(f"{round(p):02x}" for p in parts)
 
 
 def _points(value: tree.Expression) -> tuple[Corner, ...]:

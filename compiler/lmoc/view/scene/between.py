@@ -33,6 +33,8 @@ def between(element: Element, kind: str, a: End, b: End, shaft: bool, names: Nam
         return symbols.plates(name, a, b, kind)
     if kind in ("gear", "gear-pair", "backlash"):
         return symbols.gearbox(name, a, b, kind)
+    if kind == "continuation":
+        return symbols.line(kind, "", a, b, 3.0 if shaft else 1.5)
     if kind == "hub":
         return symbols.line("shaft" if shaft else "rod", name, a, b, 3.0)
     return symbols.box_between(name, a, b, names.called(element))

@@ -40,8 +40,8 @@ def _paint(axes: Axes, shape: Path | Circle | Label, frame: Frame, order: int) -
     if isinstance(shape, Label):
         _write(axes, shape, frame, order)
         return
-    colour = INK[shape.colour]
-    fill = colour if shape.fill == "ink" else FILL.get(shape.fill, "none")
+    colour = INK.get(shape.colour, shape.colour)
+    fill = colour if shape.fill == "ink" else FILL.get(shape.fill, shape.fill or "none")
     dash = (0, tuple(d / max(shape.width, 0.1) for d in shape.dash)) if shape.dash else "solid"
     style = {
         "edgecolor": colour, "facecolor": fill, "linewidth": shape.width * POINT, "linestyle": dash, "zorder": order,
@@ -63,8 +63,8 @@ def _write(axes: Axes, label: Label, frame: Frame, order: int) -> None:
         shift = (LOWERED if level < 0 else RAISED if level > 0 else 0.0) * label.size
         size = label.size * (SMALL if level else 1.0)
         axes.text(
-            x, base + shift, piece, fontsize=size * POINT, color=INK[label.colour], ha="left", va="baseline",
-            zorder=order, parse_math=False,
+            x, base + shift, piece, fontsize=size * POINT, color=INK.get(label.colour, label.colour),
+            ha="left", va="baseline", zorder=order, parse_math=False,
         )  # fmt: skip
         x += _wide(piece, size)
 

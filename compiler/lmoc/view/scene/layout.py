@@ -9,6 +9,7 @@ from lmoc.view.scene.rows import Rows, Segment, lay_out
 from lmoc.view.scene.strip import IN_LINE, PITCH, PUSHED, Direction, Strip, Style
 from lmoc.view.scene.text import escaped, width
 
+MARK = 9.0  # px, radius of a mark where a row goes on
 CENTRED = 26.0  # px, widest label that stands below the middle of an arrow about a shaft
 
 
@@ -55,6 +56,8 @@ class Layout:
         """Half of what a node needs along the line."""
         if node in self.strip.hubs:
             return width(self.strip.hubs[node].name, 13) / 2 + 10
+        if node in self.strip.marks:
+            return MARK
         if self.strip.shaft:
             return max(8.0, *self._arrows(node))
         if not self.strip.bodies(node):
@@ -94,7 +97,7 @@ class Layout:
 
     def text(self, element: Element, kind: str) -> str:
         """Return the text beside an element."""
-        if kind == "hub":
+        if kind in ("hub", "continuation"):
             return ""
         if element.hidden:
             return escaped(element.name)
@@ -141,7 +144,7 @@ class Layout:
 
     def edge(self, node: int) -> float:
         """Return the distance of an element's end from the middle of a node."""
-        if self.strip.shaft or node in self.strip.hubs:
+        if self.strip.shaft or node in self.strip.hubs or node in self.strip.marks:
             return self.half[node]
         return self.half[node] if self.strip.bodies(node) else 0.0
 

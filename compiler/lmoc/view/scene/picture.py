@@ -96,8 +96,8 @@ class Path:
 
     Attributes
     ----------
-    fill : "" none, "body", "ground", "paper" (hides what is behind) or the colour of the line: "ink"
-    colour : "ink", "muted", "force", "string" or "accent"
+    fill : "" none, "body", "ground", "paper" (hides what is behind), the colour of the line: "ink", or "#rrggbb"
+    colour : "ink", "muted", "force", "string", "accent", "#rrggbb" or "none"
     """
 
     vertices: tuple[Vertex, ...]

@@ -14,8 +14,8 @@ from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import End
 from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
 from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Strip, Style
-from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.wheels import Drum, Turning, decorated, gear_row, gears_of, turning, wheel
+from lmoc.view.scene.wrap import draw_wrapped
 
 WIDTH = 640.0  # px that a picture may take before its pieces go below each other
 GAP = 34.0
@@ -91,7 +91,7 @@ class Schematic:
             return None
         gravity = gravity_of(strip, self.graph)
         direction = RIGHT if not gravity else DOWN if gravity > 0 else UP
-        return draw_strip(strip, self.style, direction).block
+        return draw_wrapped(strip, self.style, direction)
 
     def _shaft(self, strip: Strip) -> Block | None:
         if not strip.links and not any(strip.on[n] for n in strip.nodes):
@@ -104,7 +104,7 @@ class Schematic:
             if any(e.symbol in BODIES for e in shaft.on):
                 items, legs = decorated(shaft, self.style, 40.0, True)
                 return Block((*legs, *wheel(shaft, self.style, [40.0], False), *items))
-        return draw_strip(strip, self.style, RIGHT).block
+        return draw_wrapped(strip, self.style, RIGHT)
 
     # ------------------------------------------------------------------ joints
 

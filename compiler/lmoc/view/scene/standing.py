@@ -7,7 +7,8 @@ from dataclasses import replace
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Corners
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.layout import Layout
+from lmoc.view.scene.layout import MARK, Layout
+from lmoc.view.scene.picture import Circle, End, Item, Label
 from lmoc.view.scene.strip import THICK
 from lmoc.view.scene.text import width
 
@@ -27,6 +28,12 @@ def body(layout: Layout, node: int, low: float, high: float) -> None:
     variables = {"coordinate": layout.style.variables[node]}
     part = layout.strip.bodies(node)[0].name
     layout.items.append(symbols.box("mass", part, layout.end(node), corners, title, variables))
+
+
+def goes_on(number: str, end: End) -> Item:
+    """Return the mark at which a row of a long strip ends, and the next one begins."""
+    label = Label(number, (0.0, 0.0, 0.0), size=11.0, colour="muted")
+    return Item("continuation", "", (end,), (Circle((0.0, 0.0, 0.0), MARK, "paper", "muted"), label))
 
 
 def hub(layout: Layout, node: int, low: float, high: float) -> None:

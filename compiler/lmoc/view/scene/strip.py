@@ -19,6 +19,7 @@ IN_LINE = {
     "spring": 76.0, "damper": 72.0, "spring-damper": 76.0, "rod": 46.0, "string": 56.0, "elastic-string": 70.0,
     "stop": 56.0, "friction": 70.0, "torsion-spring": 76.0, "torsion-damper": 62.0, "bearing-friction": 56.0,
     "clutch": 56.0, "ratchet": 56.0, "gear": 76.0, "backlash": 76.0, "gear-pair": 76.0, "ellipsis": 84.0,
+    "continuation": 16.0,
 }  # fmt: skip
 BODIES = ("mass", "inertia", "disk", "turning-bar")
 HELD = ("wall", "fixed-shaft", "motion", "rotation")
@@ -40,6 +41,7 @@ class Strip:
     on : {node: elements that stand on it alone}
     frames : moving frames (element, base, flange)
     hubs : {node in the middle of a part with three ports or more: that part}
+    marks : {node where a row of a long strip ends or begins: the number of the break}
     """
 
     shaft: bool
@@ -48,10 +50,11 @@ class Strip:
     on: dict[int, list[Element]] = field(default_factory=lambda: defaultdict(list))
     frames: list[tuple[Element, int, int]] = field(default_factory=list)
     hubs: dict[int, Element] = field(default_factory=dict)
+    marks: dict[int, str] = field(default_factory=dict)
 
     def apart(self) -> Strip:
         """Return the strip with a wall of its own for each element that ends at one."""
-        made = Strip(self.shaft, [], [], self.on, self.frames, self.hubs)
+        made = Strip(self.shaft, [], [], self.on, self.frames, self.hubs, self.marks)
         fresh = min(self.nodes) - 1
 
         def own(node: int) -> int:

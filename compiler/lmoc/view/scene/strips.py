@@ -11,7 +11,7 @@ from lmoc.view.scene.elements import Element
 from lmoc.view.scene.layout import Layout
 from lmoc.view.scene.marks import coordinate, force, frame
 from lmoc.view.scene.side import shaft_node
-from lmoc.view.scene.standing import body, hub, other, wall
+from lmoc.view.scene.standing import body, goes_on, hub, other, wall
 from lmoc.view.scene.strip import BODIES, HELD, PUSHED, RIGHT, Direction, DrawnStrip, Strip, Style
 
 
@@ -58,6 +58,9 @@ def _node(layout: Layout, node: int) -> None:
     """Draw what stands on a node."""
     low, high = (r * layout.pitch for r in layout.rows.span[node])
     strip, held = layout.strip, layout.strip.held(node)
+    if node in strip.marks:
+        layout.items.append(goes_on(strip.marks[node], layout.end(node)))
+        return
     if node in strip.hubs:
         hub(layout, node, low, high)
     elif strip.shaft and (held is None or held.symbol != "fixed-shaft"):

@@ -55,15 +55,29 @@ def item_svg(item: Item) -> str:
 def _shape(shape: Path | Circle | Label, frame: Frame) -> str:
     if isinstance(shape, Label):
         return _text(shape, frame)
-    fill = {"": "", "ink": f" f-{shape.colour}"}.get(shape.fill, f" {shape.fill}")
     dash = f' stroke-dasharray="{" ".join(_n(d) for d in shape.dash)}"' if shape.dash else ""
-    style = f'class="{shape.colour}{fill}" stroke-width="{_n(shape.width)}"{dash}'
+    style = f'{_colours(shape)} stroke-width="{_n(shape.width)}"{dash}'
     if isinstance(shape, Circle):
         x, y = frame.place(shape.centre)
         return f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(shape.radius)}" {style}/>'
     points = [frame.place(v) for v in shape.vertices]
     data = "M" + "L".join(f"{_n(x)} {_n(y)}" for x, y in points) + ("Z" if shape.closed else "")
     return f'<path d="{data}" {style}/>'
+
+
+def _colours(shape: Path | Circle) -> str:
+    """The colours of the picture as classes, those that a user has given as they are."""
+    named = [c for c in (shape.colour,) if not _is_given(c)]
+    if shape.fill and not _is_given(shape.fill):
+        named.append(f"f-{shape.colour}" if shape.fill == "ink" else shape.fill)
+    given = [f"stroke:{shape.colour}"] if _is_given(shape.colour) else []
+    given += [f"fill:{shape.fill}"] if _is_given(shape.fill) else []
+    style = f' style="{";".join(given)}"' if given else ""
+    return f'class="{" ".join(named)}"{style}'
+
+
+def _is_given(colour: str) -> bool:
+    return colour.startswith("#") or colour == "none"
 
 
 def _text(label: Label, frame: Frame) -> str:
@@ -77,8 +91,9 @@ def _text(label: Label, frame: Frame) -> str:
         pieces.append(f"<tspan{dy}{size}>{escape(piece)}</tspan>" if dy or size else escape(piece))
         off = shift
     anchor = "" if label.anchor == "start" else f' text-anchor="{label.anchor}"'
+    colour = f'style="fill:{label.colour}"' if _is_given(label.colour) else f'class="{label.colour}"'
     return (
-        f'<text x="{_n(x)}" y="{_n(base)}" font-size="{_n(label.size)}"{anchor} class="{label.colour}">'
+        f'<text x="{_n(x)}" y="{_n(base)}" font-size="{_n(label.size)}"{anchor} {colour}>'
         f"{''.join(pieces)}</text>"
     )
 

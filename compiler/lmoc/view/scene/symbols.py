@@ -219,21 +219,31 @@ def icon(drawing: Sequence[Drawn], half_width: float, half_height: float, name: 
     found: list[Shape] = []
     for d in drawing:
         points = tuple((f, x * half_width, -y * half_height) for x, y in d.points)
-        fill = "body" if d.filled else ""
+        colour, fill = _colours(d)
+        dash = (4.0, 3.0) if d.dashed else ()
         if d.kind == "text":
             (_, x0, y0), (_, x1, y1) = points
             text = d.text.replace("%name", name)
             size = max(8.0, min(FONT, abs(y1 - y0), FONT * abs(x1 - x0) / max(text_width(text, FONT), 1.0)))
-            found.append(Label(text, (f, (x0 + x1) / 2, (y0 + y1) / 2), size=size))
+            found.append(Label(text, (f, (x0 + x1) / 2, (y0 + y1) / 2), size=size, colour=colour))
         elif d.kind == "ellipse":
             (_, x0, y0), (_, x1, y1) = points
             rx, ry, cx, cy = (x1 - x0) / 2, (y1 - y0) / 2, (x0 + x1) / 2, (y0 + y1) / 2
             angles = [2 * pi * k / 36 for k in range(36)]
             round_ = tuple((f, cx + rx * cos(t), cy + ry * sin(t)) for t in angles)
-            found.append(Path(round_, True, fill))
+            found.append(Path(round_, True, fill, colour, dash=dash))
         else:
-            found.append(Path(points, d.kind == "polygon", fill))
+            found.append(Path(points, d.kind == "polygon", fill, colour, dash=dash))
     return found
+
+
+def _colours(d: Drawn) -> tuple[str, str]:
+    """The colours of line and area. Black lines and white areas are those of the picture, which follow a dark theme."""
+    colour = "ink" if d.colour in ("", "#000000") else d.colour
+    if not d.filled:
+        return colour, ""
+    plain = {"": "body", "#ffffff": "paper", "#000000": "ink" if colour == "ink" else d.paint}
+    return colour, plain.get(d.paint, d.paint)
 
 
 def _length(a: End, b: End) -> float:

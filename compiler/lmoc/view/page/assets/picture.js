@@ -153,10 +153,22 @@ export class Stage {
   }
 }
 
+/** A colour that the model gives, not one of the page's own. */
+const isGiven = (colour) => /^#[0-9a-f]{6}$|^none$/.test(colour ?? "");
+
 function shapeElement(shape) {
-  const style = { class: `line ${shape.colour}${shape.fill ? ` fill-${shape.fill}` : ""}` };
+  const made = plainElement(shape);
+  const [line, area] = shape.kind === "label" ? ["fill", ""] : ["stroke", "fill"];
+  if (isGiven(shape.colour)) made.style[line] = shape.colour;
+  if (area && isGiven(shape.fill)) made.style[area] = shape.fill;
+  return made;
+}
+
+function plainElement(shape) {
+  const named = (colour, prefix) => (colour && !isGiven(colour) ? ` ${prefix}${colour}` : "");
+  const style = { class: `line${named(shape.colour, "")}${named(shape.fill, "fill-")}` };
   if (shape.kind === "label") {
-    const text = svgElement("text", { class: `label ${shape.colour}`, "font-size": shape.size });
+    const text = svgElement("text", { class: `label${named(shape.colour, "")}`, "font-size": shape.size });
     text.setAttribute("text-anchor", shape.anchor);
     for (const [piece, level] of runsOf(shape.text)) {
       const span = svgElement("tspan", level ? { "font-size": 0.72 * shape.size } : {});

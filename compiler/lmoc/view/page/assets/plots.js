@@ -8,6 +8,14 @@ function style(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
+/** The text at a mark of an axis whose marks are `step` apart, with the digits that tell them from each other. */
+export function tickText(value, step) {
+  if (value === null || value === 0) return value === 0 ? "0" : "";
+  const last = Math.floor(Math.log10(step) + 1e-9); // the place of the last digit
+  const first = Math.floor(Math.log10(Math.abs(value)));
+  return last < -4 || first > 6 ? value.toExponential(Math.max(0, first - last)) : value.toFixed(Math.max(0, -last));
+}
+
 /** Names by unit, in order of appearance. */
 export function byUnit(names, unitOf) {
   const panels = new Map();
@@ -24,7 +32,8 @@ class Panel {
   constructor(host, options, data, { events, seek, describe }) {
     this.host = host;
     this.cursor = Object.assign(document.createElement("div"), { className: "cursor" });
-    const axis = { stroke: style("--muted"), grid: { stroke: style("--grid"), width: 1 }, ticks: { show: false } };
+    const values = (_, splits, __, ___, step) => splits.map((v) => tickText(v, step));
+    const axis = { values, stroke: style("--muted"), grid: { stroke: style("--grid"), width: 1 }, ticks: { show: false } };
     this.plot = new uPlot(
       {
         width: Math.max(200, host.clientWidth),
@@ -80,6 +89,13 @@ function drawEvents(u, events) {
   ctx.restore();
 }
 
+/** Where the band of stored energy begins: at its least, but at zero where it changes by no more than errors. */
+function floorOf(stored) {
+  const found = stored.filter(Number.isFinite);
+  const least = found.reduce((a, b) => Math.min(a, b), Infinity), most = found.reduce((a, b) => Math.max(a, b), -Infinity);
+  return least > 0 && most - least < 1e-3 * most ? 0 : least;
+}
+
 function legend(entries) {
   const list = Object.assign(document.createElement("ul"), { className: "legend" });
   for (const { label, colour, dash } of entries) {
@@ -127,7 +143,7 @@ export class Plots {
   /** The energy as a stacked band: what is stored, on it what was lost; the line is what was put in. */
   drawEnergy(answer, { stored, supplied, lost }, text) {
     const values = [stored, supplied, lost].map((name) => answer.of(name));
-    const low = values[0].reduce((least, v) => Math.min(least, v), Infinity);
+    const low = floorOf(values[0]);
     const [s0, p0, l0] = values.map((v) => v[0]);
     const held = values[0].map((v) => v - low);
     const heat = values[2].map((v, k) => held[k] + (v - l0));
@@ -141,7 +157,7 @@ export class Plots {
     ];
     const entries = [
       { label: "lost", colour: style("--c1") },
-      { label: "stored (above its least)", colour: style("--c2") },
+      { label: low === 0 ? "stored" : "stored (above its least)", colour: style("--c2") },
       { label: "at the start, and supplied since", colour: style("--ink"), dash: true },
     ];
     const data = [answer.time, ...[heat, held, zero, given].map(gaps)];
