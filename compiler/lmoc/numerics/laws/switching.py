@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import NONE, Switched
+from lmoc.ir.law import NONE, SPRUNG, Switched
 from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.integrate.base import Roots
 from lmoc.numerics.integrate.status import Status, Stopped
@@ -58,6 +59,8 @@ class LawSwitching:
         self.reader = reader(self.gauge)
         self.limits = self.gauge.known[4]
         self.begun = -np.inf  # s, where the first mode was found
+        self.let_go = Trigger.nothing(self.gauge.form.count)  # the laws that have reached their end …
+        self.let_go_at = -np.inf  # … at this time, in s
         self.unresolved: Array | float = 0.0  # what the integrator tells the states apart by no more
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
         self.ledger = _ledger(self.gauge)
@@ -159,10 +162,8 @@ class LawSwitching:
 
     def start(self, t: float, x: Array) -> tuple[Array, list[Event]]:
         """Return the state at the start, on what is closed there, and what happened on the way."""
-        n = len(self.mode.closed)
-        nothing = np.zeros(n, bool)
         self.begun = t
-        return self._take(t, x, Trigger(nothing, nothing, np.zeros(n, int)), at_start=True)
+        return self._take(t, x, Trigger.nothing(len(self.mode.closed)), at_start=True)
 
     def resume(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> tuple[Array, list[Event]]:
         """Return the state with which a run goes on in the mode in which another one has ended, as `start`.
@@ -195,6 +196,7 @@ class LawSwitching:
         """Return the laws in the same mode with other registers that do not change between events."""
         made = LawSwitching(self.gauge.plan, self.gauge.values, base, self.gauge.signals)
         made.mode, made.idle, made.unresolved, made.begun = self.mode, self.idle, self.unresolved, self.begun
+        made.let_go, made.let_go_at = self.let_go, self.let_go_at
         made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
         made._hold()
         return made
@@ -210,13 +212,27 @@ class LawSwitching:
         first, second = which[: len(closed)], np.zeros(len(closed), bool)
         second[self.second] = which[len(closed) :]
         direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
-        trigger = Trigger(first & ~closed, (first | second) & closed, direction, jumped)
+        trigger = self._with_let_go(t, Trigger(first & ~closed, (first | second) & closed, direction, jumped))
         # a load that grows from zero opens a law in the first instant: that is how the run begins
         at_start = not jumped and bool(which.any()) and t - self.begun <= AT_ONCE
         found = self._take(t, x, trigger, at_start)
         idle = (first | second) & (closed == self.mode.closed) & (not found[1])
         self.idle = np.where(idle, self.idle + 1, 0.0 if found[1] else self.idle)
         return found
+
+    def _with_let_go(self, t: float, trigger: Trigger) -> Trigger:
+        """Return a trigger with the laws that have opened at the same time before.
+
+        Nothing has moved since then: a friction would stick again, since its force is still within its limits up to
+        rounding.
+        """
+        if t == self.let_go_at:
+            still = self.let_go.opening & ~self.mode.closed & ~trigger.closing
+            still &= self.gauge.table.degree != SPRUNG  # whose forces have given way already
+            direction = np.where(still, self.let_go.direction, trigger.direction)
+            trigger = replace(trigger, opening=trigger.opening | still, direction=direction)
+        self.let_go, self.let_go_at = trigger, t
+        return trigger
 
     def strike(self, t: float, before: Array, x: Array) -> Array:
         """Return states that a step has moved, with the impulses of closed laws that keep them closed.

@@ -39,7 +39,7 @@ class Trigger:
     Attributes
     ----------
     closing : (n,) open laws whose gap or sliding velocity has come to zero
-    opening : (n,) closed laws whose force has come to its end
+    opening : (n,) laws whose force has come to its end here; those that have opened at the same time before among them
     direction : (n,) in which friction among them begins to slide
     jumped : the states have been changed from outside: what is closed may move
     """
@@ -48,6 +48,10 @@ class Trigger:
     opening: Mask
     direction: NDArray[np.int64]
     jumped: bool = False
+
+    @classmethod
+    def nothing(cls, count: int) -> Trigger:
+        return cls(np.zeros(count, bool), np.zeros(count, bool), np.zeros(count, int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +156,7 @@ def _settled(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: T
     A force that has come to zero by itself is zero up to rounding, and its law opens. Where other laws open at the same
     instant it may have to hold after all: as of two that a jump of a load has set free.
     """
-    at_limit = np.where(trigger.opening & mode.closed, trigger.direction, 0)
+    at_limit = np.where(trigger.opening, trigger.direction, 0)
     releasing = trigger.opening & ~table.dry & candidate
     if releasing.any() and np.count_nonzero(mode.closed) > 1:
         try:

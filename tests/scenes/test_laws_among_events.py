@@ -1,0 +1,74 @@
+"""Laws in scenes with events of other kinds: what has been let go stays free while both are settled at one instant."""
+
+import numpy as np
+import pytest
+
+import lmoc
+
+BLOCK = """
+model Block
+  Fixed ground;
+  DryFriction friction(F = 3, Fstick = 4);
+  Mass body(m = 2, q(start = 0, fixed = true), v(start = 3, fixed = true));
+  Force push(f = if time < 3 then 0 else {slope}*(time - 3));
+  {declarations}
+equation
+  connect(ground.flange, friction.a);
+  connect(friction.b, body.flange);
+  connect(push.flange, body.flange);
+  {equations}
+end Block;
+"""
+STRING = """
+model String
+  Fixed ceiling;
+  Mass body(m = 1, q(start = 1, fixed = true), v(start = 0, fixed = true));
+  Cable string(L = 1);
+  Force pull(f = if time < 1 then 2 else 2 - 2*(time - 1));
+  Boolean loaded = string.f > 0;
+  discrete Integer n(start = 0, fixed = true);
+equation
+  connect(ceiling.flange, string.a);
+  connect(string.b, body.flange);
+  connect(pull.flange, body.flange);
+  when not loaded then
+    n = pre(n) + 1;
+  end when;
+end String;
+"""
+
+
+def block(slope, declarations="", equations=""):
+    text = BLOCK.format(slope=slope, declarations=declarations, equations=equations)
+    return lmoc.compile_text(text).simulate(stop=7, rtol=1e-9)
+
+
+@pytest.mark.parametrize("slope", [2, 2.1, 1.7, -2])
+def test_a_block_breaks_away_from_its_sticking_friction(slope):
+    run = block(slope)
+    away = 3 + 4 / abs(slope)
+    t = run.time
+    behind = np.sign(slope) * (abs(slope) * ((t - 3) ** 2 - (away - 3) ** 2) / 2 - 3 * (t - away)) / 2
+    v = np.where(t < 2, 3 - 1.5 * t, np.where(t < away, 0, behind))
+    np.testing.assert_allclose(run["body.v"], v, atol=1e-8)
+    assert [e.kind for e in run.events] == ["stick", "relation", "slip"]
+    assert run.events[-1].time == pytest.approx(away, abs=1e-10)
+
+
+def test_a_jump_of_friction_that_others_count_does_not_make_it_stick_again():
+    run = block(
+        2,
+        "discrete Integer n(start = 0, fixed = true); Boolean weak = abs(friction.f) < 3.5;",
+        "when weak then n = pre(n) + 1; end when;",
+    )
+    assert run["body.v"][-1] == pytest.approx(3.0, abs=1e-8)  # ((4² − 2²) − 3·2)/2
+    assert run["n"][-1] == 1  # at 5 s the friction falls from 4 N to 3 N
+    assert sum(e.kind == "slip" for e in run.events) == 1
+
+
+def test_a_string_opens_with_what_depends_on_its_tension():
+    run = lmoc.compile_text(STRING).simulate(stop=3, rtol=1e-9)
+    t = run.time
+    np.testing.assert_allclose(run["body.q"], np.where(t < 2, 1, 1 - (t - 2) ** 3 / 3), atol=1e-9)
+    assert run["n"][-1] == 1
+    assert [(e.kind, round(e.time, 9)) for e in run.events if e.name == "string"] == [("slack", 2.0)]
