@@ -125,13 +125,50 @@ def test_a_value_that_is_lost_is_named(solver):
     assert failure.value.time == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.parametrize("solver", ["dop853", "auto"])
+@pytest.mark.parametrize("others", [0, 1])
+def test_a_state_at_the_edge_of_what_the_equations_have_values_for(solver, others):
+    s = Scene()
+    x = s.state("x", 1.0)
+    s.rate(x, -1.0 - dag.function("sqrt", x + -1.0))  # no value below x = 1
+    for k in range(others):  # which every step, however short, moves by some digits
+        y = s.state(f"y{k}", 0.0)
+        s.rate(y, 1.0 + x)
+    with pytest.raises(SimulationError, match="no finite value") as failure:
+        simulate(s.reduced(), options=RunOptions(stop=10.0, solver=solver))
+    assert failure.value.time < 1e-9
+    assert failure.value.partial.stats["evaluations"] < 100_000
+
+
+def test_a_domain_that_the_motion_keeps_close_to_is_followed():
+    s = Scene()
+    x = s.state("x", 1.0)
+    edge = 1e-9
+    s.rate(x, -1.0 * x * dag.function("sqrt", x + -edge))  # which long steps would cross
+    run = simulate(s.reduced(), options=RunOptions(stop=9e4, rtol=1e-8, atol=1e-16, solver="dop853"))
+    u = np.tan(np.arctan(np.sqrt(1 / edge - 1)) - np.sqrt(edge) * run.time / 2)
+    assert run["x"] == pytest.approx(edge * (1 + u * u), rel=1e-4)
+
+
 def test_limits_end_a_run():
     reduced = oscillator().reduced()
-    with pytest.raises(SimulationError, match="too many steps"):
+    with pytest.raises(SimulationError, match=r"too many steps: the last ones are 0\.\d+ s long"):
         simulate(reduced, options=RunOptions(solver="dop853", max_steps=20))
     for solver in ("dop853", "cvode", "ida"):
         with pytest.raises(SimulationError, match="time limit"):
             simulate(reduced, options=RunOptions(stop=1e7, points=3, solver=solver, max_seconds=0.05))
+
+
+@pytest.mark.parametrize("times", [None, [8.0, 9.0]])
+def test_a_motion_that_has_left_all_scale_is_told_where_a_run_breaks_off(times):
+    s = Scene()
+    x, y = s.state("x", 1.0), s.state("y", 0.0)
+    s.rate(x, 5.0 * x)
+    s.rate(y, dag.function("cos", 1e-8 * x))  # ever faster
+    with pytest.raises(SimulationError, match="too many steps") as failure:
+        simulate(s.reduced(), options=RunOptions(solver="dop853", stop=20.0, max_steps=20_000, times=times))
+    assert failure.value.partial.stats["steps"] <= 20_000
+    assert ("x has grown to" in str(failure.value)) == (times is None), str(failure.value)
 
 
 def test_output_between_steps_that_stability_limits_is_as_good_as_the_steps() -> None:

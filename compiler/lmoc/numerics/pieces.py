@@ -118,7 +118,8 @@ class _Run:
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             sizes = self.tolerances.sizes(self.stretch)
-            text = explanation(self.stretch, outcome, self.task.span, sizes, self._known_reason(outcome))
+            known = self._known_reason(outcome)
+            text = explanation(self.stretch, outcome, self.task.span, self.pieces, sizes, known)
             raise failure(text, outcome.time, run)
         return run_checks(run)
 

@@ -21,6 +21,9 @@ from lmoc.numerics.task import Stretch
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes
 
+_SLOW = (Status.TOO_MANY_STEPS, Status.TOO_LONG, Status.INTERRUPTED)
+_GROWN = 1e6  # times its size in the first half: what grows so has left the scale of the scene
+
 
 def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) -> None:
     """Check that all derivatives are finite at the start.
@@ -90,11 +93,14 @@ def registers_at_end(system: System, outcome: Outcome) -> np.ndarray | None:
     return system.registers if np.isfinite(rate).all() else None
 
 
-def explanation(stretch: Stretch, outcome: Outcome, span: Span, sizes: np.ndarray | None, known: str) -> str:
+def explanation(
+    stretch: Stretch, outcome: Outcome, span: Span, pieces: Sequence[Piece], sizes: np.ndarray | None, known: str
+) -> str:
     """Return the sentence about a run that has stopped early.
 
     Parameters
     ----------
+    pieces : of the run
     sizes : (n,) magnitudes of the states; None where nothing has been integrated
     known : the reason, where it is known better than from the status
     """
@@ -104,8 +110,34 @@ def explanation(stretch: Stretch, outcome: Outcome, span: Span, sizes: np.ndarra
         found = lost_ahead(*place, span.end)
     if not known and not found and outcome.status is Status.COLLAPSED and sizes is not None:
         found = fastest(*place, sizes, span.end - span.start)
+    if not known and outcome.status in _SLOW:
+        found = "; ".join(filter(None, (pace(outcome), growth(pieces, outcome))))
     detail = f": {found}" if found else ""
     return f"the run stopped at t = {outcome.time:.6g} s of {span.end:g} s: {known or outcome.status.value}{detail}"
+
+
+def pace(outcome: Outcome) -> str:
+    """Describe the steps of a run that needs too many of them; empty where it has ended for another reason."""
+    if outcome.status is not Status.TOO_MANY_STEPS or not np.isfinite(outcome.step):
+        return ""
+    return f"the last ones are {outcome.step:.2g} s long"
+
+
+def growth(pieces: Sequence[Piece], outcome: Outcome) -> str:
+    """Describe the state that has left all scale: how much larger it is than in the first half; empty if none has."""
+    last = pieces[-1]
+    alike = [p for p in pieces if p.coordinates == last.coordinates]
+    times = np.concatenate([p.samples[0] for p in alike])
+    n = len(last.coordinates)
+    if not len(times):
+        return ""
+    early = np.concatenate([np.abs(p.samples[1][:, :n]) for p in alike])[times <= (times[0] + outcome.time) / 2]
+    before, now = early.max(axis=0, initial=0.0), np.abs(outcome.x[:n])
+    grown = np.flatnonzero((now > _GROWN * before) & (before > 0.0))
+    if not len(grown):
+        return ""
+    k = int(grown[(now[grown] / before[grown]).argmax()])
+    return f"{last.coordinates[k]} has grown to {outcome.x[k]:.3g} from at most {before[k]:.3g} in the first half"
 
 
 def note_coordinates(pieces: Sequence[Piece], changes: Changes | None, report: Report) -> None:

@@ -27,6 +27,8 @@ _ROUGH = 5.5, 60.0  # |h·λ| and roughness, in tolerances, from which the dense
 _CAREFUL = 4.5  # |h·λ| up to which it is, and which the steps keep to …
 _CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
 _LONG = 500  # components from which output is computed step by step: gathering costs memory and saves nothing
+_CUTS = 500  # steps cut short for values that are not finite, after which they must have got on …
+_PACE = 1e-9  # … by this part of what lies ahead each
 _LEAST = 1e-300  # s, a step that can still be divided by
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
@@ -46,6 +48,7 @@ class Dop853(Integration):
         self.output = DenseOutput(len(problem.x), len(problem.times))
         self.stiff_count = self.calm_count = 0
         self.careful = 0
+        self.cuts, self.cuts_since = 0, problem.t
         self.t = self.before = problem.t
         self._start(problem.x, None if math.isinf(problem.first_step) else problem.first_step)
 
@@ -77,6 +80,8 @@ class Dop853(Integration):
         if not self.finite:
             return Status.NOT_FINITE
         t, end, h = self.t, self.end, min(self.step_size, self.max_step)
+        if self.cuts >= _CUTS and not self._gets_on():
+            return Status.NOT_FINITE
         while True:
             t_new = t + h
             if t + 1.001 * h >= end:  # the end is reached exactly
@@ -96,8 +101,19 @@ class Dop853(Integration):
                 return self._accept(t_new, h, error, stiffness)
             self.rejected += 1
             self.lost = not math.isfinite(error)
+            self.cuts += self.lost
             h *= 0.1 if self.lost else max(_SHRINK, _SAFETY * error**-0.125)
             self.grow = 1.0
+
+    def _gets_on(self) -> bool:
+        """Return whether the latest steps get on though the values around are not finite.
+
+        They do not where a state is at the edge of what the equations have values for: finite are only steps that are
+        too short to move it by a digit.
+        """
+        advance, needed = self.t - self.cuts_since, self.cuts * _PACE * (self.end - self.t)
+        self.cuts, self.cuts_since = 0, self.t
+        return advance >= needed
 
     def _is_rough(self, t: float, h: float) -> bool:
         """Return whether the dense output of the step just tried is much less accurate than the step itself.
