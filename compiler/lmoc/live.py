@@ -1,7 +1,8 @@
 """A scene that is stepped from a loop: for controllers, games and hardware.
 
 A smooth scene whose equations are explicit keeps one integrator at work, which advances exactly to each requested time;
-what it costs beside the integration is a few microseconds. Any other scene (switching laws, events, closed loops whose
+what it costs beside the integration is a few microseconds. Functions of time in it are looked at some steps ahead, for
+short pulses and kinks. Any other scene (switching laws, events, closed loops whose
 coordinates may have to change) is run from one time to the next as `simulate` does, from where the last run ended.
 """
 
@@ -19,19 +20,22 @@ from lmoc.ir.names import UnknownNameError, hint_for
 from lmoc.ir.program import Solve
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, SimulationError, nearest
 from lmoc.numerics.evaluate.select import make_system
-from lmoc.numerics.integrate import dop853
+from lmoc.numerics.integrate import automatic, choice, dop853
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan, build_plan
-from lmoc.numerics.signals.signals import Constant, bind_signals
+from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.activity import lookout, pulsing
+from lmoc.numerics.signals.signals import Constant, Signal, bind_signals, break_times
 from lmoc.numerics.sizes import assumed_sizes
 
 if TYPE_CHECKING:
     from lmoc.run import Run
 
 
+_AHEAD = 16  # steps for which functions of time are looked at together
 _SAME = 1e-9  # what a variable changes by that does not depend on a state
 
 
@@ -79,16 +83,20 @@ class Live:
         if not 0 < dt < math.inf:
             raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s is not possible", expected="seconds, above 0")])
         target = self.time + dt
-        if self._smooth is not None:
-            self._smooth.go(target)
-        else:
-            run = self._scene.simulate(
-                initial=self._end, start=self.time, stop=target, points=2, inputs=self._given, **self._options
-            )
-            self.events += run.events
+        if self._smooth is None:
+            run = self._simulated(self._end, target)
             self._run, self._end = run, run.trajectory.end
+        elif not self._smooth.go(target):
+            self._stand(self._simulated(self._here(self._smooth.run.t), target))
         self.time = target
         return target
+
+    def _simulated(self, end: End, target: float) -> Run:
+        """Return a run from a state up to a time."""
+        options = {"initial": end, "start": end.time, "stop": target, "points": 2, "inputs": self._given}
+        run = self._scene.simulate(**options, **self._options)
+        self.events += run.events
+        return run
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a variable now.
@@ -149,10 +157,11 @@ class Live:
         other._stand(self._run, self._here())
         return other
 
-    def _here(self) -> End:
+    def _here(self, time: float | None = None) -> End:
+        """Return the state now, or at a time between that the integrator has come to."""
         if self._smooth is None:
             return self._end
-        return replace(self._end, time=self.time, x=np.array(self._smooth.run.x))
+        return replace(self._end, time=self.time if time is None else time, x=np.array(self._smooth.run.x))
 
     def _give(self, name: str, variables: np.ndarray, value: float) -> None:
         """A new number for an input."""
@@ -225,17 +234,58 @@ class _Smooth:
         self.states, self.seen = {name: i for i, name in enumerate(end.states)}, {}
         rtol, none = float(run.stats["rtol"]), np.zeros(0)
         atol = rtol * 1e-3 * assumed_sizes(self.plan, self.values, end.x, {})
-        problem = Problem(self.system, float(end.time), end.x, math.inf, none, rtol, atol, lambda first, states: None)
-        self.run = dop853.begin(problem)
+        start, patience = float(end.time), automatic.patience(self.system)
+        self.problem = Problem(
+            self.system, start, end.x, math.inf, none, rtol, atol, lambda first, states: None, patience=patience
+        )
+        self.run = dop853.begin(self.problem)
+        self.timed = _depends_on_time(self.plan, self.signals)
+        self.seen_until = start
 
-    def go(self, target: float) -> None:
-        """Integrate up to a time."""
+    def go(self, target: float) -> bool:
+        """Integrate up to a time; False where a stiff method has to go on from the time reached.
+
+        Raises
+        ------
+        SimulationError
+        """
+        run = self.run
+        if not self.timed:
+            return self._reach(target)
+        if target > self.seen_until:
+            self._look_ahead(target)
+        for edge in choice.edges(replace(self.problem, t=run.t, end=target)):
+            if edge < run.t - choice.near(edge):
+                continue
+            before, behind = min(target, edge - choice.near(edge) / 2), edge + choice.near(edge) / 2
+            run.max_step = self.problem.lookout.longest(run.t, before)
+            if not self._reach(before):
+                return False
+            if behind > target:
+                break
+            run.t = max(run.t, behind)
+            run.jump(run.x)
+        return True
+
+    def _reach(self, target: float) -> bool:
         run = self.run
         run.end = target
         while run.t < target:
             status = run.step()
-            if status is not Status.OK and status is not Status.STIFF:
+            if status is Status.STIFF:
+                return False
+            if status is not Status.OK:
                 raise SimulationError(f"the run stopped at t = {run.t:.6g} s: {status.value}", run.t)
+        return True
+
+    def _look_ahead(self, target: float) -> None:
+        """Look at what depends on time alone, as far as some steps like the present one reach."""
+        start = self.run.t
+        stop = self.seen_until = start + _AHEAD * (target - start)
+        own = kinks.break_times(self.plan, self.base, start, stop)
+        given = break_times(self.signals, start, stop, kinks.MOST)
+        seen = lookout(self.plan, self.base, self.signals, (start, stop))
+        self.problem = replace(self.problem, lookout=seen, breaks=np.union1d(own, given))
 
     def value(self, name: str) -> float:
         """The value of a variable at the current time."""
@@ -281,6 +331,12 @@ def _variable(flat: FlatDAE, name: str) -> np.ndarray:
             raise UnknownNameError(name, "derivatives are not available here; read a variable of the model")
         raise UnknownNameError(name, hint_for(flat, name))
     return found
+
+
+def _depends_on_time(plan: Plan, signals: Mapping[int, Signal]) -> bool:
+    """Return whether an integrator could step over something that happens at a time."""
+    steady = all(isinstance(signal, Constant) for signal in signals.values())
+    return not steady or bool(plan.once(pulsing)) or bool(plan.once(kinks.switches))
 
 
 def _is_smooth(run: Run) -> bool:

@@ -151,3 +151,41 @@ def test_inputs_and_states_change_under_laws() -> None:
     live.advance(0.1)
     assert [live["a.omega"], live["b.omega"]] == pytest.approx([3.5, 10 / 3 + 2.5 - 0.25])
     assert [(e.kind, e.time) for e in live.events] == [("lock", pytest.approx(1 + 4 / 3)), ("unlock", 3.0)]
+
+
+PUSHED = """
+model Pushed
+  input Real u(unit = "N") = 0;
+  Force push(f = u);
+  Mass body(m = 2, q(start = 0, fixed = true), v(start = 0, fixed = true));
+equation
+  connect(push.flange, body.flange);
+end Pushed;
+"""
+
+
+@pytest.mark.parametrize("dt", [10, 0.7, 1 / 3])
+@pytest.mark.parametrize(
+    "signal, momentum",
+    [
+        ("100*exp(-((time - 5)/0.01)^2)", np.sqrt(np.pi)),
+        (lambda t: 100 * np.exp(-(((t - 5) / 0.01) ** 2)), np.sqrt(np.pi)),
+        (([0, 5, 5, 5.001, 5.001, 9], [0, 0, 1000, 1000, 0, 0]), 1.0),
+        ("abs(sin(time))", 7 + np.cos(10)),
+    ],
+    ids=["formula", "callable", "table", "kinks"],
+)
+def test_no_pulse_is_stepped_over(signal, momentum, dt):
+    live = lmoc.compile_text(PUSHED).live(inputs={"u": signal}, rtol=1e-8)
+    while live.time + dt < 10:
+        live.advance(dt)
+    live.advance(10 - live.time)
+    assert 2 * live["body.v"] == pytest.approx(momentum, rel=1e-7)
+
+
+def test_a_stiff_scene_goes_on_with_another_method():
+    scene = lmoc.compile_text("model S Real x(start = 2, fixed = true); equation der(x) = -1e9*(x - cos(time)); end S;")
+    live = scene.live()
+    for _ in range(5):
+        live.advance(2)
+    assert live["x"] == pytest.approx(np.cos(10), abs=1e-5)

@@ -87,15 +87,15 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
 def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, Used]:
     outcome, used, method = Outcome(problem.t, problem.x, 0), None, solver
     begin = problem.t
-    edges = _edges(problem)
+    ahead = edges(problem)
     while True:
         try:
-            edge = next(edges)
+            edge = next(ahead)
         except KeyboardInterrupt:  # while a callable was looked at
             outcome.status = Status.INTERRUPTED
             return outcome, used or Used((), "")
-        if edge - _near(edge) / 2 <= begin:  # a kink at the start
-            begin = edge + _near(edge) / 2
+        if edge - near(edge) / 2 <= begin:  # a kink at the start
+            begin = edge + near(edge) / 2
             continue
         if begin >= problem.end:
             break
@@ -103,7 +103,7 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, Used]:
         later.counts = _added(outcome.counts, later.counts)
         later.matrix, later.evaluation = later.matrix or outcome.matrix, later.evaluation or outcome.evaluation
         later.reached += outcome.reached
-        outcome, begin = later, edge + _near(edge) / 2
+        outcome, begin = later, edge + near(edge) / 2
         if used is None or own.onward:
             used = own
         if own.onward:  # a stiff method goes on behind the next break
@@ -115,7 +115,7 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, Used]:
     return outcome, used
 
 
-def _edges(problem: Problem) -> Iterator[float]:
+def edges(problem: Problem) -> Iterator[float]:
     """Yield the breaks of a problem, and where other bounds on the steps begin; infinity at last."""
     begin = problem.t
     for edge in (*problem.breaks.tolist(), np.inf):
@@ -127,11 +127,11 @@ def _edges(problem: Problem) -> Iterator[float]:
 def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
     """Return the rest of a problem, from just after one edge to just before the next, with outputs on that edge."""
     done, times = outcome.reached, problem.times
-    end = min(problem.end, edge - _near(edge) / 2)
+    end = min(problem.end, edge - near(edge) / 2)
     longest = min(problem.max_step, problem.lookout.longest(begin, end))
     if begin == problem.t and end == problem.end and longest == problem.max_step and not len(problem.breaks):
         return problem  # nothing divides it
-    inside = times[done : np.searchsorted(times, end if np.isinf(edge) else edge + _near(edge), "right")]
+    inside = times[done : np.searchsorted(times, end if np.isinf(edge) else edge + near(edge), "right")]
     return replace(
         problem,
         t=begin,
@@ -144,7 +144,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
     )
 
 
-def _near(t: float) -> float:
+def near(t: float) -> float:
     """A distance in time that does not count: some units of the last digit, by which stages of a step may be off."""
     return 4e-15 * max(abs(t), 1e-300) if np.isfinite(t) else 0.0
 
