@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 import lmoc
+from lmoc.numerics.coordinates.changes import Changes, Way
+from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.formulations import manifold
+from lmoc.numerics.integrate.status import Status
 
 PARALLELOGRAM = """
 model Parallelogram "rods between particles; all three turn as one pendulum"
@@ -34,6 +37,10 @@ equation
   bx^2 + by^2 = 0.64; (cx - bx)^2 + (cy - by)^2 = 0.25; (cx - 1)^2 + cy^2 = 0.64;
 end Rocker;
 """
+
+
+class Crawled(Exception):
+    pass
 
 
 def pendulum_from_rest(times: np.ndarray) -> np.ndarray:
@@ -127,3 +134,27 @@ def test_projection_in_c_is_that_of_numpy(monkeypatch):
     for name in ("bx", "uy", "cx", "wy"):
         assert np.abs(run[name] - other[name]).max() < 1e-8
     assert max(run.residual) < 1e-14 and max(other.residual) < 1e-14
+
+
+@pytest.mark.parametrize("margin, status", [(0.05, Status.COORDINATES), (0.5, Status.CRAWLING)])
+def test_steps_that_hardly_get_on_end_a_run_near_a_singular_position(monkeypatch, margin, status):
+    """Elsewhere short steps may have other reasons: the longest one allowed, for example."""
+    stuck, found = CoordinateWatch.stuck, []
+
+    def near(watch, crawling):
+        watch.accepted.__dict__["margin"] = margin
+        found.append(stuck(watch, crawling))
+        raise Crawled
+
+    monkeypatch.setattr(CoordinateWatch, "stuck", near)
+    with pytest.raises(Crawled):
+        lmoc.compile_text(ROCKER).simulate(stop=1.0, points=2, max_step=1e-9)
+    assert found == [status]
+
+
+def test_choices_that_take_turns_without_getting_on_end_a_run(monkeypatch):
+    """Every step is said to need other coordinates, however short it is."""
+    monkeypatch.setattr(CoordinateWatch, "__call__", lambda watch, t, x: Status.COORDINATES)
+    monkeypatch.setattr(Changes, "_changed", lambda changes, stretch, outcome: Way(stretch, outcome.x))
+    with pytest.raises(lmoc.SimulationError, match="have taken turns 100 times without getting on"):
+        lmoc.compile_text(ROCKER).simulate(stop=1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from heapq import merge
 
@@ -28,6 +29,7 @@ _AHEAD = 40  # … all are integrated where so many more lie ahead
 _WIDER = 2.0  # by which the smallest singular value must be larger with other constraints left out
 _NEARER = 3.0  # by which it must be smaller for that to be tried again
 _STALLED = 40  # attempts to come on from one place
+_MANY, _PACE = 100, 1e-8  # continuations after which each has come on by so much of what lies ahead, on average
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
 
 
@@ -97,6 +99,7 @@ class Changes:
         self._refused: set[int] = set()  # flat variables that cannot be states
         self._in_vain = -np.inf, 0.0  # s, up to when no other constraints were better left out; smallest singular value
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
+        self._continued: deque[float] = deque(maxlen=_MANY)  # s, where it has gone on in another way
 
     def bar(self, stretch: Stretch) -> None:
         """Tell a piece which variables cannot be states."""
@@ -113,6 +116,9 @@ class Changes:
         self._stalled = self._stalled + 1 if t == self._stalled_at else 0
         self._stalled_at = t
         watch.go_back()
+        if self._hardly_gets_on(t):
+            self._nowhere(stretch, in_vain=True)
+            return None
         if watch.lost_rank:
             way = self._leaving_out_others(stretch, outcome) or self._beyond(stretch, tolerance)
         else:
@@ -134,6 +140,12 @@ class Changes:
         """A piece in few coordinates again; None where the run has been in all coordinates from its start."""
         self.returned = outcome.time
         return None if self._minimal is None else self._begun(stretch, outcome, *self._minimal)
+
+    def _hardly_gets_on(self, t: float) -> bool:
+        """Return whether the last continuations have hardly come on."""
+        self._continued.append(t)
+        many = len(self._continued) == _MANY
+        return many and t - self._continued[0] < _MANY * _PACE * (self.task.span.end - self._continued[0])
 
     def _all_together(self, stretch: Stretch, outcome: Outcome) -> Way | None:
         """A piece in all coordinates of the loops, where they change too often; once in a run.
@@ -257,14 +269,19 @@ class Changes:
         piece = Stretch(observer, system, outcome.time, task.span.times, stretch.reached, self.variables)
         return Way(piece, x)
 
-    def _nowhere(self, stretch: Stretch) -> None:
-        """Say why the run cannot go on."""
+    def _nowhere(self, stretch: Stretch, in_vain: bool = False) -> None:
+        """Say why the run cannot go on: `in_vain` where one choice has followed the other."""
         reduced, watch = stretch.plan.reduced, stretch.watch
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
         if watch.lost_rank:
             self.reason = (
                 "a singular position lies ahead, in which the constraints depend on each other: several branches of "
                 f"the motion may meet there, none of which continues it smoothly, and no coordinates determine {lost}"
+            )
+        elif in_vain:
+            self.reason = (
+                f"the coordinates {names} and others have taken turns {_MANY} times without getting on; none of them "
+                f"determine {lost} well here"
             )
         else:
             self.reason = (

@@ -140,9 +140,10 @@ class CoordinateWatch:
 
     def stuck(self, status: Status) -> Status:
         """Return COORDINATES where no step was short enough and others would be better here, or none would serve."""
-        self.lost_rank = self.accepted.margin < _DEPENDENT
+        crawling = status is Status.CRAWLING  # not the fault of coordinates: they are watched
+        self.lost_rank = self.accepted.margin < (_ALERT if crawling else _DEPENDENT)
         self.last, self.singular = self.accepted, self.accepted.t
-        return Status.COORDINATES if self.lost_rank or self.better() else status
+        return Status.COORDINATES if self.lost_rank or (not crawling and self.better()) else status
 
     def better(self) -> list[list[int]]:
         """Return choices of coordinates (columns to be the states) that are better than the present one, best first.

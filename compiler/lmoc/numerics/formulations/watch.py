@@ -214,5 +214,5 @@ _INDEX_THREE = (
 )
 _BRANCH = (
     "the closures of its loops depend on each other here: a singular position, beyond which the motion may continue "
-    "along another branch"
+    "along another branch (the formulation reduced passes most such positions)"
 )

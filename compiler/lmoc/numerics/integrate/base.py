@@ -95,7 +95,10 @@ class Guard(Protocol):
         """Judge the end of a step; anything but OK ends the integration where the step has begun."""
 
     def stuck(self, status: Status) -> Status:
-        """Return why there are no more steps, where the method has found the step size collapsed or values lost."""
+        """Return why there are no more steps, where the method has found the step size collapsed or values lost.
+
+        With CRAWLING, COORDINATES or a failure that explains it; CRAWLING where short steps have other reasons.
+        """
 
 
 class Landing(Protocol):

@@ -105,6 +105,9 @@ class _Loop:
                 self.several(method, 0)
             if self.watch.expired(run.t):
                 return Status.TOO_LONG
+            halted = self.halted(run.steps + run.rejected)
+            if halted is not _OK:
+                return halted
             if status is Status.DOUBTFUL:
                 problem.landing.resume(run.t, run.x)
                 status = self.step()
@@ -135,8 +138,9 @@ class _Loop:
                 looked = done + _LOOK
                 if self.watch.expired(run.t):
                     return Status.TOO_LONG
-                if problem.held is not None and self.is_held(done):
-                    return Status.CHATTERING
+                halted = self.halted(done)
+                if halted is not _OK:
+                    return halted
             status = step()
             if status is not _OK:
                 return status
@@ -147,14 +151,18 @@ class _Loop:
         problem, t = self.problem, self.run.t
         return self.run.steps * (problem.end - t) < problem.overrun * (t - problem.t)
 
-    def is_held(self, done: int) -> bool:
-        """Return whether the latest steps have hardly got on because a jump of the equations keeps the motion."""
-        if done - self.judged[0] < _STALL:
-            return False
-        (before, at), now = self.judged, self.run.t
-        self.judged = done, now
-        slow = now - at < (done - before) * _PACE * (self.problem.end - self.problem.t)
-        return slow and self.problem.held(now, self.run.x)
+    def halted(self, done: int) -> Status:
+        """Return why the latest steps have hardly got on: a jump of the equations, a singular position; OK else."""
+        problem, run = self.problem, self.run
+        if (problem.held is None and problem.guard is None) or done - self.judged[0] < _STALL:
+            return _OK
+        (before, at), self.judged = self.judged, (done, run.t)
+        if run.t - at >= (done - before) * _PACE * (problem.end - problem.t):
+            return _OK
+        if problem.held is not None and problem.held(run.t, run.x):
+            return Status.CHATTERING
+        status = _OK if problem.guard is None else problem.guard.stuck(Status.CRAWLING)
+        return _OK if status is Status.CRAWLING else status
 
     def step_unwatched(self) -> Status:
         """One step and its output."""
