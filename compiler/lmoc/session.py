@@ -176,11 +176,13 @@ class Session:
     def elsewhere(self, prepared: Prepared, initial: Mapping[str, float] | None, clock: Clock) -> Prepared | None:
         """Return what is prepared, in coordinates chosen for the start of one run; None where there are no others.
 
-        Where constraints change along the motion, some coordinates serve at one start and not at another.
+        Where constraints change along the motion, some coordinates serve at one start and not at another. Initial
+        equations may depend on parameters.
         """
         reduced, values = prepared.reduced, prepared.values
-        if not initial or reduced.nearby is None:
+        if reduced.nearby is None or not (initial or self.flat.initial_groups):
             return None
+        initial = initial or {}
         key = tuple(sorted((n, np.asarray(v, float).tobytes()) for n, v in initial.items())), values.tobytes()
         if key not in self._starts:
             flat = starting_at(self.flat, initial)
@@ -188,7 +190,8 @@ class Session:
             self._starts = {key: other}  # the last one only: starts are many
         other = self._starts[key]
         if other.state_names == reduced.state_names:
-            return None
+            same_side = np.array_equal(other.nearby, reduced.nearby)
+            return None if same_side else replace(prepared, reduced=other)
         lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
         note = Diagnostic("N0631", f"the reduction was redone because {lost}")
         return replace(prepared, reduced=other, notes=(*prepared.notes, note))

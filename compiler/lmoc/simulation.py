@@ -48,7 +48,6 @@ def simulate(session: Session, request: Request, clock: Clock | None = None) -> 
     Errors as of `lmoc.DAE.simulate`.
     """
     from lmoc.numerics.observe.trajectory import End
-    from lmoc.numerics.start.singular import StartSingular
 
     clock = clock or Clock()
     initial = request.initial
@@ -63,11 +62,18 @@ def simulate(session: Session, request: Request, clock: Clock | None = None) -> 
         prepared = at_work.continuing(prepared, initial.states, clock)
     try:
         return run_prepared(at_work, prepared, request, clock)
-    except StartSingular:
-        other = at_work.elsewhere(prepared, initial, clock)
+    except ModelError as error:
+        other = at_work.elsewhere(prepared, initial, clock) if _missed_its_start(error) else None
         if other is None:
             raise
     return run_prepared(at_work, other, request, clock)
+
+
+def _missed_its_start(error: ModelError) -> bool:
+    """Return whether other coordinates, or another side of the closures, may start where these have not come to."""
+    from lmoc.numerics.start.singular import StartSingular
+
+    return isinstance(error, StartSingular) or any(d.code == "E0532" for d in error.diagnostics)
 
 
 def run_prepared(session: Session, prepared: Prepared, request: Request, clock: Clock) -> Run:

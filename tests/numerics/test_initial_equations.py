@@ -166,3 +166,95 @@ def test_rates_agree_with_differences(name):
     assert len(made) > len(plan.states)
     scale = 1 + np.abs(by_difference[made])
     np.testing.assert_allclose(here[tangent.rate[made]] / scale, by_difference[made] / scale, atol=2e-6)
+
+
+PENDULUM = """
+model Pendulum
+  parameter Real x0 = 0.6;
+  Real x, y, vx, vy, T;
+equation
+  der(x) = vx; der(y) = vy; der(vx) = -T*x; der(vy) = -T*y - 9.81; x^2 + y^2 = 1;
+initial equation
+  {};
+end Pendulum;
+"""
+
+
+@pytest.mark.parametrize(
+    "initial, expected",
+    [
+        ("x = 1", {"x": 1, "y": 0, "vx": 0, "vy": 0}),
+        ("y = -1", {"x": 0, "y": -1, "vx": 0, "vy": 0}),
+        ("y = -1; vx = 2", {"x": 0, "y": -1, "vx": 2, "vy": 0}),
+        ("x = -1; der(y) = 2", {"x": -1, "y": 0, "vx": 0, "vy": 2}),
+        ("y = -0.6; x + y = 0.2; vy = 1", {"x": 0.8, "y": -0.6, "vx": 0.75, "vy": 1}),
+        ("T = 3; x = 0.6", {"x": 0.6, "y": 0.8, "T": 3}),  # T = v^2 - g y
+    ],
+)
+def test_initial_equations_choose_coordinates_and_their_side(initial, expected):
+    run = lmoc.compile_text(PENDULUM.format(initial)).simulate(stop=0.5, rtol=1e-9)
+    assert {name: float(run[name][0]) for name in expected} == pytest.approx(expected, abs=1e-9)
+    energy = (run["vx"] ** 2 + run["vy"] ** 2) / 2 + 9.81 * run["y"]
+    assert energy == pytest.approx(energy[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("x0", [-1.0, -0.6, 0.0, 0.6, 1.0])
+def test_parameters_of_initial_equations_may_ask_for_other_coordinates(x0):
+    dae = lmoc.compile_text(PENDULUM.format("x = x0"))
+    run = dae.simulate(stop=0.1, points=2, parameters={"x0": x0})
+    assert run["x"][0] == pytest.approx(x0, abs=1e-12)
+    assert run["x"] ** 2 + run["y"] ** 2 == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("initial, code", [("x = 0.6; y = 0.7", "E0531"), ("x = 0.6; vx = 1; vy = 1", "E0531")])
+def test_initial_equations_that_contradict_constraints_are_named(initial, code):
+    with pytest.raises(ModelError) as wrong:
+        lmoc.compile_text(PENDULUM.format(initial)).simulate(stop=0.1)
+    assert [d.code for d in wrong.value.diagnostics] == [code]
+    assert all(f"`{part.strip()}`" in wrong.value.diagnostics[0].message for part in initial.split(";"))
+
+
+FOUR_BAR = """
+model FourBar
+  import Planar.*;
+  inner World world;
+  Ground left, right(x = 2);
+  Revolute p, q, r, s;
+  Bar crank(l = 0.5, m = 1), coupler(l = 2, m = 1), rocker(l = 1, m = 1);
+equation
+  connect(left.frame, p.a); connect(p.b, crank.a); connect(crank.b, q.a); connect(q.b, coupler.a);
+  connect(coupler.b, r.a); connect(r.b, rocker.a); connect(rocker.b, s.a); connect(s.b, right.frame);
+initial equation
+  {};
+end FourBar;
+"""
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        {"p.phi": 1.0, "p.omega": 2.0},
+        {"coupler.b.y": 0.9, "der(coupler.b.y)": 0.3},
+        {"r.phi": -1.5, "der(r.phi)": 1.0},
+        {"crank.b.theta - rocker.b.theta": 0.0, "r.omega": 1.0},
+        {"coupler.b.x^2 + coupler.b.y^2": 4.0, "s.omega": -1.0},
+    ],
+)
+def test_initial_equations_of_a_loop_need_no_start_values(wanted):
+    run = lmoc.compile_text(FOUR_BAR.format("; ".join(f"{k} = {v}" for k, v in wanted.items()))).simulate(
+        stop=1e-3, points=21, rtol=1e-10
+    )
+
+    def values(text: str) -> np.ndarray:
+        if text.startswith("der("):
+            return np.gradient(values(text[4:-1]), run.time, edge_order=2)
+        first, sign, second = (*text.split(" "), "", "")[:3]
+        if not sign:
+            name, _, power = text.partition("^")
+            return run[name] ** int(power or 1)
+        return values(first) + (1 if sign == "+" else -1) * values(second)
+
+    for text, value in wanted.items():
+        assert values(text)[0] == pytest.approx(value, abs=1e-5)
+    x, y = run["crank.b.x"] - run["coupler.b.x"], run["crank.b.y"] - run["coupler.b.y"]
+    assert np.hypot(x, y) == pytest.approx(2.0, abs=1e-9)

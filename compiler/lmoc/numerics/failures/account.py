@@ -44,6 +44,8 @@ def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) ->
     near = stretch.system.registers
     found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
     if needed or nonlinear:
+        if nonlinear:
+            hint = "give start values (start = …) near a place where they hold, such as the angles of an assembled loop"
         report.error("E0535", f"{found} at the start", span, hint=hint)
         raise StartSingular(report.diagnostics, stretch.plan.reduced.state_names, span)
     if found:

@@ -52,7 +52,11 @@ def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report)
     if len(lost):
         system.evaluate(start.x)
         found, span = system.lost(int(lost[0]))
-        report.error("E0535", f"{found} at the start", span, hint="look at the start values, and at divisions by zero")
+        asked = np.flatnonzero(components.together(lost) & system.hard)
+        hint = "look at the start values, and at divisions by zero"
+        if len(asked):
+            hint = f"perhaps the model does not allow {_listed(system, asked)}; {hint}"
+        report.error("E0535", f"{found} at the start", span, hint=hint)
         raise StartSingular(report.diagnostics, system.plan.reduced.state_names, span)
     groups, found = components.connected(np.flatnonzero(start.hard)), Report()
     order = np.argsort(start.jacobian[0], kind="stable")

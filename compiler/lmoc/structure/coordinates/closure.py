@@ -6,7 +6,7 @@ the linearized constraints (Ben-Israel, J. Math. Anal. Appl. 15, 1966). Values t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
+from lmoc.structure.coordinates.initial_rows import InitialRows, initial_rows
 from lmoc.structure.coordinates.nearest import nearest
 from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.incidence import ranges
@@ -29,10 +30,17 @@ STEPS, CLOSED, DAMPING = 40, 1e-9, 1e-13
 def start_point(system: EquationSystem, c: np.ndarray, highest: int) -> Sample:
     """Return a point that satisfies all equations with c > 0 at the start time, near the start values of the model.
 
-    Where none is found, those values themselves: no more is known then.
+    Initial equations hold there, too, unless there is no such point. Where none is found at all, those values
+    themselves: no more is known then.
     """
     sample, ease = given(system, highest)
-    constraints = _Constraints(system, c, sample)
+    initial = initial_rows(system, highest)
+    found = _nearest(_Constraints(system, c, sample, initial), sample, ease) if initial else None
+    return found or _nearest(_Constraints(system, c, sample), sample, ease) or sample
+
+
+def _nearest(constraints: _Constraints, sample: Sample, ease: np.ndarray) -> Sample | None:
+    """The point nearest to a sample that satisfies constraints; None where none is found."""
     weight = ease.ravel()[constraints.jets]
     begin = sample.value.ravel()[constraints.jets]
 
@@ -42,10 +50,10 @@ def start_point(system: EquationSystem, c: np.ndarray, highest: int) -> Sample:
         return replace(sample, value=value)
 
     if constraints.count <= DENSE:
-        found = nearest(begin, weight, lambda values: constraints.dense(at(values)))
+        found = nearest(begin, weight, lambda values: constraints.dense(at(values)), constraints.placed)
     else:
         found = _closed(constraints, at, begin, weight)
-    return sample if found is None else at(found)
+    return None if found is None else at(found)
 
 
 def _closed(
@@ -63,14 +71,17 @@ def _closed(
 
 
 class _Constraints:
-    """The equations that are differentiated: their values and derivatives by the jets in them.
+    """The equations that are differentiated, and initial ones: their values and derivatives by the jets in them.
 
     Attributes
     ----------
     jets : (unknowns,) positions in the flattened values
+    placed : whether initial equations contain some of those that are tied to each other
     """
 
-    def __init__(self, system: EquationSystem, c: np.ndarray, sample: Sample):
+    def __init__(
+        self, system: EquationSystem, c: np.ndarray, sample: Sample, initial: Sequence[InitialRows] = ()
+    ) -> None:
         self.parts: list[tuple[EquationBatch, list[tuple[Expr, Expr]]]] = []
         width, first = sample.value.shape[1], 0
         rows, jets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
@@ -85,6 +96,13 @@ class _Constraints:
                 rows.append(first + np.arange(len(mine)))
                 jets.append(order * width + part.slots[:, k])
             first += len(mine)
+        self.initial, self.placed, tied = initial, False, np.concatenate(jets)
+        for own in initial:
+            row, jet = own.entries
+            self.placed |= bool(np.isin(jet, tied).any())
+            rows.append(first + row)
+            jets.append(jet)
+            first += own.rows
         s = system.sums
         mine = np.flatnonzero(c[s.row] > 0)
         entries = ranges(s.start, mine)
@@ -113,6 +131,10 @@ class _Constraints:
             for p in partials:
                 entries.append(np.broadcast_to(np.asarray(evaluate(p, column, at.time), float), n))
             first += n
+        for own in self.initial:
+            residual[first : first + own.rows], entry = own.linearized(at)
+            entries.append(entry)
+            first += own.rows
         residual += np.bincount(self.sum_rows, self.coefficient * at.value.flat[self.sum_jets], self.count)
         return residual, np.concatenate([*entries, self.coefficient])
 

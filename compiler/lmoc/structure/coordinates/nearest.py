@@ -22,7 +22,7 @@ FAR = 1e3
 Linearized = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized) -> np.ndarray | None:
+def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized, placed: bool = False) -> np.ndarray | None:
     """Return the nearest of the points that satisfy the equations; None where none is found.
 
     Parameters
@@ -30,16 +30,17 @@ def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized) -> np
     begin : (n,) first values
     weight : (n,) how easily each gives way; those with 1 have not been given
     linearized : from values to the residual (m,) and its Jacobian (m, n)
+    placed : whether some of the equations say where, as given values do: where nothing does, only the nearest will do
     """
     free = weight == 1.0
     scale = max(float(np.abs(begin).max(initial=0)), 1e-300)
     best, best_cost = None, np.inf
-    for attempt in range(ATTEMPTS if free.any() and not free.all() else 1):
+    for attempt in range(ATTEMPTS if free.any() and (placed or not free.all()) else 1):
         first = begin.copy()
         if attempt:
             size = np.pi if attempt % 2 else scale  # angles, lengths
             first[free] = (2 * spread(np.count_nonzero(free), attempt) - 1) * size
-        found = closed(fitted(first, free, linearized), weight, linearized)
+        found = closed(first if not attempt and free.all() else fitted(first, free, linearized), weight, linearized)
         if found is None or np.abs(found).max() > FAR * max(scale, 1.0):
             continue
         cost = float(np.sum(((found - begin) / scale)[~free] ** 2 / weight[~free]))
@@ -52,7 +53,7 @@ def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized) -> np
 
 def fitted(values: np.ndarray, free: np.ndarray, linearized: Linearized) -> np.ndarray:
     """Return values whose free ones make the residual small while the others stay."""
-    if not free.any() or free.all():
+    if not free.any():
         return values
     residual, jacobian = linearized(values)
     damping, cost = 1e-3, residual @ residual
