@@ -17,7 +17,8 @@ help:
 	@echo "make lint         check the style and the types of the code"
 	@echo "make grammar      write the parser's tables that come with the package"
 	@echo "make docs         write the pages that are made from the program and the library"
-	@echo "make charts       chart speed against accuracy and run the failures of docs/stability.md (some minutes)"
+	@echo "make charts       chart speed against accuracy and run the failures of docs/stability.md (ten minutes;"
+	@echo "                  ONLY=andrews makes one part anew)"
 	@echo "make bench-quick  start-up, scaling and other tools, in under 3 minutes"
 	@echo "make clean        remove the environment and everything made"
 
@@ -49,7 +50,7 @@ docs: $(VENV)/.installed
 	@$(BIN)/python docs/make_notes.py
 
 charts: $(VENV)/.installed-test
-	@nice $(BIN)/python docs/make_charts.py
+	@nice $(BIN)/python docs/make_charts.py $(ONLY)
 
 bench-quick: $(VENV)/.installed-test
 	@$(BIN)/python -m benchmarks.startup --runs 7

@@ -15,7 +15,7 @@ from benchmarks.common import ROOT, save, table
 from lmoc.messages.diagnostics import ModelError, SimulationError
 
 SOLVERS = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
-SECONDS = 15.0  # of the processor for each scene
+SECONDS = 20.0  # of the processor for each scene
 RTOL = 1e-6
 SECTION = """\
 ## Every hard scene by every method

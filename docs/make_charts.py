@@ -1,16 +1,18 @@
-"""Writes docs/charts/, docs/accuracy.md and docs/stability.md from runs: ``python docs/make_charts.py [SCENE …]``.
+"""Writes docs/charts/, docs/accuracy.md and docs/stability.md from runs: ``python docs/make_charts.py [PART …]``.
 
-Without names everything is run anew; with names these scenes alone. "economy", "methods" and "others" are names, too:
-of what reduction saves, of the table of all methods, and of methods that lmoc does not have; "pages" runs no more than
-the failures. The pages are made from what is kept beside the pictures (`docs/charts/*.json`). What `auto` chooses is
-what `python -m benchmarks.auto --keep` has kept, and the comparison with other tools what `python -m benchmarks.peers
---scenes` has.
+Without names everything is run anew, in about ten minutes; with names these parts alone (``make charts ONLY="andrews
+economy"``): a scene; "economy", what reduction saves; "methods", the table of all methods; "others", methods that lmoc
+does not have; "pages" runs no more than the failures. The pages are made from what is kept beside the pictures
+(`docs/charts/*.json`). What `auto` chooses is what `python -m benchmarks.auto --keep` has kept, and the comparison with
+other tools what `python -m benchmarks.peers --scenes` has: both take their time, and the second one needs the tools.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+import time as clock
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,56 +26,30 @@ RTOLS = tuple(10.0**-k for k in range(3, 11))
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of the page, until a stop time, what its chart teaches, and the seconds that it may take."""
+    """A scene of the page, until a stop time, and the seconds that its chart may take.
+
+    What the chart teaches is said by `benchmarks.lessons`, from its points.
+    """
 
     name: str
     title: str
     model: str
-    teaches: str
     stop: float | None = None
     seconds: float = 15.0
 
 
 SCENES = (
-    Scene("spring_mass_damper", "Spring, mass and damper", "notes/ex02_spring_mass_damper",
-          "On a small smooth scene every method is fast, and the fixed cost of a run counts more than its "
-          "tolerance: ten "
-          "digits cost hardly more than three with a Taylor series or DOP853. Low orders pay for each digit, "
-          "midpoint most."),
-    Scene("suspension", "Quarter car (Example 5)", "notes/ex05_suspension",
-          "Four damped states at the pace of the wheel: the Taylor series takes 2 ms for anything up to 12 digits, "
-          "and multistep methods two to five times that. Methods of order 2 pay a hundred times as much for half "
-          "the digits."),
-    Scene("stiffness_ratio", "Stiffness 1e8 beside 1, both modes at work (H13)", "hard/h13_stiffness_ratio",
-          "A fast mode that swings with an amplitude above the tolerance has to be followed, and no implicit "
-          "method helps: "
-          "the explicit ones of high order win. The error is many times the tolerance of a step unless a method "
-          "counts "
-          "periods, as auto does.", 0.05, 30.0),
-    Scene("plucked_string", "A string of 100 masses (H14)", "hard/h14_plucked_string",
-          "Here a run is thousands of steps of 200 states, and the Taylor series needs the fewest of them. The "
-          "implicit "
-          "methods written in Python pay for their matrices.", 0.5),
-    Scene("andrews", "Andrews' squeezing mechanism", "classic/andrews",
-          "Two states are left of a closed mechanism, and each evaluation solves its loops in C, so high orders "
-          "win. All "
-          "coordinates as states (dashed and dotted) cost two to four times as much, and gain a digit; index 3 "
-          "fails.",
-          seconds=30.0),
-    Scene("double_pendulum", "Double pendulum", "planar/double_pendulum",
-          "Chaos stretches errors by a constant rate, so all curves are shifted to the left by the same factor. "
-          "They keep "
-          "their order: what is best for one step is best for the run."),
-    Scene("bungee", "A string that goes slack and taut (H06)", "laws/h06_bungee",
-          "Each event ends a piece, and its search costs more than the steps between. The error is that of the "
-          "instants, "
-          "which all methods locate on their dense output to the tolerance."),
-    Scene("prothero_robinson", "A fast relaxation (H28)", "hard/h28_prothero_robinson",
-          "The explicit methods fail: a time constant of a microsecond asks for ten million steps. BDF is the "
-          "fastest by "
-          "far, since the order of stages is reduced and a backward difference has none; auto finds it after a "
-          "few steps."),
-)  # fmt: skip
+    Scene("spring_mass_damper", "Spring, mass and damper", "notes/ex02_spring_mass_damper"),
+    Scene("suspension", "Quarter car (Example 5)", "notes/ex05_suspension"),
+    Scene(
+        "stiffness_ratio", "Stiffness 1e8 beside 1, both modes at work (H13)", "hard/h13_stiffness_ratio", 0.05, 30.0
+    ),
+    Scene("plucked_string", "A string of 100 masses (H14)", "hard/h14_plucked_string", 0.5),
+    Scene("andrews", "Andrews' squeezing mechanism", "classic/andrews", seconds=30.0),
+    Scene("double_pendulum", "Double pendulum", "planar/double_pendulum"),
+    Scene("bungee", "A string that goes slack and taut (H06)", "laws/h06_bungee"),
+    Scene("prothero_robinson", "A fast relaxation (H28)", "hard/h28_prothero_robinson", seconds=30.0),
+)
 
 ACCURACY = """\
 # Speed against accuracy
@@ -120,6 +96,7 @@ def accuracy() -> str:
     from benchmarks import auto, economy, other_methods
     from benchmarks.common import machine
     from benchmarks.frontier import page as peers
+    from benchmarks.lessons import LESSONS, Points
 
     parts = [ACCURACY.format(machine="an {processor} with {cores} cores".format(**machine()))]
     for scene in SCENES:
@@ -127,7 +104,8 @@ def accuracy() -> str:
         stop = "" if scene.stop is None else f" --stop {scene.stop:g}"
         one, two = data["reference"]["methods"]
         parts.append(
-            f"## {scene.title}\n\n![{scene.title}](charts/{scene.name}.png)\n\n{scene.teaches}\n\n"
+            f"## {scene.title}\n\n![{scene.title}](charts/{scene.name}.png)\n\n"
+            f"{LESSONS[scene.name](Points(data['points']))}\n\n"
             f"`lmoc chart models/{scene.model}.lmo{stop}` recommends, {data['recommendation']}. The reference: "
             f"{one} and "
             f"{two} agree to {data['reference']['uncertainty']:.0e}. {_auto(data['points'])}\n"
@@ -164,24 +142,40 @@ def stability() -> str:
     return "\n".join(parts)
 
 
-def main() -> None:
+def parts() -> dict[str, Callable[[], object]]:
+    """Return what is measured, by name."""
     from benchmarks import economy, methods, other_methods
 
-    names = sys.argv[1:]
-    measured = {scene.name: partial(chart, scene) for scene in SCENES}
-    tables = {"economy": economy.measure, "methods": methods.measure, "others": other_methods.measure}
-    unknown = sorted(set(names) - set(measured) - set(tables) - {"pages"})
-    if unknown:
-        sys.exit(f"no scene {', '.join(unknown)}; there are: {', '.join([*measured, *tables, 'pages'])}")
-    FOLDER.mkdir(exist_ok=True)
-    for name, make in measured.items():
-        if not names or name in names:
-            make()
-    for name, make in tables.items():
-        if not names or name in names:
-            keep(name, make())
+    measured: dict[str, Callable[[], object]] = {scene.name: partial(chart, scene) for scene in SCENES}
+    for name, measure in (
+        ("economy", economy.measure),
+        ("methods", methods.measure),
+        ("others", other_methods.measure),
+    ):
+        measured[name] = lambda name=name, measure=measure: keep(name, measure())
+    return measured
+
+
+def pages() -> None:
+    """Write the pages, from what is kept and from the failures, which are run anew."""
     (ROOT / "docs" / "accuracy.md").write_text(accuracy(), encoding="utf-8")
     (ROOT / "docs" / "stability.md").write_text(stability(), encoding="utf-8")
+
+
+def main() -> None:
+    names, measured = sys.argv[1:], parts()
+    unknown = sorted(set(names) - set(measured) - {"pages"})
+    if unknown:
+        sys.exit(f"no part {', '.join(unknown)}; there are: {', '.join([*measured, 'pages'])}")
+    FOLDER.mkdir(exist_ok=True)
+    chosen = {name: make for name, make in measured.items() if not names or name in names} | {"pages": pages}
+    began = clock.monotonic()
+    for k, (name, make) in enumerate(chosen.items(), 1):
+        print(f"[{k}/{len(chosen)}] {name} …", flush=True)
+        begin = clock.monotonic()
+        make()
+        print(f"[{k}/{len(chosen)}] {name}: {clock.monotonic() - begin:.0f} s", flush=True)
+    print(f"all in {(clock.monotonic() - began) / 60:.1f} min; see docs/accuracy.md and docs/stability.md")
 
 
 if __name__ == "__main__":

@@ -149,7 +149,7 @@ def _as_run(
     from lmoc.run import Run
 
     def again(times: np.ndarray) -> Run:
-        finer = replace(request.options, stop=None, points=None, times=times)
+        finer = replace(request.options, stop=None, points=None, times=times, max_seconds=None)  # it has an end
         origin = replace(prepared, reduced=prepared.minimal or prepared.reduced, minimal=None)
         return run_prepared(session, origin, replace(request, options=finer, progress=None), Clock())
 

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks import auto, economy, other_methods
 from benchmarks.frontier import page as peers
+from benchmarks.lessons import LESSONS, Points, spring_mass_damper
 from lmoc.studies.points import Point, Setting
 
 PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
@@ -46,8 +47,35 @@ def test_a_frontier_has_no_point_that_another_is_better_than():
     assert peers.envelope(points) == [(1e-3, 1.0), (1e-6, 2.0), (1e-9, 5.0)]
 
 
+def test_a_lesson_names_what_its_points_say():
+    def of(solver: str, error: float, seconds: float, status: str = "ok") -> dict:
+        return {"solver": solver, "formulation": "reduced", "rtol": 1e-6, "error": error, "seconds": seconds,
+                "status": status}  # fmt: skip
+
+    points = [of("taylor", 1e-11, 2e-3), of("dop853", 1e-5, 1e-3), of("midpoint", 9e-5, 0.3), of("auto", 1e-12, 1e-4),
+              of("cvode", 1e-12, 1e-5, "it stopped")]  # fmt: skip
+    text = spring_mass_damper(Points(points))
+    assert "dop853 takes 1 ms for 3 digits and taylor 2 ms for 9" in text
+    assert "midpoint takes 300 times as long for 4 digits" in text
+    assert "midpoint do not reach 4 digits" in spring_mass_damper(Points([*points[:2], of("midpoint", 1e-3, 0.3)]))
+    assert "dop853 takes 1 ms for 3 digits and 1 ms for 5" in spring_mass_damper(Points(points[1:2]))
+
+
+def test_the_comparison_says_who_leads_and_by_how_much():
+    def row(tool: str, ms: float, target: float = 1e-6) -> dict:
+        return {"scene": "s", "target": target, "tool": tool, "ms": ms}
+
+    rows = [row("lmoc", 2.0), row("heyoka", 0.1), row("scipy", 9.0), row("lmoc", 1.0, 1e-9), row("heyoka", 4.0, 1e-9)]
+    assert peers.lesson(rows) == (
+        "lmoc is the fastest in 1 of 2 rows; in the others heyoka is. It is within 10 times of heyoka's time in 1 of "
+        "2, and beyond in s at 1e-06 (20 times)."
+    )
+
+
 def test_the_page_is_what_its_measurements_say():
     text = PAGE.read_text(encoding="utf-8")
     kept = {name: json.loads((CHARTS / f"{name}.json").read_text()) for name in ("auto", "economy", "others", "peers")}
     assert economy.page(kept["economy"]) in text and other_methods.page(kept["others"]) in text
     assert auto.page(kept["auto"]) in text and peers.page(kept["peers"]) in text
+    for name, lesson in LESSONS.items():
+        assert lesson(Points(json.loads((CHARTS / f"{name}.json").read_text())["points"])) in text

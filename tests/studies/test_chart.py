@@ -198,7 +198,10 @@ def test_tolerances_on_the_command_line(text, values):
     assert tolerances(text) == pytest.approx(values)
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(2.0, "2 s"), (0.0123, "12 ms"), (0.123, "123 ms"), (math.nan, "–")])
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(2.0, "2 s"), (0.0123, "12 ms"), (0.0996, "100 ms"), (0.123, "123 ms"), (1e-4, "100 µs"), (math.nan, "–")],
+)
 def test_seconds_for_people(seconds, text):
     assert seconds_text(seconds) == text
 
@@ -277,3 +280,16 @@ def test_a_scene_whose_parts_have_no_energy_has_no_balance():
     text = "model M Real x(start = 1, fixed = true); equation der(x) = -x; end M;"
     assert math.isnan(lmoc.compile_text(text).chart(["dop853"], rtols=[1e-6], quick=True).points[0].energy)
     assert lmoc.compile_text(OSCILLATOR).chart(["dop853"], rtols=[1e-6], quick=True).points[0].energy < 1e-4
+
+
+def test_a_run_that_has_met_its_deadline_is_made_once_more_without(monkeypatch):
+    """The balance of a rough run is judged between its output times, too: it is run again, however long that takes."""
+    from lmoc import simulation
+
+    dae = lmoc.compile_text(OSCILLATOR)
+    runner = points.Runner(dae._session, Request(RunOptions(points=11)))
+    run, _ = runner.run(Setting("cvode", "reduced", 1e-3), 60.0)
+    seen, whole = [], simulation.run_prepared
+    monkeypatch.setattr(simulation, "run_prepared", lambda *given: seen.append(given[2].options) or whole(*given))
+    assert run.energy.balance > 1e-3 and len(run.fine.time) > len(run.time)
+    assert [options.max_seconds for options in seen] == [None]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.numerics.integrate.status import Status
 from lmoc.report.files import PICTURES, check_target
 from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
 from lmoc.studies.chart_text import by_method
-from lmoc.studies.points import NOT_RUN
+from lmoc.studies.points import NOT_RUN, TOO_SLOW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,10 +23,12 @@ if TYPE_CHECKING:
     from lmoc.studies.findings import Findings
     from lmoc.studies.points import Point
 
-_MARKERS = "os^DvP*Xp<>hd8"
+_MARKERS = "os^DvP*Xp<>hdH12"  # as many as methods, so that no two of a family have the same
+_FAMILIES = (*COLOURS, "#8B5A2B")  # as many as families of methods
 _APART = 0.038  # of the height, between two labels
 _MOST_NAMED = 16  # curves with colours and names
 _MARKED = 0.3  # of the width of the rail, for the marks; the reasons stand beside
+_LINE = 98  # characters of a line on the rail
 _LARGEST = 10.0  # error that is drawn; larger ones stand at the edge
 
 
@@ -48,7 +52,7 @@ def plot(chart: Findings, path: str | Path | None = None) -> Figure:
 
     with matplotlib.rc_context(STYLE):
         failed = _by_reason([p for p in chart.points if not p.ok and not p.status.startswith(NOT_RUN)])
-        above = 0.35 + 0.19 * len(failed)  # inches
+        above = 0.35 + 0.19 * sum(len(lines) for lines in _texts(failed))  # inches
         figure = Figure(figsize=(9, 6.0 + above), dpi=150, layout="constrained")
         FigureCanvasAgg(figure)
         rail, axis = figure.subplots(2, 1, height_ratios=[above, 6.0])
@@ -78,7 +82,7 @@ def _styles(chart: Findings) -> dict[str, Style]:
     for name, points in by_method(chart.points).items():
         setting = points[0].setting
         own = properties.get(setting.solver)
-        colour = "#222222" if own is None else COLOURS[families.index(own.family) % len(COLOURS)]
+        colour = "#222222" if own is None else _FAMILIES[families.index(own.family) % len(_FAMILIES)]
         marker = "o" if own is None else _MARKERS[list(properties).index(own.name) % len(_MARKERS)]
         dashes = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))[forms.index(setting.formulation) % 5]
         found[name] = colour, marker, dashes
@@ -184,8 +188,22 @@ def _by_reason(failed: Sequence[Point]) -> dict[str, list[Point]]:
 
 
 def _reason(status: str) -> str:
+    """Return the reason without the method, the time that was reached, and what differs from run to run."""
+    if TOO_SLOW in status:
+        return "too slow: given up"
     text = status.split(" cannot be used: ")[-1]
-    return text.split(": ", 1)[1] if text.startswith("the run stopped at") else text
+    text = text.split(": ", 1)[1] if text.startswith("the run stopped at") else text
+    return Status.NOT_FINITE.value if text.startswith(Status.NOT_FINITE.value) else text
+
+
+def _texts(failed: dict[str, list[Point]]) -> list[list[str]]:
+    """Return the lines of text of each reason: which methods, and why."""
+    found = []
+    for reason, points in failed.items():
+        methods = list(by_method(points))
+        names = ", ".join(methods) if len(methods) <= 3 else f"{', '.join(methods[:3])} and {len(methods) - 3} more"
+        found.append(textwrap.wrap(f"{names}: {reason}", _LINE, max_lines=2, placeholder=" …"))
+    return found
 
 
 def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) -> None:
@@ -194,25 +212,25 @@ def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) 
     if not failed:
         return
     every = sorted({_asked(p) for points in failed.values() for p in points}, reverse=True)
-    for k, (reason, points) in enumerate(failed.items()):
-        methods = by_method(points)
+    row, texts = 0.0, _texts(failed)
+    for points, lines in zip(failed.values(), texts, strict=True):
+        methods, place = by_method(points), row - 0.5 * (len(lines) - 1)
         for name, own in methods.items():
             asked = [_asked(p) for p in own]
-            axis.plot(asked, np.full(len(own), -k), linestyle="none", marker="x", color=styles[name][0], markersize=5)
-        names = (
-            ", ".join(methods) if len(methods) <= 3 else f"{', '.join(list(methods)[:3])} and {len(methods) - 3} more"
-        )
+            heights = np.full(len(own), place)
+            axis.plot(asked, heights, linestyle="none", marker="x", color=styles[name][0], markersize=5)
         axis.annotate(
-            f"{names}: {_short(reason)}", (_MARKED, -k), xycoords=("axes fraction", "data"), fontsize=7,
+            "\n".join(lines), (_MARKED, place), xycoords=("axes fraction", "data"), fontsize=7,
             color=GREY if len(methods) > 1 else styles[next(iter(methods))][0], va="center",
         )  # fmt: skip
+        row -= len(lines)
     axis.set_xscale("log")
     high, low = every[0] * 3, every[-1] / 3
     axis.set_xlim(high, high * (low / high) ** (1 / _MARKED))
     shown = every if len(every) <= 4 else [every[0], every[-1]]
     axis.set_xticks(shown, [f"{value:.0e}".replace("e-0", "e-") for value in shown])
     axis.minorticks_off()
-    axis.set_ylim(-len(failed) + 0.4, 0.6)
+    axis.set_ylim(row + 0.4, 0.6)
     axis.set_yticks([])
     axis.grid(False)
     axis.tick_params(labelsize=7)
@@ -222,6 +240,3 @@ def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) 
 def _asked(point: Point) -> float:
     return point.setting.step if point.setting.fixed else point.setting.rtol
 
-
-def _short(reason: str, most: int = 78) -> str:
-    return reason if len(reason) <= most else reason[: most - 1] + "…"

@@ -72,5 +72,10 @@ def seconds_text(seconds: float) -> str:
         return "–"
     for factor, unit in ((1.0, "s"), (1e-3, "ms")):
         if seconds >= factor:
-            return f"{seconds / factor:.2g} {unit}" if seconds < 100 * factor else f"{seconds / factor:.0f} {unit}"
-    return f"{seconds / 1e-6:.2g} µs" if seconds < 1e-4 else f"{seconds / 1e-6:.0f} µs"
+            return f"{_two_digits(seconds / factor)} {unit}"
+    return f"{_two_digits(seconds / 1e-6)} µs"
+
+
+def _two_digits(value: float) -> str:
+    """Return a number with two digits, or all of those before the point."""
+    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
