@@ -100,6 +100,11 @@ def test_fixed_mechanism(seed):
     check(Mechanism(seed, loops=seed % 2 == 1))
 
 
+def test_a_start_that_its_coordinates_hardly_determine():
+    """Near a dead point of the crank that is preferred; others take over at once."""
+    check(Mechanism(271))
+
+
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.integers(1000, 10**6))
 def test_mechanism(seed):

@@ -331,7 +331,7 @@ class _Run:
         self.watch = stretch.watch
         self.changes.bar(stretch)
         status = stretch.watch.begin(begin, x)
-        if status is not Status.OK and not self.pieces:
+        if status is not Status.OK and not self.pieces and not stretch.watch.determines:
             raise singular_start(stretch, self.report)
         return status
 

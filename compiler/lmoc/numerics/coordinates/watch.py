@@ -115,6 +115,11 @@ class CoordinateWatch:
         self._accept(place)
         return Status.COORDINATES if worst > self.limit or vanishes(place.matrix) else Status.OK
 
+    @property
+    def determines(self) -> bool:
+        """Return whether the rest follows from the coordinates at the last place accepted, however badly."""
+        return self.accepted.found.sign != 0.0 and not vanishes(self.accepted.matrix)
+
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
         if self._certifier is None and self._recipe is not None:
