@@ -278,3 +278,38 @@ def test_global_parts_stay_reachable_beside_the_planar_ones():
     end Both;"""
     run = lmoc.compile_text(text).simulate(stop=1, points=2, rtol=1e-9, initial={"mass.q": 1.0})
     assert close(run["mass.q"], np.cos([0, 1])) and close(run["point.x"], np.cos([0, 1]))
+
+
+CROSSING = """
+model Crossing
+  import Planar.*;
+  inner World world(g = 9.81);
+  PointMass p(m = 2);
+  Guide g1(nx = 2, ny = 1), g2(nx = 1, ny = -3, x0 = 2);
+  .Mass m(m = 3, g = 5);
+equation
+  connect(g1.point, p.point);
+  connect(g2.point, p.point);
+  connect(g1.flange, m.flange);
+end Crossing;
+"""
+
+
+def test_a_point_on_two_guides_that_cross_stands_still():
+    """y = x/2 and y = -3 (x - 2) have one point in common. A guide takes what is normal to it, its flange the rest."""
+    run = lmoc.compile_text(CROSSING).simulate(stop=1, points=3)
+    assert any(n.code == "W0417" and "g2 and g1" in n.message for n in run.notes)
+    assert run["p.x"] == pytest.approx(12 / 7, abs=1e-12) and run["p.y"] == pytest.approx(6 / 7, abs=1e-12)
+    assert run["p.vx"] == pytest.approx(0.0, abs=1e-15) and run["p.vy"] == pytest.approx(0.0, abs=1e-15)
+    first, second = (np.array([run[f"{g}.point.fx"], run[f"{g}.point.fy"]]) for g in ("g1", "g2"))
+    assert first + second == pytest.approx(np.array([[0.0] * 3, [-19.62] * 3]), abs=1e-9)  # what the guides take
+    assert np.array([2, 1]) @ first / np.sqrt(5) == pytest.approx(-15.0, abs=1e-9)  # handed on to the mass
+    assert np.array([1, -3]) @ second == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_third_guide_past_the_crossing_is_an_error_with_the_distance():
+    text = CROSSING.replace("g2(", "g3(nx = 1, ny = 0.3, y0 = 1), g2(").replace(
+        "connect(g2.point", "connect(g3.point, p.point); connect(g2.point"
+    )
+    with pytest.raises(lmoc.ModelError, match="E0411.*no position satisfies all of them"):
+        lmoc.compile_text(text).simulate()

@@ -45,7 +45,10 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
     work = Elimination(flat, values, _asked(flat, states, report))
     work.run()
     repeated: dict[int, list[int]] = {number: [] for number in (*work.empty_sums, *judgement.closed(work, report))}
-    judgement.overdetermined(work, report)
+    judged = Report()
+    judgement.overdetermined(work, judged)
+    report.diagnostics += judged.errors
+    held = [d for d in judged.diagnostics if d.severity == "warning"]
     sums = _finish_sums(work)
     guards = list(work.splitter.guards)
     flow = work.marked(lambda b: b.flow and b.connector)
@@ -76,7 +79,7 @@ def normalize(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, r
         groups=groups,
         sums=sums,
         guards=tuple(guards),
-        notes=tuple(judgement.redundancy_notes(work.loops, repeated)),
+        notes=(*judgement.redundancy_notes(work.loops, repeated), *held),
         counts={"equations": flat.equation_count, "after elimination": sum(g.rows for g in groups) + sums.rows},
         undetermined=undetermined,
     )

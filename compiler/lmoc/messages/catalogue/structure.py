@@ -89,8 +89,9 @@ STRUCTURE: dict[str, Entry] = {
     ),
     "W0417": Entry(
         "something that cannot move",
-        "Nonlinear constraints hold a mass or an inertia in one place: an arm of different length beside the "
-        "first, a linkage with a rod too many. It stays at rest. Linear constraints of this kind are an error (E0412).",
+        "Constraints hold a mass or an inertia in one place: an arm of different length beside the first, a linkage "
+        "with a rod too many, a point on two straight guides that cross. It stays at rest. Two ratios between the same "
+        "shafts or flanges are an error (E0412).",
     ),
     "N0418": Entry(
         "the derivative of what may jump without an event",

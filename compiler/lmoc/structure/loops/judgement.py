@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from lmoc.expression.dag import ZERO
+from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import Guard
 from lmoc.messages.diagnostics import Diagnostic, Label, Report
 from lmoc.messages.ranges import LOOKED_AT, report_alike
@@ -16,13 +17,14 @@ from lmoc.structure.linear.elimination import Elimination
 from lmoc.structure.linear.substitution import Rows
 from lmoc.structure.linear.vanishing import Missing
 from lmoc.structure.loops.redundancy import Constraints
-from lmoc.structure.messages.equations import Loops, listed
+from lmoc.structure.messages.equations import HELD, Loops, listed
 from lmoc.support.distinct import distinct
 
 # of mistakes of one sort, this many are shown; one made in every row of an array counts once
 SHOWN = 3
 # a search that has walked along so many equations ends: what else may be wrong is only counted
 _WALKED = 400_000
+_READABLE = 120  # characters of an expression
 
 
 def closed(work: Elimination, report: Report) -> list[int]:
@@ -62,6 +64,9 @@ def _contradiction(work: Elimination, g: Rows, row: int, report: Report) -> None
     if len(around) == 1:
         who = "this equation cannot hold"
     found = f"{work.splitter.text(g, g.shape, row)} = 0 would have to hold"
+    if len(found) > _READABLE:
+        value = evaluate(g.shape, lambda k, order: work.derived.known[g.slots[row, k]])
+        found = f"they miss each other by {abs(float(value)):.6g}"
     _at_loop(loops, around, report, "E0411", f"{who}: no position satisfies all of them", found=found)
 
 
@@ -106,8 +111,32 @@ def _only_rest(work: Elimination, g: Rows, row: int, report: Report) -> None:
     if any(map(loops.equations.is_balance, around)):
         return  # the position of a massless point between springs to the ground
     parts = listed(loops.equations.parts(around)) or f"'{loops.equations.text(number)}'"
+    held = _held_points(work, around)
+    if held:
+        spans = loops.equations.spans(around)
+        labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
+        message = f"{parts} leave {listed(held)} no freedom: only rest is possible"
+        report.warning("W0417", message, spans[0] if spans else None, hint=HELD, labels=labels)
+        return
     message = f"{parts} form a loop whose ratios do not agree: only rest is possible"
-    _at_loop(loops, around, report, "E0412", message, found=work.splitter.text(g, g.shape, row) + " = 0")
+    found = work.splitter.text(g, g.shape, row) + " = 0"
+    _at_loop(loops, around, report, "E0412", message, found=found if len(found) <= _READABLE else "")
+
+
+def _held_points(work: Elimination, around: list[int]) -> list[str]:
+    """Return the names of coordinates of one point that a loop relates to each other; none where it has no such point.
+
+    Two straight lines cross in one point, which is a place like any other. Two ratios between the same shafts are a
+    mistake.
+    """
+    flat, unknowns = work.flat, work.loops.equations.unknowns
+    coordinates: dict[str, list[str]] = {}
+    for v in dict.fromkeys(v for number in around for v in unknowns(number)):
+        block = flat.block_at(v)
+        if block.connector and not block.flow:
+            name = flat.variable_name(v)
+            coordinates.setdefault(name.rpartition(".")[0], []).append(name)
+    return next((sorted(names) for names in coordinates.values() if len(names) > 1), [])
 
 
 def _over_ports(work: Elimination) -> np.ndarray:

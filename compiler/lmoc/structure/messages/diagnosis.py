@@ -18,7 +18,7 @@ from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import UNKNOWN, Kinds
-from lmoc.structure.messages.equations import SHOWN, Equations, listed
+from lmoc.structure.messages.equations import HELD, SHOWN, Equations, listed
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
 from lmoc.support.sizes import RANK
@@ -293,9 +293,8 @@ def immobile(system: EquationSystem, columns: np.ndarray, rows: np.ndarray) -> t
     names = [system.name(c) for c in columns.tolist()]
     spans = equations.spans(sources)
     message = f"{who} leave {listed(names)} no freedom: only rest is possible"
-    hint = "two ways that lead there do not agree: remove one, or put a spring where the real mechanism is elastic"
     labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
-    return (Diagnostic("W0417", message, spans[0] if spans else None, hint=hint, labels=labels),)
+    return (Diagnostic("W0417", message, spans[0] if spans else None, hint=HELD, labels=labels),)
 
 
 def differentiated_jumps(system: EquationSystem, c: np.ndarray) -> tuple[Diagnostic, ...]:

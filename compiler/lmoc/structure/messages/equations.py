@@ -15,6 +15,7 @@ from lmoc.support.indices import INDEX
 
 # of many names, equations or mistakes of one sort, this many are shown
 SHOWN = 5
+HELD = "two ways that lead there do not agree: remove one, or put a spring where the real mechanism is elastic"
 
 
 def listed(names: Sequence[str]) -> str:
