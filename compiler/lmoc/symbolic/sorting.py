@@ -200,12 +200,20 @@ def _with_trigonometry(terms: list[Term]) -> list[Term]:
     result = []
     for rate, members in groups.items():
         rest = sp.Add(*(c * f / rate for c, f in members))
-        if len(members) > 1 and rest.has(sp.sin) and rest.has(sp.cos) and rest.count_ops() <= MOST_SIMPLIFIED:
+        short = rest.has(sp.sin) and rest.has(sp.cos) and rest.count_ops() <= MOST_SIMPLIFIED
+        if len(members) > 1 and short and not _divided(rest):
             simpler = sp.trigsimp(rest)
             if simpler.count_ops() < rest.count_ops():
                 members = _split(simpler, rate, members)
         result += members
     return result
+
+
+def _divided(total: sympy.Expr) -> bool:
+    """Return whether something is divided by sines or cosines, which SymPy takes very long to put together."""
+    import sympy as sp
+
+    return any(p.exp.could_extract_minus_sign() and p.base.has(sp.sin, sp.cos) for p in total.atoms(sp.Pow))
 
 
 def _same_rates_together(terms: list[Term]) -> list[Term]:

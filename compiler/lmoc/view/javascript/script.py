@@ -49,6 +49,7 @@ from lmoc.view.javascript.laws import write_laws
 from lmoc.view.javascript.start import start_program
 from lmoc.view.javascript.varying import varying_registers
 
+FINER = 0.1  # factor on the tolerance where the run has used a method that the page does not have
 MOST_ROWS = 5_000  # of all steps: more makes a large page, and a run that takes seconds
 
 
@@ -161,7 +162,7 @@ class _Scene:
         self.plan: Plan = observer.plan
         self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
         self.flat: FlatDAE = observer.flat
-        self.rtol = float(stats.get("rtol", 1e-6))
+        self.rtol = float(stats.get("rtol", 1e-6)) * (1.0 if stats.get("solver") == "dop853" else FINER)
         self.automatic = stats.get("reason") != REQUESTED
         self.first = trajectory.begun or (x, observer.base)
         self.count = self.plan.count

@@ -9,8 +9,8 @@ from lmoc.numerics.observe.observer import Observer
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
-_TRIED = (0.31, 0.77, 1.29, 3.7)  # times the value, at which the assumptions of the reduction are looked at
-_TRIED_OF_ZERO = (-0.83, 0.29, 1.13)
+_TRIED = (1.29, 0.77)  # times the value, at which the assumptions of the reduction are looked at: each costs a while
+_TRIED_OF_ZERO = (0.29, -0.83)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
 }
 
 class Run {
-  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 200000 }) {
+  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000 }) {
     Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, watch: null, tried: new Set() });
     this.registers = [wanted]; // of each choice of coordinates
     for (const other of scene.choices.slice(1)) {
