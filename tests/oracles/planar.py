@@ -129,26 +129,33 @@ class Mechanism:
         a = self.constraints(q)
         return wish - np.linalg.pinv(a) @ (a @ wish) if len(a) else wish
 
-    def motion(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Accelerations, multipliers, and the condition of the equations they follow from."""
-        jets, rows = Jet.coordinates(q), self.rows(q)
-        n, r = self.count, len(rows)
-        matrix, right = np.zeros((n + r, n + r)), np.zeros(n + r)
+    def equations(self, jets: list[Jet], v: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[Jet]]:
+        """Mass matrix, forces less those of inertia, and the rows of the ties."""
+        n = self.count
+        mass, right = np.zeros((n, n)), np.zeros(n)
         for s in self.solids:
             if s.first < 0:
                 continue
             for axis, centre in enumerate(self.spot(jets, Spot(s, *s.c))):
-                matrix[:n, :n] += s.m * np.outer(centre.slope, centre.slope)
+                mass += s.m * np.outer(centre.slope, centre.slope)
                 weight = GRAVITY if axis == 1 else 0.0
-                right[:n] -= s.m * (weight + v @ centre.bend @ v) * centre.slope
+                right -= s.m * (weight + v @ centre.bend @ v) * centre.slope
             if s.J:
-                matrix[s.first + 2, s.first + 2] += s.J
+                mass[s.first + 2, s.first + 2] += s.J
         for inertia, function in self.inertias:
             jet = function(jets)
-            matrix[:n, :n] += inertia * np.outer(jet.slope, jet.slope)
-            right[:n] -= inertia * (v @ jet.bend @ v) * jet.slope
+            mass += inertia * np.outer(jet.slope, jet.slope)
+            right -= inertia * (v @ jet.bend @ v) * jet.slope
         for force in self.forces:
-            right[:n] += force(jets, v)
+            right += force(jets, v)
+        return mass, right, [row for tie in self.ties for row in tie.residuals(jets)]
+
+    def motion(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Accelerations, multipliers, and the condition of the equations they follow from."""
+        mass, forces, rows = self.equations(Jet.coordinates(q), v)
+        n, r = self.count, len(rows)
+        matrix, right = np.zeros((n + r, n + r)), np.zeros(n + r)
+        matrix[:n, :n], right[:n] = mass, forces
         for i, row in enumerate(rows):
             matrix[n + i, :n] = row.slope
             matrix[:n, n + i] = -row.slope

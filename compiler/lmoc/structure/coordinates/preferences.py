@@ -33,7 +33,8 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     """Return the preference of each column as a state: a permutation rank, higher is preferred.
 
     What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
-    is constant, that of theta is not.
+    is constant, that of theta is not. Formulas for variables that shall not be states, such as the gap of a law, say
+    nothing about the others.
 
     Parameters
     ----------
@@ -47,8 +48,10 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     np.maximum.at(best, root, select)
     np.minimum.at(worst, root, select)
     best, worst = best[system.variable], worst[system.variable]
+    avoided = np.zeros(system.rows, bool)
+    avoided[tied.row[tied.constant & (worst[tied.column] < StateSelect.default)]] = True
     curved = np.zeros(len(system.variable), bool)
-    curved[tied.column[~tied.constant]] = True
+    curved[tied.column[~tied.constant & ~avoided[tied.row]]] = True
     level = 2 + 2 * curved + inertial(system, c)
     level[liked] = 6
     level = np.where(worst < StateSelect.default, worst, level)

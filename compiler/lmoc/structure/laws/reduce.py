@@ -39,7 +39,8 @@ def reduce_with_laws(
     degree = relative_degree(loosened, first)
     _report_not_felt(flat, degree, report)
     form, places = switched(flat, degree)
-    reduced = reduce(form, _extended(given, form), first.state_names, report)
+    named = [name for name in first.state_names if form.find(name) is not None]  # others are rates without a name
+    reduced = reduce(form, _extended(given, form), named, report)
     return replace(reduced, switched=places, lawful=flat, **_with_free(reduced, replace(first, switched=loosened)))
 
 
