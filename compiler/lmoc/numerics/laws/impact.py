@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Sides, Solution, slack, solve
+from lmoc.numerics.laws.cones import NO_FRICTION, Friction, solve_with_cones
 from lmoc.support.records import dataclass
 
 NEWTON, POISSON = "Newton", "Poisson"
-MOST_LIMITS = 50  # limits of friction tried one after the other
+MOST_LIMITS = 12  # limits of friction tried one after the other before `cones`
 CREATED = 1e-12  # energy gained beyond this share of the energy that the impact turns over counts as created
 
 
@@ -46,24 +47,6 @@ class Impact:
     lost: Array
     law: str
     unique: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Friction:
-    """Friction among the laws of an impact.
-
-    Attributes
-    ----------
-    rows, normal : (k,) which laws they are, and those of their normal impulses
-    share : (k,) of the normal impulse, at the most
-    """
-
-    rows: NDArray[np.int64]
-    normal: NDArray[np.int64]
-    share: Array
-
-
-NO_FRICTION = Friction(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
 
 
 def collide(
@@ -111,7 +94,7 @@ def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: S
     """Solve for impulses, at least some of the laws without friction; the limits of friction follow from the answer.
 
     Where sides repeat, so that each friction either sticks or gives its share of its normal impulse, the impulses
-    follow at once.
+    follow at once. Where none repeat, Lemke's algorithm decides.
     """
     upper = np.full(len(q), np.inf)
     if not len(friction.rows):
@@ -128,7 +111,9 @@ def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: S
             if exact is not None:
                 return exact
         side = found.side
-    raise NoSolution(found.x)
+    found = solve_with_cones(delassus, q, least, np.full(len(q), np.inf), friction)
+    exact = _with_sides(delassus, q, least, friction, found)
+    return found if exact is None else exact
 
 
 def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, found: Solution) -> Solution | None:

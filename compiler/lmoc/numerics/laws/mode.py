@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import NONE, Switched
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
-from lmoc.numerics.laws.contradiction import solving
+from lmoc.numerics.laws.cones import Friction, solve_with_cones
+from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.instant import Instant, Mask, Table
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
@@ -92,6 +93,21 @@ def settle(
     Contradiction
         No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox.
     """
+    try:
+        found = _by_pivoting(table, now, mode, candidate, sliding, at_limit)
+        if not _slides_backwards(table, now, candidate, found):
+            return found
+    except Contradiction:
+        if not _rubbing(table, candidate).any():
+            raise
+    turned = _by_cones(table, now, candidate, sliding)
+    return _by_pivoting(table, now, mode, candidate & (turned == sliding), turned, at_limit)
+
+
+def _by_pivoting(
+    table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64], at_limit: NDArray[np.int64]
+) -> Settled:
+    """Return the mode by block pivoting, with each friction beyond its limit set free; otherwise as `settle`."""
     stuck = candidate.copy()
     released = np.zeros_like(candidate)
     pinned = np.where(candidate & table.dry, at_limit, 0)  # at the limit: do others hold more?
@@ -100,7 +116,7 @@ def settle(
     share = 1.0 - AT_LIMIT if pinned.any() else 1.0
     while True:
         limit = share * np.where(released, np.minimum(now.slip, now.stick), now.stick)
-        bounds = _bounds(table, limit, np.where(released, 0, pinned))
+        bounds = _bounds(table, candidate, limit, np.where(released, 0, pinned))
         force, side, unique = _forces(table, now, stuck, direction, side, bounds)
         level = now.bias + now.delassus @ force
         alone = np.diag(now.delassus) * AT_LIMIT * limit  # its acceleration, were there nobody else to hold more
@@ -129,6 +145,37 @@ def settle(
     return Settled(Mode(closed, direction, implied, push), force, level, unique)
 
 
+def _rubbing(table: Table, candidate: Mask) -> Mask:
+    """Return the contact friction among the candidates whose contact is one, too."""
+    return candidate & table.contact & candidate[table.normal]
+
+
+def _slides_backwards(table: Table, now: Instant, candidate: Mask, found: Settled) -> bool:
+    """Return whether contact friction that has been set free would slide against the direction of its force."""
+    force, onwards = found.force, found.level * found.mode.direction
+    terms = np.abs(now.bias) + np.abs(now.delassus) @ np.abs(force)
+    freed = _rubbing(table, candidate) & (found.mode.direction != 0)
+    return bool((onwards[freed] < -RESTING * terms[freed]).any())
+
+
+def _by_cones(table: Table, now: Instant, candidate: Mask, sliding: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the directions of sliding, (n,), with those of contact friction that cannot hold, by Lemke's algorithm."""
+    active = np.flatnonzero(candidate)
+    constant, share = _sliding_forces(table, now, sliding)
+    spread = np.eye(len(candidate))[:, active] + share[:, active]
+    bounds = _bounds(table, candidate, now.stick, np.zeros_like(sliding))[:, active]
+    rough = np.flatnonzero(_rubbing(table, candidate)[active])
+    normal = np.searchsorted(active, table.normal[active[rough]])
+    friction = Friction(rough, normal, now.stick[active[rough]])
+    q = now.bias[active] + now.delassus[active] @ constant
+    with solving(active, "no forces keep them"):
+        found = solve_with_cones(now.delassus[active] @ spread, q, *bounds, friction)
+    turned = sliding.copy()
+    slides = rough[found.side[rough] != FREE]
+    turned[active[slides]] = -found.side[slides]
+    return turned
+
+
 def _forces(
     table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides, bounds: Array
 ) -> tuple[Array, Sides, Mask]:
@@ -146,12 +193,13 @@ def _forces(
     return constant + spread @ found.x, sides, unique
 
 
-def _bounds(table: Table, limit: Array, pinned: NDArray[np.int64]) -> Array:
+def _bounds(table: Table, candidate: Mask, limit: Array, pinned: NDArray[np.int64]) -> Array:
     """Return the bounds (2, n) of forces; equal ones for friction that is pinned to its limit.
 
-    The limits of contact friction follow from other forces and are looked at afterwards.
+    The limits of contact friction follow from other forces and are looked at afterwards; that of an open contact is 0.
     """
-    upper = np.where(table.dry, limit, np.inf)
+    airborne = table.contact & ~candidate[table.normal]
+    upper = np.where(table.dry, limit, np.where(airborne, 0.0, np.inf))
     lower = np.where(table.complementary, 0.0, -upper)
     at = -pinned * np.nan_to_num(limit)
     return np.where(pinned != 0, at, np.stack([lower, upper]))

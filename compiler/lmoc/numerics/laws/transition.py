@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import SPRUNG
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array
+from lmoc.numerics.laws.cones import Friction
 from lmoc.numerics.laws.contradiction import Contradiction, solving
-from lmoc.numerics.laws.impact import Friction, Impact, collide
+from lmoc.numerics.laws.impact import Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
