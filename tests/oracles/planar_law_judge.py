@@ -11,6 +11,7 @@ TOLERANCE = 1e-6  # of forces and accelerations, as a share of the largest one i
 CLOSED = 1e-9  # m, by which gaps may be negative
 MOVING = 1e-6  # m/s, from where on a friction slides for certain
 APART = 1e-7  # s, by which the velocities before an impact are read before it
+MOST = 12  # impacts that are looked at
 PORTS = {"b": ("frame",), "r": ("a", "b"), "p": ("point",)}
 
 
@@ -25,10 +26,15 @@ def places(s: LawfulMechanism, run) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
+def law_forces(s: LawfulMechanism, run) -> np.ndarray:
+    """Return the forces of the laws, (times, laws)."""
+    return np.array([law.sign * run[law.force] for law in s.laws]).reshape(len(s.laws), len(run.time)).T
+
+
 def judge(s: LawfulMechanism, run) -> list[str]:
     """Return what is wrong at the output times of a run, nothing if all is well."""
     q, v = places(s, run)
-    forces = np.array([law.sign * run[law.force] for law in s.laws]).reshape(len(s.laws), len(run.time)).T
+    forces = law_forces(s, run)
     size = 1.0 + np.nanmax(np.abs(forces), initial=0.0) + GRAVITY
     found: dict[str, float] = {}
     flows = _flows(s, run)
@@ -73,7 +79,7 @@ def _of_law(s, law, f, value, rate, onwards, size, small, force) -> list[str]:
     found = {}
     if law.kind in (UNILATERAL, ONE_WAY):
         found["pulls where it can only push"] = f < -TOLERANCE * size
-        closed = (value <= 1e-8 or law.kind == ONE_WAY) and rate <= MOVING
+        closed = (value <= 1e-12 or law.kind == ONE_WAY) and rate <= MOVING
         found["is closed and opens by itself inwards"] = closed and onwards < -small
         if law.kind == UNILATERAL:
             found["has a negative gap"] = value < -CLOSED
@@ -102,15 +108,15 @@ def judge_impacts(s: LawfulMechanism, run, again) -> list[str]:
     again : callable (times) -> the same run at other output times
     """
     end = float(run.time[-1])
-    instants = sorted({e.time for e in run.events if e.impulse > 0 and APART < e.time < end - APART})
+    instants = sorted({e.time for e in run.events if e.impulse > 0 and APART < e.time < end - APART})[:MOST]
     if not instants:
         return []
     other = again(sorted({0.0, *(t - APART for t in instants), *(t + APART for t in instants), end}))
     if [(e.name, e.kind) for e in other.events] != [(e.name, e.kind) for e in run.events]:
         return ["other output times give other events"]
     q, v = places(s, other)
-    place = {t: k for k, t in enumerate(other.time)}
-    wrong = []
+    place, forces = {t: k for k, t in enumerate(other.time)}, law_forces(s, other)
+    wrong: list[str] = []
     for t in instants:
         if any(0 < abs(t - e.time) < 3 * APART for e in run.events):
             continue  # what stands beside it is another event
@@ -118,7 +124,7 @@ def judge_impacts(s: LawfulMechanism, run, again) -> list[str]:
         first, last = place[t - APART], place[t + APART]
         rates = []
         for at, sign in ((first, 1.0), (last, -1.0)):
-            s.acting = np.nan_to_num(np.array([law.sign * other[law.force][at] for law in s.laws]))
+            s.acting = np.nan_to_num(forces[at])
             rates.append(v[at] + sign * APART * s.motion(q[at], v[at])[0])
         wrong += [f"{what} at t = {t:.9g}" for what in _impact(s, (q[first] + q[last]) / 2, *rates, own)]
     return wrong

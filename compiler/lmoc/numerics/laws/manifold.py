@@ -32,11 +32,11 @@ def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
     chosen = np.stack([gaps, rates])
     if not chosen.any():
         return now
-    residue = np.inf
+    residue, terms = np.inf, np.zeros(int(chosen.sum()))
     for _ in range(MOST_NEWTON):
         value = np.stack([now.gap, now.rate])[chosen]
         matrix = now.slope[chosen]
-        terms = np.abs(matrix) @ np.abs(now.x)
+        terms = np.maximum(terms, np.abs(matrix) @ np.abs(now.x))  # what comes to rest is small beside what it was
         if (np.abs(value) <= CLOSE * terms).all():
             return now
         before, residue = residue, float(np.abs(value).max())
