@@ -14,10 +14,12 @@ import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, slots
 from lmoc.ir.flat import Block, FlatDAE, StateSelect
+from lmoc.ir.reduced import Guard
 from lmoc.structure.linear.affine import ZERO_ROOT, Affine, codes, composed, resolve
 from lmoc.structure.linear.affine_forest import UNUSED, orient
 from lmoc.structure.linear.coefficients import KNOWN, UNKNOWN, Form, Role, form_of, kinds_of, leaves_of, linear_form
 from lmoc.structure.linear.derived import NONE, DerivedParameters
+from lmoc.structure.linear.steep import largest, ratios
 from lmoc.structure.linear.substitution import Rows, equal_columns_merged, merged, substituted
 from lmoc.structure.linear.sum_rows import SumRows, as_groups, view
 from lmoc.structure.linear.vanishing import Splitter
@@ -141,7 +143,9 @@ class Elimination:
             pieces += self._sum_pieces(short)
         first = np.concatenate([p[2] for p in pieces])
         second = np.concatenate([p[3] for p in pieces])
-        direction = orient(first, second, self.kind != UNKNOWN, self._score)
+        known = self.kind != UNKNOWN
+        ratio = np.concatenate([self._ratios(g, form) for g, form, *_ in pieces])
+        direction = orient(first, second, known, largest(first, second, ratio, known, self._score))
         left, linked, at = [g for g, _ in others], [], 0
         for g, form, a, b in pieces:
             way = direction[at : at + len(a)]
@@ -152,6 +156,15 @@ class Elimination:
         self.groups = left
         self._apply(np.concatenate(linked))
         return True
+
+    def _ratios(self, g: Rows, form: Form) -> np.ndarray:
+        """The magnitudes of the first variable over the second in rows of two; 1 elsewhere."""
+        factor = form.link(0)[1]
+        if len(form.leaves) < 2 or factor is ONE or not slots(factor):
+            return np.ones(len(g.source))
+        ratio, same = ratios(factor, g.slots, self.derived)
+        self.splitter.guards.append(Guard(same, "which of two variables the other one is derived from"))
+        return ratio
 
     def _end(self, g: Rows, form: Form, leaf: int) -> np.ndarray:
         """The variables at one end of the rows, the constant 0 where there is one end only."""
