@@ -1,11 +1,11 @@
 """Complementarity problems with the friction of contacts, by Lemke's algorithm.
 
 The limits of a contact's friction are shares of its normal force, so that bounds follow from the answer. Iterating on
-them need not converge, however regular the problem. Lemke's algorithm finds an answer wherever the bodies are not caught
-between dependent laws (D. E. Stewart and J. C. Trinkle, An implicit time-stepping scheme for rigid body dynamics with
-inelastic collisions and Coulomb friction, Int. J. Numer. Methods Eng. 39, 1996; C. E. Lemke, Bimatrix equilibrium
-points and mathematical programming, Management Science 11, 1965): friction forward and backward, and the sliding
-speed, are unknowns of their own,
+them need not converge, however regular the problem. Lemke's algorithm finds an answer wherever the bodies are not
+caught between dependent laws (D. E. Stewart and J. C. Trinkle, An implicit time-stepping scheme for rigid body
+dynamics with inelastic collisions and Coulomb friction, Int. J. Numer. Methods Eng. 39, 1996; C. E. Lemke, Bimatrix
+equilibrium points and mathematical programming, Management Science 11, 1965): friction forward and backward, and the
+sliding speed, are unknowns of their own,
 
     0 ≤ Λn ⟂ rn ≥ 0,   0 ≤ β± ⟂ ±rt + λ ≥ 0,   0 ≤ λ ⟂ μ·Λn − β₊ − β₋ ≥ 0,   Λt = β₊ − β₋.
 

@@ -40,7 +40,8 @@ def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
         if (np.abs(value) <= CLOSE * terms).all():
             return now
         before, residue = residue, float(np.abs(value).max())
-        if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (terms + residue)).all():
+        whole = np.abs(matrix).max(axis=1) * np.abs(now.x).max()  # what cancels in a slope rounds as well
+        if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (whole + residue)).all():
             return now  # as near as rounding allows
         now = gauge.at(now.t, now.x + correction(matrix, -value))
     raise Contradiction(np.flatnonzero(chosen.any(axis=0)), "no states nearby satisfy them")

@@ -163,13 +163,13 @@ def _by_cones(table: Table, now: Instant, candidate: Mask, sliding: NDArray[np.i
     active = np.flatnonzero(candidate)
     constant, share = _sliding_forces(table, now, sliding)
     spread = np.eye(len(candidate))[:, active] + share[:, active]
-    bounds = _bounds(table, candidate, now.stick, np.zeros_like(sliding))[:, active]
+    lower, upper = _bounds(table, candidate, now.stick, np.zeros_like(sliding))[:, active]
     rough = np.flatnonzero(_rubbing(table, candidate)[active])
     normal = np.searchsorted(active, table.normal[active[rough]])
     friction = Friction(rough, normal, now.stick[active[rough]])
     q = now.bias[active] + now.delassus[active] @ constant
     with solving(active, "no forces keep them"):
-        found = solve_with_cones(now.delassus[active] @ spread, q, *bounds, friction)
+        found = solve_with_cones(now.delassus[active] @ spread, q, lower, upper, friction)
     turned = sliding.copy()
     slides = rough[found.side[rough] != FREE]
     turned[active[slides]] = -found.side[slides]
