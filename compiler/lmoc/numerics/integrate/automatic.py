@@ -1,11 +1,11 @@
 """The choice of the integrator while a run goes on, with the reason.
 
-After reduction most mechanisms are not stiff, and DOP853 is the fastest and the most accurate (BDF loses energy of
-undamped motion). So it begins. Three things are looked at on the way:
+After reduction most mechanisms are not stiff, and DOP853 is fast and accurate (BDF loses energy of undamped motion).
+So it begins, or a Taylor series that is compiled already. Three things are looked at on the way:
 
 * After some steps it is known how many lie ahead. The errors of steps add up as long as the motion remembers them:
   what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
-  of the steps is made finer by as much.
+  of the steps is made finer by as much, from the beginning on.
 * Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation.
 * DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
 
@@ -19,29 +19,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.numerics.evaluate.select import has_varying_blocks
+from lmoc.ir.program import Solve, walk
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome, Problem
+from lmoc.numerics.integrate.compiled_series import is_better, series
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.linearity import is_linear
 from lmoc.numerics.plan import Plan
 from lmoc.support.records import dataclass
 
 TRIAL = 40  # steps after which the rest of a run is judged
-CALIBRATED = 0.25  # factor on the tolerance of explicit methods for what is not linear: errors are then as asked for
+CALIBRATED = 0.25  # factor on the tolerance of DOP853 for what is not linear: errors are then as asked for
 NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
-ADDED = 100  # steps whose errors add up to what a tolerance promises
+ADDED = 100.0, 1.0  # steps whose errors add up to what a tolerance promises, in linear motion in proportion, …
+# … and in others by this power of their number: an error of the amplitude is one of the frequency, too, and the phase
+# adds it up once more, so that it is between 1 and 2
+DEPHASED = 60.0, 1.5
+_ADDED_SERIES, _DEPHASED_SERIES = (1e4, 1.0), (100.0, 1.5)  # the same along a Taylor series, whose errors are smaller
 WORTHWHILE = 0.5  # factor on the tolerance
-LEAST_FACTOR = 1e-4  # on the tolerance; where the memory of a motion is not known …
+LEAST_FACTOR = 1e-6  # on the tolerance; where the memory of a motion is not known …
 LEAST_UNKNOWN = 0.1  # … this
 FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
 _FINEST = 1e-13  # relative tolerance
-_SERIES = 1e-5  # tolerance of the steps from which a Taylor series is better …
-_MANY = 120  # … over so many steps at least; …
-_LARGE, _FEWEST = 100, 50  # … of so many states at any tolerance, over fewer steps: it has much fewer to make
-_SHORT = (
-    0.2  # of DOP853's steps: a series whose steps are shorter is at odds with the equations, as where they are stiff
-)
+_AGAIN = 4  # times as many steps later it is judged again
+OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
+_LOOKED_AT = 50  # states up to which their modes are looked at in no time, so that a run may begin with a series
+_SHORT = 0.2  # of the steps before: a series whose steps are shorter is at odds with the equations, as where stiff
+_SERIES_PATIENCE = 20_000  # steps of a series that are still cheaper than a stiff method
 _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
@@ -72,9 +76,9 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     integrate : by the name of a method
     """
     way = _Way(replace(problem, patience=patience(problem.system)), integrate)
-    reason, factor = "not stiff", _calibration(problem)
-    outcome = way.go("dop853", factor, most=TRIAL, overrun=_FEWEST if problem.system.n >= _LARGE else _MANY)
-    if outcome.status is Status.TOO_MANY_STEPS and problem.max_steps > TRIAL:
+    reason, factor = "not stiff", 1.0
+    outcome = _begin(way)
+    if outcome.status is Status.TOO_MANY_STEPS and not way.is_exhausted:
         outcome, finer, factor = _long_way(way)
         reason += finer
     if outcome.status not in _GIVEN_UP:
@@ -84,36 +88,62 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     reason = f"{met} at t = {outcome.time:.4g} s, then {why}"
     if name == "dop853":  # it follows, whatever that takes
         way.problem = problem
-        outcome, finer, _ = _long_way(way, series=np.inf)  # whose steps may be longer before they are unstable
+        outcome, finer, _ = _long_way(way)
         return outcome, Used(tuple(way.solvers), reason + finer, "dop853")
-    outcome = way.go(name, _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor)
+    factor = _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor * _calibration(problem)
+    outcome = way.go(name, factor)
     return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
 
 
-def _long_way(way: _Way, series: float = _SERIES) -> tuple[Outcome, str, float]:
+def _begin(way: _Way) -> Outcome:
+    """Make the first steps: along a Taylor series where one costs no compilation, else with DOP853."""
+    system = way.problem.system
+    if system.n <= _LOOKED_AT and is_better(system):
+        outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
+        if outcome.status not in _GIVEN_UP:
+            return outcome
+    return way.go("dop853", _calibration(way.problem), most=TRIAL, overrun=OVERRUN)
+
+
+def _long_way(way: _Way) -> tuple[Outcome, str, float]:
     """Go on where many steps lie ahead; also what to say of their tolerance, and the factor on it.
 
-    Parameters
-    ----------
-    series : tolerance from which a Taylor series is better
+    What lies ahead is judged by the latest steps, and again when there are several times as many: those of a transient
+    tell little of what follows it.
     """
-    problem, calibration, text = way.problem, _calibration(way.problem), ""
-    mean = (way.outcome.time - problem.t) / max(1, way.outcome.counts["steps"])
-    ahead, finer = (problem.end - way.outcome.time) / mean, _refinement(problem, way.outcome, mean)
-    factor = calibration * (finer if finer < WORTHWHILE else 1.0)
-    if factor < calibration:
-        rtol = max(problem.rtol * factor, _FINEST)
-        since = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
-        text = f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {since}"
-    large, plan = problem.system.n >= _LARGE, problem.system.plan
-    many, fine = (_FEWEST, np.inf) if large else (_MANY, series)
-    # the series of a large block that is solved at each evaluation takes the C compiler longer than the run
-    suits = not (large and has_varying_blocks(plan.program)) and problem.rtol * factor <= fine
-    if suits and ahead >= many and not _may_be_stiff(problem, way.outcome):
-        outcome = way.go("taylor", factor, shortest=_SHORT * mean)
-        if outcome.status not in _GIVEN_UP:
+    problem, block, begun, made, text, factor, said = way.problem, TRIAL, way.problem.t, 0, "", 1.0, 1.0
+    while True:
+        outcome, steps = way.outcome, way.outcome.counts["steps"]
+        if steps == made:  # all have been rejected
+            return way.go("dop853", factor * _calibration(problem)), text, factor
+        mean = (outcome.time - begun) / (steps - made)
+        ahead = (problem.end - outcome.time) / mean
+        series = is_better(problem.system, ahead) and not _is_stiff_for_series(problem, outcome)
+        factor = _refinement(problem, outcome, mean, series)
+        if factor < 1.0 and block == TRIAL:
+            way.begin_again()
+        begun, made, block = way.outcome.time, steps, block * _AGAIN
+        if not 0.5 < factor / said < 2.0:
+            said, text = factor, _since(way, factor, ahead, series) if factor < 1.0 else ""
+        outcome = _go_on(way, factor, series, block, _SHORT * mean)
+        if outcome.status is not Status.TOO_MANY_STEPS or way.is_exhausted:
             return outcome, text, factor
-    return way.go("dop853", factor), text, factor
+
+
+def _since(way: _Way, factor: float, ahead: float, series: bool) -> str:
+    """Say why the tolerance is finer from here on."""
+    rtol = max(way.problem.rtol * factor * (1.0 if series else _calibration(way.problem)), _FINEST)
+    because = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
+    return f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {because}"
+
+
+def _go_on(way: _Way, factor: float, series: bool, most: int, shortest: float) -> Outcome:
+    """Make some steps along a Taylor series or with DOP853, which takes over where the series does not get on."""
+    if series:
+        outcome = way.go("taylor", factor, most=most, overrun=OVERRUN, shortest=shortest)
+        if outcome.status not in _GIVEN_UP:
+            return outcome
+    return way.go("dop853", factor * _calibration(way.problem), most=most, overrun=OVERRUN)
 
 
 class _Way:
@@ -130,6 +160,22 @@ class _Way:
         self.problem, self.integrate = problem, integrate
         self.outcome = Outcome(problem.t, problem.x, 0)
         self.solvers: list[str] = []
+
+    def begin_again(self) -> None:
+        """Go back to the beginning, since the first errors are felt for longest.
+
+        Not where somebody has looked at the steps, or blocks go on from their last solutions, on one of their branches.
+        """
+        problem = self.problem
+        blocks = any(isinstance(s, Solve) and not s.linear for s in walk(problem.system.plan.program))
+        if not problem.needs_steps and problem.correction is None and not blocks:
+            self.outcome = replace(self.outcome, time=problem.t, x=problem.x, reached=0)
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Return whether there have been as many steps as the run is allowed."""
+        counts = self.outcome.counts
+        return counts.get("steps", 0) + counts.get("rejected", 0) >= self.problem.max_steps
 
     def go(
         self, name: str, factor: float = 1.0, most: int | None = None, shortest: float = 0.0, overrun: int = 0
@@ -165,11 +211,14 @@ class _Way:
             name,
         )
         name = later.solver or name
+        if name == "dop853":
+            problem.system.plan.once(series).steps += later.counts.get("steps", 0)
         later.reached += done
         if "evaluations" in later.counts and before.counts:  # SUNDIALS counts its own, and the system those of Python
             later.counts["evaluations"] += spent
-        if before.counts and later.evaluation and later.evaluation != problem.system.description:
-            later.evaluation = f"{problem.system.description}, then {later.evaluation}"
+        earlier = before.evaluation or problem.system.description
+        if before.counts and later.evaluation and later.evaluation != earlier:
+            later.evaluation = f"{earlier}, then {later.evaluation}"
         later.counts = {k: before.counts.get(k, 0) + later.counts.get(k, 0) for k in before.counts | later.counts}
         if self.solvers[-1:] != [name]:
             self.solvers.append(name)
@@ -181,7 +230,7 @@ class _Way:
 
 
 def calibrated(plan: Plan) -> float:
-    """Return the factor on the tolerance of explicit methods for runs in which few errors add up.
+    """Return the factor on the tolerance of DOP853 for runs in which few errors add up.
 
     The errors of a linear motion obey its own equations and do not outgrow it: over the models of the notes and the
     hard scenes they are below 20 times a tolerance of 1e-6 without a factor. Those of other motions may grow.
@@ -194,23 +243,37 @@ def _calibration(problem: Problem) -> float:
     return max(calibrated(problem.system.plan), min(1.0, NO_FINER / problem.rtol))
 
 
-def _refinement(problem: Problem, outcome: Outcome, mean: float) -> float:
-    """Return the factor on the tolerance of steps, `mean` s long, with which the run as a whole keeps the tolerance."""
+def growth(plan: Plan) -> tuple[float, float]:
+    """Return how many steps of DOP853 keep the tolerance without a factor, and the power by which errors add up."""
+    return ADDED if plan.once(is_linear) else DEPHASED
+
+
+def _refinement(problem: Problem, outcome: Outcome, mean: float, series: bool) -> float:
+    """Return the factor on the tolerance with which the run as a whole keeps it.
+
+    Parameters
+    ----------
+    mean : s, the length of the steps
+    series : whether they are those of a Taylor series
+    """
+    linear = problem.system.plan.once(is_linear)
+    added, power = (_ADDED_SERIES if linear else _DEPHASED_SERIES) if series else growth(problem.system.plan)
     length = problem.end - problem.t
-    if ADDED * mean >= WORTHWHILE * length:  # whatever the motion forgets
+    if (added * mean / length) ** power >= WORTHWHILE:  # whatever the motion forgets
         return 1.0
     jacobian = _differences(problem, outcome)
     if jacobian is None:
-        return max(LEAST_UNKNOWN, min(1.0, ADDED * mean / length))
+        return max(LEAST_UNKNOWN, min(1.0, added * mean / length) ** power)
     n = problem.system.plan.state_count
     slowest = -float(np.linalg.eigvals(jacobian[:n, :n]).real.max(initial=-np.inf))
     if slowest > 0:
         length = max(mean, min(length, FORGOTTEN / slowest))
-    return max(LEAST_FACTOR, min(1.0, ADDED * mean / length))
+    factor = max(LEAST_FACTOR, min(1.0, added * mean / length) ** power)
+    return factor if factor < WORTHWHILE else 1.0
 
 
-def _may_be_stiff(problem: Problem, outcome: Outcome) -> bool:
-    """Return whether a decaying mode will ask an explicit method for so many steps that a stiff one takes over.
+def _is_stiff_for_series(problem: Problem, outcome: Outcome) -> bool:
+    """Return whether a decaying mode asks a series for so many steps that a stiff method is faster.
 
     The steps so far do not tell, since a transient may have kept them short.
     """
@@ -221,7 +284,7 @@ def _may_be_stiff(problem: Problem, outcome: Outcome) -> bool:
     values = np.linalg.eigvals(jacobian[:n, :n])
     decaying = np.abs(values.imag) <= 3 * np.abs(values.real)
     fastest = float(np.abs(values[decaying]).max(initial=0.0))
-    return fastest * (problem.end - outcome.time) > _LIMIT * problem.patience
+    return fastest * (problem.end - outcome.time) > _LIMIT * _SERIES_PATIENCE
 
 
 def _bdf_factor(problem: Problem, outcome: Outcome) -> float:

@@ -16,18 +16,19 @@ import numpy as np
 from lmoc.numerics.evaluate.native.c_code import Unsupported
 from lmoc.numerics.evaluate.native.series import LENGTH
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
+from lmoc.numerics.integrate.compiled_series import series
 from lmoc.numerics.integrate.status import Status
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
 
 PROPERTIES = Properties(
-    "taylor", "Taylor series", "Taylor series", "8-26", "8-26", "own",
+    "taylor", "Taylor series", "Taylor series", "18-26", "18-26", "own",
     needs="a C compiler, equations without kinks",
     good_for="smooth scenes over many steps, and many digits",
 )  # fmt: skip
 
-_LEAST, _MOST = 8, 26  # orders
+_LEAST, _MOST = 18, 26  # orders; steps of a lower one are hardly cheaper, and there are more of them
 _LOOK = 50  # steps from which their mean length is looked at
 _FAILED = {1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL}  # what a walk in C returns
 _GROWTH = 1.0  # of the order with the logarithm of the tolerance: 1/2 has the least work, more has fewer steps
@@ -37,10 +38,13 @@ def begin(problem: Problem) -> Integration | None:
     """Return the method at the beginning of a problem; None where there is no series or no C compiler."""
     from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
 
+    own = problem.system.plan.once(series)
     try:
         system = problem.system.plan.once(TaylorSystem)
     except (Unsupported, OSError):
+        own.refused = True
         return None
+    own.compiled = True
     system.prepare(*problem.system.given)
     registers = problem.system.registers
     if registers is not None:  # the solutions of blocks that the run has begun with

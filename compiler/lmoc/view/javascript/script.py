@@ -20,7 +20,6 @@ from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.integrate import dop853_table
 from lmoc.numerics.integrate.automatic import (
-    ADDED,
     EIGENVALUES,
     FORGOTTEN,
     LEAST_FACTOR,
@@ -29,6 +28,7 @@ from lmoc.numerics.integrate.automatic import (
     TRIAL,
     WORTHWHILE,
     calibrated,
+    growth,
 )
 from lmoc.numerics.integrate.base import REQUESTED
 from lmoc.numerics.observe.event import STEP
@@ -350,7 +350,8 @@ class _Scene:
     def _refinement(self) -> dict[str, float | None]:
         """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start."""
         plan = self.plan
-        constants = {"trial": TRIAL, "added": ADDED, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
+        added, power = growth(plan)
+        constants = {"trial": TRIAL, "added": added, "power": power, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
         constants |= {"least": LEAST_FACTOR, "slowest": None, "calibrated": calibrated(plan), "noFiner": NO_FINER}
         jacobian = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
         w = self._at_start(plan.program)

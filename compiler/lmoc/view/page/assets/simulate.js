@@ -255,8 +255,8 @@ function calibration(refine, rtol) {
 }
 
 /** The factor on the tolerance of steps of a mean length, such that a run as a whole keeps the tolerance. */
-export function refinement({ added, worthwhile, least, forgotten, slowest }, mean, length) {
+export function refinement({ added, power, worthwhile, least, forgotten, slowest }, mean, length) {
   const memory = slowest > 0 ? Math.max(mean, Math.min(length, forgotten / slowest)) : length;
-  const factor = Math.max(least, Math.min(1, (added * mean) / memory));
+  const factor = Math.max(least, Math.min(1, (added * mean) / memory) ** power);
   return factor < worthwhile ? factor : 1;
 }

@@ -1,0 +1,56 @@
+"""Whether a Taylor series is better than DOP853 in a run, its compilation included.
+
+To compile a series takes as long as many short runs. So it is compiled when the runs of a scene, with what lies ahead,
+have cost as much: whatever follows, all runs together cost at most twice what the better choice would have (Karlin,
+Manasse, Rudolph and Sleator, Competitive snoopy caching, Algorithmica 3, 1988). The same runs in the same order always
+lead to the same choices.
+"""
+
+from __future__ import annotations
+
+from lmoc.numerics.evaluate.select import COMPILED_ROWS
+from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.plan import Plan
+from lmoc.support.records import dataclass
+
+# Steps of DOP853 that cost as much as to compile a series. Where Python makes them one takes about 8 µs, and longer
+# the more there is to evaluate; the compiler takes 0.25 s, and longer likewise.
+STEPS = 25_000
+
+
+@dataclass
+class Series:
+    """The Taylor series of a plan, as far as it concerns the choice of a method.
+
+    Attributes
+    ----------
+    steps : that DOP853 has made so far in its place
+    compiled : it has been
+    refused : there is none, or no compiler
+    """
+
+    steps: int = 0
+    compiled: bool = False
+    refused: bool = False
+
+
+def series(plan: Plan) -> Series:
+    """Return what is known of the series of a plan; to be asked for by `Plan.once`."""
+    return Series()
+
+
+def is_better(system: System, ahead: float = 0.0) -> bool:
+    """Return whether a series does a run faster than DOP853.
+
+    Of many rows it is not: its coefficients of all registers do not stay in the cache. Time of a series at rtol 1e-9
+    over that of DOP853, both in C, for 2000 states: chain 1.2, lattice 1.6, levers 1.6, network 1.7; more at 1e-4. Of
+    200 states evaluated by casadi, 0.15; of the small scenes, 0.3 to 1.
+
+    Parameters
+    ----------
+    ahead : steps that DOP853 would make
+    """
+    own = system.plan.once(series)
+    if own.refused or system.plan.row_count > COMPILED_ROWS:
+        return False
+    return own.compiled or own.steps + ahead >= STEPS
