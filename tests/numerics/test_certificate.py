@@ -8,7 +8,9 @@ import lmoc
 from lmoc.numerics.coordinates import certificate, watch
 from lmoc.numerics.coordinates.compiled_certificate import Text
 from lmoc.numerics.coordinates.tableau import rank_margin
+from lmoc.numerics.evaluate.native import compiled_later
 from lmoc.numerics.evaluate.native.compiler import find_compiler, load_library
+from lmoc.numerics.integrate.loop import Loop
 
 SCENES = ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"]
 
@@ -25,6 +27,7 @@ def certified_looks(scene: str, monkeypatch) -> list[tuple]:
         return judge(self, place)
 
     monkeypatch.setattr(watch.CoordinateWatch, "_is_certain", recorded)
+    monkeypatch.setattr(watch.CoordinateWatch, "enter", lambda *_: None)
     lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-7)
     return seen
 
@@ -50,6 +53,33 @@ def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
         )
         assert worst == pytest.approx(place.found.worst(counted), rel=1e-9)
         assert grown <= 0
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+@pytest.mark.parametrize("solver", ["dop853", "taylor"])
+@pytest.mark.parametrize("scene", [*SCENES, "planar/pendulum_cartesian"])
+def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch):
+    monkeypatch.setattr(Text, "library", waited_for)
+    monkeypatch.setattr(compiled_later, "kept_library", load_library)
+    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    walked, options = 0, {"points": 73, "rtol": 1e-7, "solver": solver}
+    several = Loop.go_several
+
+    def counted(*arguments):
+        nonlocal walked
+        walked += 1
+        return several(*arguments)
+
+    monkeypatch.setattr(Loop, "go_several", counted)
+    run = dae.simulate(**options)
+    assert walked
+    monkeypatch.setattr(Loop, "batches", None)
+    other = dae.simulate(**options)
+    assert [held for _, held in run.coordinates] == [held for _, held in other.coordinates]
+    np.testing.assert_allclose(run.end.x, other.end.x, rtol=1e-11)
+    assert all(run.stats[count] == other.stats[count] for count in ("steps", "rejected", "evaluations"))
+    for name in dae.states:
+        np.testing.assert_allclose(run[name], other[name], rtol=1e-11, atol=1e-11 * np.abs(other[name]).max())
 
 
 def waited_for(text: Text):

@@ -184,7 +184,7 @@ class PieceSolver:
             guard=stretch.watch or loops,
             roots=bounds.roots,
             correction=corrected if loops is None else loops.correction,
-            landing=None if loops is None or loops.landing is None else loops,
+            compiled_guard=stretch.watch or (loops if loops is not None and loops.landing is not None else None),
             index_one=None if loops is None else loops.index_one,
             held=held if stretch.plan.once(jumps) else None,
             step=options.step_length(task.span),

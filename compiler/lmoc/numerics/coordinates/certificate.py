@@ -15,6 +15,7 @@ from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate, Text
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries, reads_of_entries
+from lmoc.numerics.coordinates.judge import Judge
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import Tableau
 from lmoc.numerics.coordinates.unrolled_tableau import MOST_ROWS, unrolled
@@ -116,16 +117,21 @@ class Certifier:
 
     Attributes
     ----------
-    place : where the next step begins
+    place : where the next step begins; None where that has not been told
     """
+
+    place: Place | None
 
     def __init__(self, system: System, recipe: Recipe, registers: np.ndarray, evaluation) -> None:
         own = system.plan.reduced.constraints
-        self.system, self.own, self.place = system, own, None
+        self.system, self.own = system, own
+        self.place = None
         self._evaluation, self._given, self._results = evaluation, evaluation.given, evaluation.results
         self._places, self._reads, self._registers = recipe.layout.places, recipe.reads, registers
         self._shape, self._table = (own.rows, len(own.variable)), recipe.layout.table
         self._out = np.empty(system.n)
+        self._ratio: np.ndarray
+        self._judge: Judge | None = None
 
     def begin(self, place: Place, scales: Scales) -> None:
         """Stand at a place, and judge in these sizes from now on."""
@@ -155,9 +161,11 @@ class Certifier:
     def found(self) -> tuple[np.ndarray, Tableau]:
         """Return the matrix and the tableau at the end of the step."""
         entries, table, _, bounds = self._results
+        return self._of(entries, table, float(bounds[1]))
+
+    def _of(self, entries: np.ndarray, table: np.ndarray, sign: float) -> tuple[np.ndarray, Tableau]:
         matrix = np.zeros(self._shape)
         matrix.flat[self._places] = entries
-        sign = float(bounds[1])
         if abs(sign) != 1.0:
             nothing = np.full(self._table, np.inf)
             return matrix, Tableau(nothing, 0.0, nothing)
@@ -170,6 +178,41 @@ class Certifier:
         matrix, table, before, after, *_ = self._given
         matrix[:], table[:] = self._results[:2]
         before[:] = after
+
+    def enter(self, place: Place, limit: float, sure: float, unknowns: np.ndarray, most: int) -> int | None:
+        """Return what judges up to `most` steps in C, None where C does not evaluate the system.
+
+        Parameters
+        ----------
+        place : where it stands
+        limit : of the largest entry of the tableau
+        sure : bound of the smallest singular value
+        unknowns : registers whose values are put on record
+        """
+        system = self.system.in_c()
+        if system is None or not isinstance(self._evaluation, CompiledCertificate):
+            return None
+        if self._judge is None or self._judge.system != system:
+            registers = self._reads, self._registers, unknowns
+            self._judge = Judge(self._evaluation, system, self.system.n, sure, *registers)
+        self._judge.enter(place, limit, most)
+        return self._judge.address
+
+    def left(self, place: Place, factor: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """Stand where steps judged in C have led to; returns the record of these.
+
+        Parameters
+        ----------
+        place : where they have begun
+        factor : of the entries, with which rows and columns have one length
+        """
+        places = self._judge.places()
+        if places:
+            matrix, found = self._of(self._given[0], self._given[1], place.found.sign)
+            least, coordinates = self._judge.least, self._given[2].copy()
+            t, x, solutions = places[-1]
+            self.place = Place(t, x, matrix, found, matrix * factor, least, solutions, coordinates)
+        return places
 
     def sizes(self, size: np.ndarray) -> np.ndarray:
         """Return the (rows, columns) largest entries, from those at the beginning."""

@@ -11,6 +11,7 @@ from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.evaluate.native.c_code import CFunction, Unsupported
 from lmoc.numerics.evaluate.native.c_program import generate
+from lmoc.numerics.evaluate.native.c_text import c_text
 from lmoc.numerics.evaluate.native.compiler import Compilation, find_compiler, kept_library
 from lmoc.numerics.evaluate.native.kernel import Data, with_blocks
 from lmoc.numerics.plan import Plan
@@ -112,7 +113,12 @@ void lmoc_certificate(double time, double *w, const int64_t *m, const void *cons
 
 
 class CompiledCertificate:
-    """The C function on arrays of its own."""
+    """The C function on arrays of its own.
+
+    Attributes
+    ----------
+    addresses : of its arguments behind the time
+    """
 
     def __init__(self, plan: Plan, function: CFunction, library: ctypes.CDLL, layout: Layout) -> None:
         self._w = np.zeros(plan.reduced.constraints.count + function.scratch)
@@ -123,11 +129,16 @@ class CompiledCertificate:
         pointer = ctypes.c_void_p
         self._run.argtypes, self._run.restype = [ctypes.c_double, *[pointer] * 5], None
         held = self._w, self._data.numbers, self._data.pointers, given, results
-        self._addresses, self._held = [a.ctypes.data for a in held], held
+        self.addresses, self._held = [a.ctypes.data for a in held], held
+        self._library = library
 
     def __call__(self, t: float, known: np.ndarray, reads: np.ndarray) -> None:
         self._w[reads] = known
-        self._run(t, *self._addresses)
+        self._run(t, *self.addresses)
+
+    def address(self, name: str) -> int | None:
+        """Return where another function of the library stands."""
+        return ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value
 
 
 class Text:
@@ -146,7 +157,7 @@ class Text:
         self._kept: ctypes.CDLL | None = None
         if self.function is not None:
             tables = _tables(own, layout)
-            self.text = with_blocks(self.function.text) + definitions + tables + CERTIFICATE
+            self.text = with_blocks(self.function.text) + definitions + tables + CERTIFICATE + c_text("judge")
 
     @property
     def comes(self) -> bool:

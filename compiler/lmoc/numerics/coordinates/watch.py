@@ -122,10 +122,7 @@ class CoordinateWatch:
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
-        if self._certifier is None and self._recipe is not None:
-            evaluation = self._recipe.evaluation()
-            if evaluation is not None:
-                self._certifier = Certifier(self.system, self._recipe, self._registers, evaluation)
+        self._find_certifier()
         self.last = place = self._look(t, x)
         self.lost_rank = False
         if self._is_certain(place):
@@ -142,6 +139,20 @@ class CoordinateWatch:
             self._look(t, x)
         self._accept(place)
         return Status.OK
+
+    def enter(self, most: int) -> int | None:
+        """Return what judges up to `most` steps in C; None where the next is to be judged here."""
+        self._find_certifier()
+        if self._certifier is None or self._scales is None:
+            return None
+        self._begin_certifier()
+        return self._certifier.enter(self.accepted, self.limit, _SURE, self.unknowns, most)
+
+    def leave(self, t: float, x: np.ndarray) -> None:
+        """Take the steps judged in C for accepted."""
+        self._places += self._certifier.left(self.accepted, self._factor)
+        self.accepted = self.last = self._certifier.place
+        self.lost_rank = False
 
     def stuck(self, status: Status) -> Status:
         """Return COORDINATES where no step was short enough and others would be better here, or none would serve."""
@@ -259,10 +270,7 @@ class CoordinateWatch:
             self._recent = even, self._least(even)
             least = self._recent[1]
         else:
-            if certifier.place is not self.accepted:
-                short = _NEIGHBOURS * self._scales[1][own.watched]
-                scales = Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short)
-                certifier.begin(self.accepted, scales)
+            self._begin_certifier()
             bounds = certifier(t, x)
             matrix, found = certifier.found()
             if bounds[-1] <= 0.0:
@@ -278,6 +286,19 @@ class CoordinateWatch:
         if len(self._registers):
             coordinates = self.system.registers[self._registers]
         return Place(t, x.copy(), matrix, found, even, least, solutions, coordinates)
+
+    def _find_certifier(self) -> None:
+        if self._certifier is None and self._recipe is not None:
+            evaluation = self._recipe.evaluation()
+            if evaluation is not None:
+                self._certifier = Certifier(self.system, self._recipe, self._registers, evaluation)
+
+    def _begin_certifier(self) -> None:
+        """Have the certifier stand at the last place accepted."""
+        if self._certifier.place is not self.accepted:
+            short = _NEIGHBOURS * self._scales[1][self.constraints.watched]
+            scales = Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short)
+            self._certifier.begin(self.accepted, scales)
 
     def _grow(self, size: np.ndarray) -> None:
         """Take note of the sizes of entries; they are equilibrated again where they have grown by much."""

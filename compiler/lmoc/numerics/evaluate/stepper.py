@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from lmoc.numerics.integrate import dop853_table as table
+from lmoc.support.records import dataclass
 
 
 class RightHandSide(Protocol):
@@ -18,6 +19,23 @@ class RightHandSide(Protocol):
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None: ...
 
 
+@dataclass(frozen=True)
+class Walked:
+    """The outcome of a walk of many steps.
+
+    Attributes
+    ----------
+    found : what C returns (``lmoc_dop853_walk``)
+    steps, rejected : made
+    reached : output times
+    """
+
+    found: int
+    steps: int
+    rejected: int
+    reached: int
+
+
 class Stepper(ABC):
     """Makes steps from (t, x).
 
@@ -25,11 +43,15 @@ class Stepper(ABC):
     ----------
     x, f : state and derivative at the beginning of the step
     x_new : state at the end of the step tried last
+    k : (16, n) derivatives at the stages of that step, as far as they are known
+    walks : whether it makes many steps at once (`walk`)
     """
 
     x: np.ndarray
     f: np.ndarray
     x_new: np.ndarray
+    k: np.ndarray
+    walks = False
 
     @abstractmethod
     def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray) -> None:
@@ -49,6 +71,20 @@ class Stepper(ABC):
     @abstractmethod
     def accept(self) -> None:
         """Go to the end of the step just tried."""
+
+    def walk(
+        self, kept: dict[str, float], given: dict[str, float | None], times: np.ndarray, out: np.ndarray
+    ) -> Walked:
+        """Make many steps with their output.
+
+        Parameters
+        ----------
+        kept : the numbers that `Dop853` keeps between steps, by their names; they are brought up to date
+        given : end, max_step, patience, most (steps and rejected ones together), hold (address of the ``lmoc_hold``
+            that looks at each step, None for none)
+        times, out : (k,) output times ahead, (room, n) the states at the first of them
+        """
+        raise NotImplementedError
 
 
 class NumpyStepper(Stepper):

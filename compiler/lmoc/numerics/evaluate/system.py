@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -59,6 +59,21 @@ class IndexOne(Protocol):
     def pattern(self) -> tuple[np.ndarray, np.ndarray]: ...
 
     def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None: ...
+
+
+class InC(NamedTuple):
+    """Addresses with which C functions evaluate a system (``c/evaluate.c``).
+
+    Attributes
+    ----------
+    call, evaluate, mark : of the ``lmoc_call``, of ``lmoc_evaluate`` and ``lmoc_mark``
+    registers : of `System.registers`
+    """
+
+    call: int
+    evaluate: int
+    mark: int
+    registers: int
 
 
 class System(ABC):
@@ -164,6 +179,10 @@ class System(ABC):
 
     def callback(self, order: np.ndarray | None):
         """Return the right-hand side as a compiled SUNDIALS callback with its data, states in a new order, or None."""
+        return None
+
+    def in_c(self) -> InC | None:
+        """Return what C functions evaluate it with, or None where that takes Python."""
         return None
 
     def casadi_dae(self) -> CasadiDAE | None:

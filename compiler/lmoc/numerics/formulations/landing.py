@@ -18,9 +18,11 @@ from lmoc.numerics.evaluate.native.c_derivatives import sweep
 from lmoc.numerics.evaluate.native.c_program import LITERAL_ROWS
 from lmoc.numerics.evaluate.native.c_text import c_text
 from lmoc.numerics.evaluate.native.compiler import load_library
-from lmoc.numerics.evaluate.native.kernel import Data
+from lmoc.numerics.evaluate.native.kernel import Data, Hold
 from lmoc.numerics.formulations.closing import Closing, Loops, Stage, closing
 from lmoc.numerics.plan import Plan
+
+_PIECES = 16  # into which the way of a Taylor step may be divided, where its ends alone do not tell enough
 
 
 class _Loops(ctypes.Structure):
@@ -52,8 +54,6 @@ class _Closures(ctypes.Structure):
     ]
 
 
-class _Hold(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_void_p) for name in ("own", "look", "land", "keep")]
 
 
 def landing(plan: Plan, base: np.ndarray, scale: np.ndarray) -> Landing | None:
@@ -73,7 +73,7 @@ class Landing:
 
     Attributes
     ----------
-    address : of what steps in C call (``lmoc_hold`` in `native/c/taylor.c`)
+    address : of what steps in C call (``lmoc_hold`` in `native/c/hold.c`)
     """
 
     def __init__(self, plan: Plan, compiled: _Compiled, base: np.ndarray, scale: np.ndarray) -> None:
@@ -89,7 +89,7 @@ class Landing:
         )  # fmt: skip
         reference = ctypes.cast(ctypes.pointer(self._closures), ctypes.c_void_p)
         functions = (library.lmoc_look, library.lmoc_land, library.lmoc_keep)
-        self._hold = _Hold(reference, *(ctypes.cast(f, ctypes.c_void_p) for f in functions))
+        self._hold = Hold(reference, *(ctypes.cast(f, ctypes.c_void_p) for f in functions), _PIECES)
         self._look, self._many, self._keep = (
             partial(f, reference) for f in (library.lmoc_look, library.lmoc_land_many, library.lmoc_keep)
         )

@@ -60,24 +60,27 @@ class LoopWatch:
         self.reason = ""
         self._sizes = [np.full((*own.rows.shape, 1), 1e-300) for own in self.manifold.stages[0].loops]
         self.longest, self._least = np.inf, 1.0
+        self._left: tuple[float, np.ndarray] | None = None  # by steps in C, not taken for the last place yet
         self._beyond = -np.inf  # where the steps that were too long have led to
 
     def begin(self, t: float, x: np.ndarray) -> None:
-        """Take the place where a run begins for the first one."""
-        self.resume(t, x)
-
-    @property
-    def address(self) -> int:
-        """Of what judges and corrects steps in C."""
-        return self.landing.address
-
-    def resume(self, t: float, x: np.ndarray) -> None:
-        """Take a place that steps judged in C have led to for the last one."""
+        """Take a place for the end of the last step: where a run begins, or where steps in C have led to."""
+        self._left = None
         self._accept(t, x, self._look(t, x))
         self._firm = self.landing is not None and self.landing.begin(t, x)
 
+    def enter(self, most: int) -> int | None:
+        """Return what judges and corrects steps in C; None where closures have to be looked at more closely."""
+        return self.landing.address if self._firm and self.longest == np.inf else None
+
+    def leave(self, t: float, x: np.ndarray) -> None:
+        """Take the place that steps judged in C have led to for the last one, when it is needed."""
+        self._left = t, x.copy()
+
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where it is to be made again, of another length (`length`)."""
+        if self._left is not None:
+            self.begin(*self._left)
         if self._firm and self.longest == np.inf and self.landing.follows(t, x):
             self._accept(t, x, None)
             return Status.OK

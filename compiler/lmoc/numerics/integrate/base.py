@@ -47,7 +47,7 @@ class Problem:
     step : s, the length of all steps of a method with fixed steps; None where it chooses them
     correction : (t, x) -> x, moves the end of an accepted step or returns the same array; None where all stay as they
         are
-    landing : the same and the guard in C; None where they are left to Python
+    compiled_guard : the same and the guard in C; None where they are left to Python
     index_one : what IDA integrates in place of the system, with the states first among its components
     held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
         None where nothing jumps
@@ -75,7 +75,7 @@ class Problem:
     shortest: float = 0.0
     step: float | None = None
     correction: Callable[[float, np.ndarray], np.ndarray] | None = None
-    landing: Landing | None = None
+    compiled_guard: CompiledGuard | None = None
     index_one: IndexOne | None = None
     held: Callable[[float, np.ndarray], bool] | None = None
 
@@ -101,18 +101,17 @@ class Guard(Protocol):
         """
 
 
-class Landing(Protocol):
-    """Guard and correction in C, for many steps at once.
+class CompiledGuard(Protocol):
+    """Guard and correction in C, for many steps at once."""
 
-    Attributes
-    ----------
-    address : of an ``lmoc_hold`` (`native/c/taylor.c`)
-    """
+    def enter(self, most: int) -> int | None:
+        """Return the address of an ``lmoc_hold`` (`native/c/hold.c`) for up to `most` steps from here.
 
-    address: int
+        None where the next step has to be judged in Python.
+        """
 
-    def resume(self, t: float, x: np.ndarray) -> None:
-        """Take a place that steps judged in C have led to for the last one."""
+    def leave(self, t: float, x: np.ndarray) -> None:
+        """Take the place that steps judged in C have led to for the last one."""
 
 
 @dataclass(eq=False)
@@ -224,12 +223,18 @@ class Unattended(Protocol):
 class Batches(Protocol):
     """The ability of a method to make many steps with their output without Python between them."""
 
-    def several(self, times: np.ndarray, most: int) -> tuple[Status, int]:
-        """Make up to `most` steps; keep the states at the first of `times` that they, or the last one before, reach.
+    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+        """Make up to `most` steps; keep the states at those of `times` that they reach, as far as there is room.
+
+        Where there is none for all that the last step has reached, `Integration.interpolate` tells the others.
+
+        Parameters
+        ----------
+        hold : address of the ``lmoc_hold`` that looks at each step, None for none
 
         Returns
         -------
-        as `Integration.step`, or DOUBTFUL where the next step is to be judged in Python; the number of times reached
+        as `Integration.step`, or DOUBTFUL where the next step is to be judged in Python; the number of times kept
         """
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.integrate.base import Problem
 
-_LAST_WEIGHTS = (4 / 7) ** 4 * (3 / 7) ** 3 * table.D[3]  # the last term of the polynomial where it is largest
+LAST_WEIGHTS = (4 / 7) ** 4 * (3 / 7) ** 3 * table.D[3]  # the last term of the polynomial where it is largest
 _BATCH = 100_000  # numbers gathered before they are evaluated: memory that a run need not ask the system for
 _CHUNK = 16_000  # numbers of the result made at once: what they are made from stays in the cache
 
@@ -68,7 +68,7 @@ class DenseOutput:
 
 def roughness(problem: Problem, x: np.ndarray, h: float, stages: np.ndarray) -> float:
     """Size of the last term of the polynomial in tolerances: it stands for those that the polynomial leaves out."""
-    error = _LAST_WEIGHTS @ stages / (problem.atol + problem.rtol * np.abs(x))
+    error = LAST_WEIGHTS @ stages / (problem.atol + problem.rtol * np.abs(x))
     return h * math.sqrt(float(error @ error) / len(x))
 
 

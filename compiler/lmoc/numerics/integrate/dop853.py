@@ -1,7 +1,7 @@
 """DOP853: an explicit Runge–Kutta method of order 8 with dense output of order 7, for problems that are not stiff.
 
-Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), II.4 (step size), II.5 (method); the test for
-stiffness is that of their code (volume II, IV.2).
+Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), II.4 (step size), II.5 (method). Where the
+equations are compiled and nobody looks at the steps in Python, they are made in C by the same rules (`several`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from lmoc.numerics.evaluate.stepper import Stepper
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.dense_output import DenseOutput, dense_terms, evaluate_dense, roughness
+from lmoc.numerics.integrate.dop853_rules import RULES
 from lmoc.numerics.integrate.status import Status
 
 PROPERTIES = Properties(
@@ -20,17 +21,13 @@ PROPERTIES = Properties(
     good_for="everything, until it detects stiffness",
 )  # fmt: skip
 
-_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 8.0
-_STIFF_LIMIT = 6.1  # |h·λ| at the edge of the stability region
-_STIFF_STEPS = 15
-_ROUGH = 5.5, 60.0  # |h·λ| and roughness, in tolerances, from which the dense output is not good enough
-_CAREFUL = 4.5  # |h·λ| up to which it is, and which the steps keep to …
-_CAREFUL_STEPS = 50  # … for so many steps after one was found too rough
 _LONG = 500  # components from which output is computed step by step: gathering costs memory and saves nothing
-_CUTS = 500  # steps cut short for values that are not finite, after which they must have got on …
-_PACE = 1e-9  # … by this part of what lies ahead each
-_LEAST = 1e-300  # s, a step that can still be divided by
 _OK = Status.OK  # attributes of an enumeration are slow to look up
+_KEPT = (  # between steps, the same in C as here
+    "t", "before", "step_size", "length", "error", "stiffness", "grow", "stiff_count", "calm_count", "careful",
+    "cuts", "cuts_since", "pending", "staged", "lost",
+)  # fmt: skip
+_WALKED = {0: _OK, 1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL, 4: Status.STIFF}  # what C returns
 
 
 def begin(problem: Problem) -> Dop853:
@@ -46,9 +43,9 @@ class Dop853(Integration):
         self.stepper: Stepper = problem.system.stepper()
         self.end, self.max_step = problem.end, problem.max_step
         self.output = DenseOutput(len(problem.x), len(problem.times))
-        self.stiff_count = self.calm_count = 0
-        self.careful = 0
+        self.stiff_count = self.calm_count = self.careful = 0
         self.cuts, self.cuts_since = 0, problem.t
+        self.length = self.error = self.stiffness = 0.0  # of the last step
         self.t = self.before = problem.t
         self._start(problem.x, None if math.isinf(problem.first_step) else problem.first_step)
 
@@ -56,8 +53,9 @@ class Dop853(Integration):
         """Stand at a state without a step behind."""
         problem, stepper = self.problem, self.stepper
         self.pending = False  # whether the step in the stepper has been accepted
-        self.stages: np.ndarray | None = None  # of that step, once they are needed
-        self.grow, self.lost = _GROW, False
+        self.tried = False  # whether it has been tried in C and is to be judged here
+        self.staged = False  # whether all its stages are there
+        self.grow, self.lost = RULES.grow, False
         stepper.start(self.t, x, problem.rtol, problem.atol)
         self.finite = bool(np.isfinite(stepper.f).all())
         if step_size is None:
@@ -73,6 +71,9 @@ class Dop853(Integration):
         self._start(x.copy(), self.step_size)
 
     def step(self) -> Status:
+        if self.tried:
+            self.tried = False
+            return self._accept()
         stepper = self.stepper
         if self.pending:
             stepper.accept()
@@ -80,29 +81,30 @@ class Dop853(Integration):
         if not self.finite:
             return Status.NOT_FINITE
         t, end, h = self.t, self.end, min(self.step_size, self.max_step)
-        if self.cuts >= _CUTS and not self._gets_on():
+        if self.cuts >= RULES.cuts and not self._gets_on():
             return Status.NOT_FINITE
         while True:
             t_new = t + h
             if t + 1.001 * h >= end:  # the end is reached exactly
                 t_new, h = end, end - t
-            if not h > 8e-16 * abs(t_new) or h < _LEAST:  # so with a step that is no number
+            if not h > 8e-16 * abs(t_new) or h < RULES.least:  # so with a step that is no number
                 self.step_size = h
                 return Status.NOT_FINITE if self.lost else Status.COLLAPSED
-            error, stiffness = stepper.attempt(t, h)
-            self.stages = None
+            self.length = h
+            self.error, self.stiffness = error, stiffness = stepper.attempt(t, h)
+            self.staged = False
             if error < 1.0:
                 self.lost = False
-                if stiffness >= _ROUGH[0] and self.wanted < t_new and self._is_rough(t, h):
+                if stiffness >= RULES.rough_from and self.wanted < t_new and self._is_rough():
                     self.rejected += 1
-                    self.careful = _CAREFUL_STEPS
-                    h *= _CAREFUL / stiffness
+                    self.careful = RULES.careful_steps
+                    h *= RULES.careful / stiffness
                     continue
-                return self._accept(t_new, h, error, stiffness)
+                return self._accept()
             self.rejected += 1
             self.lost = not math.isfinite(error)
             self.cuts += self.lost
-            h *= 0.1 if self.lost else max(_SHRINK, _SAFETY * error**-0.125)
+            h *= RULES.retry if self.lost else max(RULES.shrink, RULES.safety * error**-0.125)
             self.grow = 1.0
 
     def _gets_on(self) -> bool:
@@ -111,60 +113,87 @@ class Dop853(Integration):
         They do not where a state is at the edge of what the equations have values for: finite are only steps that are
         too short to move it by a digit.
         """
-        advance, needed = self.t - self.cuts_since, self.cuts * _PACE * (self.end - self.t)
+        advance, needed = self.t - self.cuts_since, self.cuts * RULES.pace * (self.end - self.t)
         self.cuts, self.cuts_since = 0, self.t
         return advance >= needed
 
-    def _is_rough(self, t: float, h: float) -> bool:
+    def _is_rough(self) -> bool:
         """Return whether the dense output of the step just tried is much less accurate than the step itself.
 
         So it may be where stability limits the step and not accuracy: the stages then swing about the solution.
         """
-        self.stages = self.stepper.stages(t, h)
-        return roughness(self.problem, self.stepper.x, h, self.stages) > _ROUGH[1]
+        stages = self._stages(self.t)
+        return roughness(self.problem, self.stepper.x, self.length, stages) > RULES.rough
 
-    def _accept(self, t_new: float, h: float, error: float, stiffness: float) -> Status:
+    def _accept(self) -> Status:
+        """Accept the step just tried, and choose the length of the next."""
+        h, error, stiffness = self.length, self.error, self.stiffness
         self.steps += 1
         self.careful -= self.careful > 0
-        self.before, self.t, self.length, self.pending = self.t, t_new, h, True
-        factor = min(self.grow, max(_SHRINK, _SAFETY * error**-0.125)) if error > 0 else self.grow
-        held = self.careful > 0 and factor * stiffness > _CAREFUL
-        self.grow = _GROW
-        limited = held or stiffness > _STIFF_LIMIT
+        t_new = self.end if self.t + 1.001 * h >= self.end else self.t + h
+        self.before, self.t, self.pending = self.t, t_new, True
+        factor = min(self.grow, max(RULES.shrink, RULES.safety * error**-0.125)) if error > 0 else self.grow
+        held = self.careful > 0 and factor * stiffness > RULES.careful
+        self.grow = RULES.grow
+        limited = held or stiffness > RULES.stiff_limit
         if (limited or self.stiff_count) and self._has_become_stiff(limited, h):
             self.step_size = h
             return Status.STIFF
-        self.step_size = h * (_CAREFUL / stiffness if held else factor)
+        self.step_size = h * (RULES.careful / stiffness if held else factor)
         return _OK
 
     def _has_become_stiff(self, limited: bool, h: float) -> bool:
         """Return whether too many steps lie ahead and the last ones were limited by stability."""
         if limited:
             self.stiff_count, self.calm_count = self.stiff_count + 1, 0
-            return self.stiff_count >= _STIFF_STEPS and (self.end - self.t) / h > self.problem.patience
+            return self.stiff_count >= RULES.stiff_steps and (self.end - self.t) / h > self.problem.patience
         self.calm_count += 1
-        if self.calm_count >= 6:
+        if self.calm_count >= RULES.calm_steps:
             self.stiff_count = 0
         return False
 
+    # ------------------------------------------------------------------ many steps in C
+
+    @property
+    def batches(self) -> Dop853 | None:
+        return self if self.stepper.walks else None
+
+    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+        if not self.finite:
+            return Status.NOT_FINITE, 0
+        kept = {name: getattr(self, name) for name in _KEPT}
+        given = {"end": self.end, "max_step": self.max_step, "patience": self.problem.patience,
+                 "most": most, "hold": hold}  # fmt: skip
+        out = np.empty((min(room, len(times)), len(self.stepper.x)))
+        made = self.stepper.walk(kept, given, times, out)
+        for name, value in kept.items():
+            setattr(self, name, value)
+        self.steps += made.steps
+        self.rejected += made.rejected
+        self._collected += self.output.values(), out[: made.reached]
+        status = _WALKED[made.found]
+        self.tried = status is Status.DOUBTFUL
+        return status, made.reached
+
     # ------------------------------------------------------------------ values within the last step
 
-    def _own_stages(self) -> np.ndarray:
-        if self.stages is None:
-            self.stages = self.stepper.stages(self.before, self.length)
-        return self.stages
+    def _stages(self, begin: float) -> np.ndarray:
+        """Return all stages of the step in the stepper, (16, n)."""
+        stages = self.stepper.k if self.staged else self.stepper.stages(begin, self.length)
+        self.staged = True
+        return stages
 
     @np.errstate(all="ignore")
     def interpolate(self, times: np.ndarray) -> np.ndarray:
         stepper, h = self.stepper, self.length
-        terms = dense_terms(np.array([h]), stepper.x[None], stepper.x_new[None], self._own_stages()[None])
+        terms = dense_terms(np.array([h]), stepper.x[None], stepper.x_new[None], self._stages(self.before)[None])
         return evaluate_dense((times - self.before) / h, stepper.x[None], terms)
 
     def collect(self, times: np.ndarray) -> None:
         if len(self.stepper.x) > _LONG:
             super().collect(times)
             return
-        stages = self._own_stages() if self.stages is None else self.stages
+        stages = self._stages(self.before)
         if self.output.add(self.before, self.length, self.stepper.x, self.stepper.x_new, stages, times):
             self._collected.append(self.output.values())
 
@@ -184,7 +213,7 @@ def initial_step(problem: Problem, t: float, x: np.ndarray, f: np.ndarray) -> fl
 
     d0, d1 = norm(x), norm(f)
     h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(max(h0, _LEAST), span, problem.max_step)  # the slope may have no finite norm
+    h0 = min(max(h0, RULES.least), span, problem.max_step)  # the slope may have no finite norm
     trial = np.empty_like(x)
     system.rhs(t + h0, x + h0 * f, trial)
     d2 = norm(trial - f) / h0

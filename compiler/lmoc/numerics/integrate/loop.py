@@ -26,10 +26,10 @@ _OK = Status.OK  # attributes of an enumeration are slow to look up
 
 def integrate(problem: Problem, run: Integration) -> Outcome:
     """Integrate to the end of a problem, or to where it ends earlier, with a method that has been started on it."""
-    return _Loop(problem, run).go()
+    return Loop(problem, run).go()
 
 
-class _Loop:
+class Loop:
     """One integration under way."""
 
     def __init__(self, problem: Problem, run: Integration) -> None:
@@ -89,39 +89,48 @@ class _Loop:
         if problem.roots is not None or problem.held is not None:
             return None
         alone = problem.guard is None and problem.correction is None
-        return self.run.batches if alone or problem.landing is not None else None
+        return self.run.batches if alone or problem.compiled_guard is not None else None
 
     def go_in_batches(self, method: Batches) -> Status:
         """Have the method make many steps at once, more of them as long as they are quick."""
-        problem, run = self.problem, self.run
-        most, status = _LOOK, _OK
+        problem, run, guard = self.problem, self.run, self.problem.compiled_guard
+        allowed, most, status = problem.max_steps, _LOOK, _OK
         while run.t < problem.end and status is _OK:
-            left = problem.max_steps - run.steps - run.rejected
+            left = allowed - run.steps - run.rejected
             if left <= 0:
-                return Status.TOO_MANY_STEPS
-            began = clock.perf_counter()
-            status = self.several(method, min(most, left))
-            while self.next <= run.t and run.before < run.t:  # there was no room for all output within the last step
-                self.several(method, 0)
+                if allowed > problem.max_steps or not self.is_nearly_there():
+                    return Status.TOO_MANY_STEPS
+                allowed += problem.overrun
+                continue
+            began, number = clock.perf_counter(), min(most, left)
+            hold = None if guard is None else guard.enter(number)
+            if guard is None or hold is not None:
+                status = self.go_several(method, number, hold)
+            if status is Status.DOUBTFUL or (guard is not None and hold is None):
+                status = self.step()
             if self.watch.expired(run.t):
                 return Status.TOO_LONG
             halted = self.halted(run.steps + run.rejected)
             if halted is not _OK:
                 return halted
-            if status is Status.DOUBTFUL:
-                problem.landing.resume(run.t, run.x)
-                status = self.step()
             most = min(2 * most, _MANY) if clock.perf_counter() - began < _QUICK else max(_LOOK, most // 2)
         return status
 
-    def several(self, method: Batches, most: int) -> Status:
-        """Have the method make up to `most` steps, and take the output for which there is room."""
-        status, reached = method.several(self.problem.times[self.reached : self.reached + self.most], most)
+    def go_several(self, method: Batches, most: int, hold: int | None) -> Status:
+        """Have the method make up to so many steps, and see to their output."""
+        problem, run = self.problem, self.run
+        room = self.most - (self.reached - self.handed)
+        status, reached = method.several(problem.times[self.reached :], room, most, hold)
+        if problem.compiled_guard is not None:
+            problem.compiled_guard.leave(run.t, run.x)
         self.reached += reached
         self.next = self.times[self.reached] if self.reached < len(self.times) else math.inf
         if self.reached - self.handed >= self.most:
             self.flush()
-        return status
+        if self.next > run.t:
+            return status
+        self.show(run.t)
+        return status if problem.correction is None else self.correct(status)
 
     def go_stepwise(self) -> Status:
         problem, run, step = self.problem, self.run, self.step

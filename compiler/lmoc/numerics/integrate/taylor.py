@@ -78,7 +78,6 @@ class Taylor(Integration):
         way = self._way
         self.x[:] = x
         self.before = way.before = way.time = self.t
-        way.made = 0
         self.problem.system.evaluations += 1
         self.finite = self.system.series(self.t, self.x, self.order, way.next)
 
@@ -91,10 +90,9 @@ class Taylor(Integration):
     def batches(self) -> Taylor:
         return self
 
-    def several(self, times: np.ndarray, most: int) -> tuple[Status, int]:
-        way, landing = self._way, self.problem.landing
-        out = np.empty((len(times), len(self.x)))
-        way.most, way.outputs, way.hold = most, len(times), None if landing is None else landing.address
+    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+        way, out = self._way, np.empty((min(room, len(times)), len(self.x)))
+        way.most, way.outputs, way.room, way.hold = most, len(times), len(out), hold
         way.times, way.out = times.ctypes.data, out.ctypes.data
         status = self._walked()
         self._collected.append(out[: way.reached])
@@ -102,6 +100,7 @@ class Taylor(Integration):
 
     def _walked(self) -> Status:
         if not self.finite:
+            self._way.reached = 0
             return Status.NOT_FINITE
         way, problem = self._way, self.problem
         found = self.system.walk(way)

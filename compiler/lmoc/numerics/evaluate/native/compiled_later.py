@@ -14,7 +14,7 @@ from lmoc.numerics.evaluate.native.compiler import Compilation, find_compiler, k
 from lmoc.numerics.evaluate.native.kernel import Source, source_of
 from lmoc.numerics.evaluate.native.system import NativeSystem, has_branches
 from lmoc.numerics.evaluate.stepper import Stepper
-from lmoc.numerics.evaluate.system import CasadiDAE, System
+from lmoc.numerics.evaluate.system import CasadiDAE, InC, System
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
@@ -74,7 +74,8 @@ class CompiledLater(System):
         return True
 
     def stepper(self) -> Stepper:
-        return _Stepper(self)
+        own = isinstance(self.current, NativeSystem)
+        return self.current.stepper() if own else _Stepper(self)
 
     # ------------------------------------------------------------------ what the current one does
 
@@ -131,6 +132,9 @@ class CompiledLater(System):
     def most_steps(self) -> int:
         return self.current.most_steps
 
+    def in_c(self) -> InC | None:
+        return self.current.in_c()
+
     def casadi_dae(self) -> CasadiDAE | None:
         return self.current.casadi_dae()
 
@@ -153,6 +157,10 @@ class _Stepper(Stepper):
     @property
     def x_new(self) -> np.ndarray:
         return self.inner.x_new
+
+    @property
+    def k(self) -> np.ndarray:
+        return self.inner.k
 
     def start(self, t, x, rtol, atol) -> None:
         self.tolerances = rtol, atol

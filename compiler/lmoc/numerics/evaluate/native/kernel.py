@@ -48,7 +48,14 @@ class Call(ctypes.Structure):
         ("rescue", RESCUE),
         ("marked_time", ctypes.c_double),
         ("marked", ctypes.c_int64),
+        ("last", ctypes.c_void_p),
     ]
+
+
+class Hold(ctypes.Structure):
+    """What looks at steps made in C (``lmoc_hold`` in ``c/hold.c``)."""
+
+    _fields_ = [*[(name, ctypes.c_void_p) for name in ("own", "look", "land", "keep")], ("pieces", ctypes.c_int64)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +83,7 @@ def source_of(program: Program, registers: int, strict: bool = False, blocks: bo
     """
     function = generate(program, registers)
     used = _blocks(_STRICT if strict else _PATIENT) if blocks or "lmoc_matrix" in function.text else ""
-    text = c_text("prelude") + used + function.text + c_text("evaluate", "dop853")
+    text = c_text("prelude") + used + function.text + c_text("evaluate", "hold", "dop853", "dop853_walk")
     return Source(text, "-O3" if program_rows(program) > _LONG else "-O2", function)
 
 
@@ -179,6 +186,7 @@ class Kernel:
         self._determinants = [(b.determinants, len(b.step.unknowns)) for b in function.blocks]
         self._factors, self.data = function.factors, Data(function)
         self._calls: dict[bytes, Call] = {}
+        self._last = np.zeros(1, np.uintp)  # the call whose solution stands in the registers
 
     def forget(self) -> None:
         """Forget the solutions of blocks and the order of pivots: parameters or start are others now.
@@ -256,9 +264,14 @@ class Kernel:
             memory[3 * len(self.unknowns) :].ctypes.data,
             0.0,
             RESCUE() if rescue is None else RESCUE(rescue),
+            last=self._last.ctypes.data,
         )
         call.tables, call.reference = (tables, memory), ctypes.byref(call)  # kept alive with it
         return call
+
+    def address(self, name: str) -> int:
+        """Return where a function of the library stands."""
+        return ctypes.cast(getattr(self.library, name), ctypes.c_void_p).value or 0
 
     def mark(self, call: Call) -> None:
         """Mark the last solution of nonlinear blocks as one to go back to where the way from a later one fails."""

@@ -1,10 +1,9 @@
-"""Systems whose program is compiled C, and DOP853's step in C for them."""
+"""Systems whose program is compiled C."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +11,11 @@ import numpy as np
 from lmoc.ir.program import Program
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.native.kernel import Call, Kernel, Source
+from lmoc.numerics.evaluate.native.stepper import NativeStepper
 from lmoc.numerics.evaluate.newton import Retries
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
+from lmoc.numerics.evaluate.system import InC
 from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
-from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
@@ -162,63 +162,15 @@ class NativeSystem(VectorSystem):
             return None
         return self.kernel.callback(self._call(np.arange(self.n) if order is None else order))
 
+    def in_c(self) -> InC | None:
+        if self.samplers:
+            return None
+        evaluate, mark = self.kernel.address("lmoc_evaluate"), self.kernel.address("lmoc_mark")
+        return InC(ctypes.addressof(self._own), evaluate, mark, self.w.ctypes.data)
+
     def stepper(self) -> Stepper:
         return NumpyStepper(self) if self.samplers else NativeStepper(self)
 
     def shared_call(self) -> Call:
         """Return the arguments of the C code of a stepper."""
         return self._own
-
-
-class NativeStepper(Stepper):
-    """All stages of a step in one C call."""
-
-    def __init__(self, system: NativeSystem) -> None:
-        n = system.n
-        self.system = system
-        self.x, self.f, self.x_new, self.last = (np.zeros(n) for _ in range(4))
-        self.k, self.atol = np.zeros((16, n)), np.zeros(n)
-        self.result = np.zeros(2)
-        self.table, self.times = _weights(), np.ascontiguousarray(table.C)
-        self._call = system.shared_call()
-        library = system.kernel.library
-        self._attempt, self._more = library.lmoc_dop853_attempt, library.lmoc_dop853_more
-        real, pointer = ctypes.c_double, ctypes.c_void_p
-        self._attempt.argtypes = [pointer, real, real, real, *[pointer] * 8]
-        self._more.argtypes = [pointer, real, real, *[pointer] * 5]
-        self._attempt.restype = self._more.restype = None
-        self._reference = ctypes.byref(self._call)
-        fixed = (self.table, self.times, self.atol, self.k, self.last, self.result)
-        self._at = [a.ctypes.data for a in fixed]  # asking numpy for an address takes as long as a small evaluation
-        self._x, self._x_new = self.x.ctypes.data, self.x_new.ctypes.data
-
-    def start(self, t, x, rtol, atol) -> None:
-        self.x[:], self.atol[:], self.rtol = x, atol, float(rtol)
-        self.system.rhs(t, self.x, self.f)
-
-    def attempt(self, t: float, h: float) -> tuple[float, float]:
-        self.k[0] = self.f
-        weights, times, atol, k, last, result = self._at
-        call = self._reference
-        self._attempt(call, t, h, self.rtol, weights, times, self._x, atol, k, self._x_new, last, result)
-        self.system.evaluations += 12
-        error, stiffness = self.result.tolist()
-        return error, stiffness
-
-    def stages(self, t: float, h: float) -> np.ndarray:
-        weights, times, _, k, last, _ = self._at
-        self._more(self._reference, t, h, weights, times, self._x, k, last)
-        self.system.evaluations += 3
-        return self.k
-
-    def accept(self) -> None:
-        self.x, self.x_new = self.x_new, self.x
-        self._x, self._x_new = self._x_new, self._x
-        self.f[:] = self.k[12]
-
-
-@lru_cache(maxsize=1)
-def _weights() -> np.ndarray:
-    """(19, 16) the coefficients of the 16 stages, then those of the new state and of the two error estimates."""
-    rows = [*table.A, table.B, table.E5, table.E3]
-    return np.array([np.pad(row, (0, 16 - len(row))) for row in rows])

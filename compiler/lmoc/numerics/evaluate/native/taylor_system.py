@@ -33,11 +33,10 @@ class Way(ctypes.Structure):
     _fields_ = [
         *[(name, ctypes.c_double) for name in ("time", "before", "end", "longest", "length", "rtol")],
         *[(name, ctypes.c_void_p) for name in ("atol", "q", "next", "x", "between")],
-        *[(name, ctypes.c_int64) for name in ("made", "steps", "most", "tries")],
+        *[(name, ctypes.c_int64) for name in ("steps", "most", "tries")],
         ("times", ctypes.c_void_p),
         ("out", ctypes.c_void_p),
-        ("outputs", ctypes.c_int64),
-        ("reached", ctypes.c_int64),
+        *[(name, ctypes.c_int64) for name in ("outputs", "reached", "room")],
         ("hold", ctypes.c_void_p),
     ]
 

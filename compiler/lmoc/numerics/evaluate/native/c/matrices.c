@@ -63,8 +63,29 @@ static void lmoc_substitute(const lmoc_factors *f, double *b) {
   }
 }
 
+/* The same as below for two rows: the closure of a loop in the plane. */
+static inline int lmoc_pair_factor(double *a, int *pivots, double *determinant) {
+  const int lower = fabs(a[2]) > fabs(a[0]);
+  const double p = lower ? a[2] : a[0], q = lower ? a[3] : a[1], r = lower ? a[0] : a[2], s = lower ? a[1] : a[3];
+  pivots[0] = lower;
+  pivots[1] = 1;
+  a[0] = p;
+  a[1] = q;
+  a[2] = r / p;
+  a[3] = s - a[2]*q;
+  *determinant = (lower ? -p : p) * a[3];
+  return p != 0 && p * 0 == 0 && a[3] != 0 && a[3] * 0 == 0;
+}
+
+static inline void lmoc_pair_substitute(const double *a, const int *pivots, double *b) {
+  const double first = b[pivots[0]], second = b[1 - pivots[0]] - a[2]*first;
+  b[1] = second / a[3];
+  b[0] = (first - a[1]*b[1]) / a[0];
+}
+
 /* LU with row pivoting in place, `size` rows; 0 where a pivot is zero or no number. */
 static inline int lmoc_dense_factor(int64_t size, double *a, int *pivots, double *determinant) {
+  if (size == 2) return lmoc_pair_factor(a, pivots, determinant);
   double det = 1;
   int good = 1;
   for (int64_t k = 0; k < size; k++) {
@@ -93,6 +114,10 @@ static inline int lmoc_dense_factor(int64_t size, double *a, int *pivots, double
 }
 
 static inline void lmoc_dense_substitute(int64_t size, const double *a, const int *pivots, double *b) {
+  if (size == 2) {
+    lmoc_pair_substitute(a, pivots, b);
+    return;
+  }
   for (int64_t k = 0; k < size; k++) {
     const double t = b[pivots[k]];
     b[pivots[k]] = b[k];

@@ -1,8 +1,17 @@
 /* Newton's method for many instances of one nonlinear block. LMOC_RATE, LMOC_ITERATIONS and LMOC_NEAR are defined before. */
 
 #define LMOC_EXACT 1e-13   /* of the size of the unknowns: no correction is smaller in double precision */
+#define LMOC_SQUARED 1e-9  /* of their size: a correction whose square is below rounding, where the constant of quadratic … */
+#define LMOC_CURVED 10     /* … convergence is no larger, in sizes of the unknowns */
 #define LMOC_LOOSE 1e-8    /* good enough where the corrections do not shrink any more */
 #define LMOC_ROUNDING 1e-15 /* of the terms of an equation: what their sum may miss zero by */
+
+/* Whether what is left behind a correction is below rounding: corrections shrink as the square of the one before, times
+   a constant that these two tell (Deuflhard, section 2.1). Near a singular place, where it is large, none is left out. */
+static inline int lmoc_newton_arrived(double length, double before, double size) {
+  if (length <= LMOC_EXACT * size) return 1;
+  return before < INFINITY && length <= LMOC_SQUARED * size && length * size <= LMOC_CURVED * before * before;
+}
 
 /* What Newton's method keeps of every instance: determinant, length of the last correction (-1: solved), where it
    began, and where the first step led. */
@@ -60,7 +69,7 @@ static inline int64_t lmoc_newton_step(const lmoc_newton *s, int iteration, cons
       continue;
     }
     for (int64_t k = 0; k < m->size; k++) w[u[k]] -= b[k];
-    s->before[i] = length <= LMOC_EXACT * size ? -1 : length;
+    s->before[i] = lmoc_newton_arrived(length, before, size) ? -1 : length;
     left += s->before[i] >= 0;
   }
   return left > 0 && iteration >= LMOC_ITERATIONS ? -1 : left;

@@ -66,37 +66,27 @@ static double lmoc_taylor_defect(int64_t n, int64_t order, double h, double rtol
   return worst;
 }
 
-/* What keeps the states on the closures of loops (`formulations/landing.py`): `look` follows the matrix of the closures to
-   another place, from the one kept where `first`; `land` moves a state onto them. Both return 0 where that is so. */
-typedef struct {
-  void *own;
-  int (*look)(void *own, double time, const double *x, int first);
-  int (*land)(void *own, double time, double *x);
-  void (*keep)(void *own);
-} lmoc_hold;
-
-enum { LMOC_SHORT = 1, LMOC_LOST = 2, LMOC_DOUBTFUL = 3 };
-
 /* A way of many steps. `next` is the series that begins at `time`, `q` that of the last step, from `before`. */
 typedef struct {
   double time, before, end, longest, length, rtol;
   const double *atol;
   double *q, *next, *x, *between;
-  int64_t made, steps, most, tries;  /* steps on this way so far, in this call, at most in this call; and tried */
+  int64_t steps, most, tries;        /* steps in this call, at most in this call; and tried */
   const double *times;               /* output times ahead … */
-  double *out;                       /* … and the states at them */
-  int64_t outputs, reached;
+  double *out;                       /* … and the states at them, as far as there is room */
+  int64_t outputs, reached, room;
   const lmoc_hold *hold;             /* or 0 */
 } lmoc_way;
 
-/* Whether the closures keep their rank on the way along the series, which is looked at as closely as it takes. */
+/* Whether the way along the series is certainly good, looked at as closely as it takes. */
 static int lmoc_taylor_keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reached, const double *x) {
   const lmoc_hold *hold = s->hold;
-  for (int pieces = 1; pieces <= 16; pieces *= 2) {
+  for (int64_t pieces = 1; pieces <= hold->pieces; pieces *= 2) {
     int lost = 0;
-    for (int i = 1; i < pieces && !lost; i++) {
-      lmoc_taylor_value(y->call->n, y->order, h*i/pieces, s->next, s->between);
-      lost = hold->look(hold->own, s->time + h*i/pieces, s->between, i == 1);
+    for (int64_t i = 1; i < pieces && !lost; i++) {
+      const double part = h * (double)i / (double)pieces;
+      lmoc_taylor_value(y->call->n, y->order, part, s->next, s->between);
+      lost = hold->look(hold->own, s->time + part, s->between, i == 1);
     }
     if (!lost && !hold->look(hold->own, reached, x, pieces == 1)) return 1;
   }
@@ -114,8 +104,8 @@ static int lmoc_taylor_step(const lmoc_taylor *y, lmoc_way *s) {
     s->length = h;
     if (h <= 8e-16 * fabs(reached) || h < 1e-300) return LMOC_SHORT;
     lmoc_taylor_value(n, y->order, h, s->next, s->x);
-    if (s->hold && (s->hold->land(s->hold->own, reached, s->x) || !lmoc_taylor_keeps(y, s, h, reached, s->x)))
-      return LMOC_DOUBTFUL;
+    if (s->hold && s->hold->land && s->hold->land(s->hold->own, reached, s->x)) return LMOC_DOUBTFUL;
+    if (s->hold && !lmoc_taylor_keeps(y, s, h, reached, s->x)) return LMOC_DOUBTFUL;
     const int lost = lmoc_taylor_series(y, reached, s->x, s->q);
     if (!lost && lmoc_taylor_defect(n, y->order, h, s->rtol, s->atol, s->next, s->q) <= LMOC_ALLOWED) {
       double *last = s->next;
@@ -136,28 +126,29 @@ void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h
   for (int64_t k = 0; k < count; k++) lmoc_taylor_value(n, order, h[k], q, x + k*n);
 }
 
-static void lmoc_taylor_output(const lmoc_taylor *y, lmoc_way *s) {
+/* The states at the output times that the last step has reached. Returns whether there was room for them. */
+static int lmoc_taylor_output(const lmoc_taylor *y, lmoc_way *s) {
   const int64_t n = y->call->n;
-  for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++)
+  for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++) {
+    if (s->reached == s->room) return 0;
     lmoc_taylor_value(n, y->order, s->times[s->reached] - s->before, s->q, s->out + s->reached*n);
+  }
+  return 1;
 }
 
-/* Steps with their output: as many as allowed, until the end or until there is no room for more output. Returns what
-   the last step has; `x` is the state at `time`. */
+/* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
+   Returns what that has; `x` is the state at `time`. */
 int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_way *s) {
   const int64_t n = y->call->n;
   int found = 0;
   s->steps = s->tries = s->reached = 0;
-  if (s->made) lmoc_taylor_output(y, s);
-  while (!found && s->steps < s->most && s->time < s->end && (s->reached < s->outputs || !s->outputs)) {
-    if (s->hold && !s->steps && s->hold->look(s->hold->own, s->time, s->x, -1)) return LMOC_DOUBTFUL;
+  while (!found && s->steps < s->most && s->time < s->end) {
     found = lmoc_taylor_step(y, s);
     if (found) break;
     lmoc_mark(y->call);
     if (s->hold) s->hold->keep(s->hold->own);
     s->steps++;
-    s->made++;
-    lmoc_taylor_output(y, s);
+    if (!lmoc_taylor_output(y, s)) break;
   }
   for (int64_t i = 0; i < n; i++) s->x[i] = s->next[i*N_SERIES];
   return found;
