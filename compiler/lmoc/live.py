@@ -24,6 +24,7 @@ from lmoc.numerics.integrate import automatic, choice, dop853
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.one_state import moved
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 
 _AHEAD = 16  # steps for which functions of time are looked at together
-_SAME = 1e-9  # what a variable changes by that does not depend on a state
 
 
 class Scene(Protocol):
@@ -110,17 +110,21 @@ class Live:
             return self._smooth.value(name)
         return self._observed(name, self._end.x)
 
+    @property
+    def _observer(self) -> Observer:
+        return self._smooth.observer if self._smooth is not None else self._run.trajectory.pieces[-1].observer
+
     def _observed(self, name: str, x: np.ndarray) -> float:
-        observer = self._smooth.observer if self._smooth is not None else self._run.trajectory.pieces[-1].observer
-        return float(observer(_variable(self._run.flat, name), np.array([self.time]), x[None])[0, 0])
+        return float(self._observer(_variable(self._run.flat, name), np.array([self.time]), x[None])[0, 0])
 
     def set(self, name: str, value: float) -> None:
-        """Change a state now, or what one state alone determines and is linear in it.
+        """Change a state now, or what one state alone determines.
 
         Raises
         ------
         ModelError
-            E0621: it follows from several states, or from none; the value is not a finite number.
+            E0621: it follows from several states, or from none; no value of its state leads there; the value is not a
+            finite number.
         """
         value = _finite(name, value)
         x = np.array(self._smooth.run.x if self._smooth is not None else self._end.x, float)
@@ -128,26 +132,24 @@ class Live:
         if name in names:
             x[names.index(name)] = value
         else:
-            self._move(x, name, value)
+            x = self._moved(x, name, value)
         if self._smooth is not None:
             self._smooth.run.jump(x)
         else:
             self._end = replace(self._end, x=x, mode=None)  # the laws are judged again there
 
-    def _move(self, x: np.ndarray, name: str, value: float) -> None:
-        """Change the one state that a variable follows."""
-        now, slopes = self._observed(name, x), {}
-        for i, state in enumerate(self._end.states):
-            there = x.copy()
-            there[i] += 1.0
-            slope = self._observed(name, there) - now
-            if abs(slope) > _SAME * max(1.0, abs(now)):
-                slopes[state] = i, slope
-        if len(slopes) != 1:
-            found = f"it follows from {', '.join(slopes)}" if slopes else "it follows from no state"
-            raise ModelError([Diagnostic("E0621", f"'{name}' cannot be set: {found}", hint="set states instead")])
-        ((i, slope),) = slopes.values()
-        x[i] += (value - now) / slope
+    def _moved(self, x: np.ndarray, name: str, value: float) -> np.ndarray:
+        """Return the states after a change of the one that a variable follows from."""
+        found = moved(lambda states: self._observed(name, states), x, value)
+        if found.x is not None:
+            return found.x
+        plan = self._observer.plan
+        states = ", ".join(plan.reduced.register_name(int(plan.states[k])) for k in found.followed)
+        if len(found.followed) == 1:
+            why = f"no value of {states} leads there"
+        else:
+            why = f"it follows from {states or 'no state'}"
+        raise ModelError([Diagnostic("E0621", f"'{name}' cannot be set: {why}", hint="set states instead")])
 
     def copy(self) -> Live:
         """Return another scene in the same state, independent of this one."""

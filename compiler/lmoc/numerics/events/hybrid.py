@@ -298,13 +298,21 @@ class Hybrid:
         except Unsettled as unsettled:
             raise self._unsettled(unsettled, t) from None
         except NotAState as wrong:
-            flat = self.layout.flat
-            name = flat.variable_name(wrong.variable)
-            reason = f"'{name}' is given a new value by reinit, but is no state; states are {self._states()}"
-            raise Stopped(Status.UNSETTLED, reason) from None
+            raise Stopped(Status.UNSETTLED, self._cannot_be_set(wrong)) from None
 
-    def _states(self) -> str:
-        return ", ".join(self.layout.plan.reduced.state_names)
+    def _cannot_be_set(self, wrong: NotAState) -> str:
+        """Return why a `reinit` has failed, with its line."""
+        layout, names = self.layout, self.layout.plan.reduced.state_names
+        name = layout.flat.variable_name(wrong.variable)
+        span = next(r.span for r in layout.events.reinits if wrong.variable in r.target)
+        followed = [names[k] for k in wrong.followed.tolist()]
+        if len(followed) == 1:
+            why = f"no value of the state {followed[0]} leads there"
+        elif followed:
+            why = f"it follows from {len(followed)} states: {', '.join(followed)}"
+        else:
+            why = f"it follows from no state; states are {', '.join(names)}" if names else "there are no states"
+        return f"'{name}' cannot be given a new value by reinit ({span.source.name}, line {span.line}): {why}"
 
     # --------------------------------------------------------------------- what is reported
 

@@ -15,6 +15,7 @@ from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import EventLayout
+from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
@@ -36,11 +37,17 @@ class Unsettled(Exception):
 
 
 class NotAState(Exception):
-    """A `reinit` of a variable that is not one state up to a factor and an offset; `variable` says which."""
+    """A `reinit` of a variable that does not follow from one state alone, or not so far.
 
-    def __init__(self, variable: int) -> None:
+    Attributes
+    ----------
+    variable : which
+    followed : (k,) indices of the states that it follows from
+    """
+
+    def __init__(self, variable: int, followed: np.ndarray) -> None:
         super().__init__()
-        self.variable = variable
+        self.variable, self.followed = variable, followed
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +234,7 @@ class Machine:
         return moved
 
     def _set(self, t: float, x: np.ndarray, moved: np.ndarray, variable: int, wanted: float) -> None:
-        """Change the state that a variable is, up to a factor and an offset."""
+        """Change the state that a variable is, or the one that it follows from."""
         plan = self.layout.plan
         at = np.flatnonzero(plan.states == plan.reduced.register_of[variable])
         if len(at):
@@ -235,17 +242,12 @@ class Machine:
             return
         k = int(np.searchsorted(self.layout.seen, variable))
         if k == len(self.layout.seen) or self.layout.seen[k] != variable:
-            raise NotAState(variable)
-        here = float(self.layout.values(t, x)[k])
-        slopes = np.zeros(len(x))
-        for j in range(len(x)):
-            aside = x.copy()
-            aside[j] += 1.0
-            slopes[j] = self.layout.values(t, aside)[k] - here
-        own = np.flatnonzero(np.abs(slopes) > 1e-12 * np.abs(slopes).max(initial=0.0))
-        if len(own) != 1:
-            raise NotAState(variable)
-        moved[own[0]] = x[own[0]] + (wanted - here) / slopes[own[0]]
+            raise NotAState(variable, np.zeros(0, int))
+        found = moved_to(lambda states: float(self.layout.values(t, states)[k]), x, wanted)
+        if found.x is None:
+            raise NotAState(variable, found.followed)
+        own = found.followed[0]
+        moved[own] = found.x[own]
 
     # ---------------------------------------------------------------------------- roots
 

@@ -1,0 +1,86 @@
+"""Changing a variable through the one state that it follows from: `reinit`, and values set from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.support.records import dataclass
+
+Array = NDArray[np.float64]
+
+_ASIDE = 1e-4  # change of a state, of its size, by which it is seen what follows it
+_FOLLOWS = 1e-9  # share of the largest change that counts as one, and not as what solved equations leave
+_MISSED = 1e-9, 1e-12  # share of the value, or of those on the way, by which rounding may let it be missed
+_ROUNDS, _HALVINGS = 60, 40
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """A state vector in which a variable has another value.
+
+    Attributes
+    ----------
+    x : (n,) None where there is none: the variable follows from no state, from several, or does not reach the value
+    followed : (k,) indices of the states that it follows from
+    """
+
+    x: Array | None
+    followed: NDArray[np.int64]
+
+
+@np.errstate(all="ignore")
+def moved(value: Callable[[Array], float], x: Array, wanted: float) -> Moved:
+    """Return the states with which a variable has a value, by a change of the one state that it follows from.
+
+    Newton's method with steps that are halved until they bring the value closer.
+
+    Parameters
+    ----------
+    value : of the variable, from the states (n,)
+    x : (n,) the present states
+    """
+    here = value(x)
+    aside = _aside(x)
+    change = np.array([value(_with(x, j, aside[j])) - here for j in range(len(x))])
+    lost = ~np.isfinite(change)
+    followed = np.flatnonzero(lost | (np.abs(change) > _FOLLOWS * np.abs(change[~lost]).max(initial=0.0)))
+    if len(followed) != 1 or not np.isfinite(here):
+        return Moved(None, followed)
+    j = int(followed[0])
+
+    def gap(state: float) -> float:
+        return value(_with(x, j, state)) - wanted
+
+    now, missed = x[j], here - wanted
+    for _ in range(_ROUNDS):
+        beside = _aside(now)
+        closer = _closer(gap, now, -missed * (beside - now) / (gap(beside) - missed), missed)
+        if closer is None:
+            break
+        now, missed = closer
+    if not abs(missed) <= max(_MISSED[0] * abs(wanted), _MISSED[1] * abs(here)):
+        return Moved(None, followed)
+    return Moved(_with(x, j, now), followed)
+
+
+def _closer(gap: Callable[[float], float], now: float, step: float, missed: float) -> tuple[float, float] | None:
+    """Return a state, and the gap there, on the way of a step and closer than `missed`; None where there is none."""
+    for _ in range(_HALVINGS):
+        left = gap(now + step)
+        if abs(left) < abs(missed):
+            return now + step, left
+        step /= 2
+    return None
+
+
+def _aside(x: Array) -> Array:
+    return np.where(x == 0.0, _ASIDE, x * (1.0 + _ASIDE))
+
+
+def _with(x: Array, j: int, value: float) -> Array:
+    changed = x.copy()
+    changed[j] = value
+    return changed
