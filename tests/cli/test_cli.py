@@ -299,3 +299,37 @@ def test_fmt_rewrites_and_checks(lmoc, tmp_path):
 def test_the_models_of_the_repository_are_in_the_standard_layout(lmoc):
     files = [*ROOT.glob("models/*/*.lmo"), *ROOT.glob("stdlib/*.lmo")]
     assert lmoc("fmt", "--check", *files) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--show", "body.qq"], "there is no variable 'body.qq'"),
+        (["--keep", "x", "--show", "spring.f"], "'spring.f' cannot be drawn: of this run only x are kept"),
+        (["--show", "body.qq", "--set", "spring.k=10:10:30"], "there is no variable 'body.qq'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_before_time_is_spent(lmoc, scene, tmp_path, options, words):
+    code, _, err = lmoc("run", scene, *options, "--plot", tmp_path / "a.png", "-o", tmp_path / "a.csv")
+    assert code == 2 and words in err
+    assert not list(tmp_path.glob("a.*"))
+
+
+def test_what_is_kept_is_drawn(lmoc, scene, tmp_path):
+    options = ["--keep", "x", "--stop", 1, "--points", 11]
+    assert lmoc("run", scene, *options, "--show", "x", "--plot", tmp_path / "a.png")[0] == 0
+    code, _, err = lmoc("run", scene, *options, "--phase", tmp_path / "b.png")
+    assert code == 2 and "--show" in err
+
+
+@pytest.mark.parametrize(
+    "given, hint",
+    [
+        ("{}.start=1", "--init {}=1"),
+        ("{}.fixed=true", "'fixed' is an attribute: it is set in the model"),
+        ("{}.stateSelect=1", "'stateSelect' is an attribute"),
+    ],
+)
+def test_attributes_are_no_parameters(lmoc, scene, given, hint):
+    code, _, err = lmoc("run", scene, "--set", given.format("x"))
+    assert code == 2 and "the model has no parameter" in err and hint.format("x") in err

@@ -70,8 +70,9 @@ def test_straight_tables_are_a_spring_and_a_damper():
 def test_tables_that_are_none(rows, words):
     scene = f"""model M Fixed w; TableSpring s(table = {rows}); Mass m(m = 1);
         equation connect(w.flange, s.a); connect(s.b, m.flange); end M;"""
-    with pytest.raises(lmoc.ModelError, match=words):
+    with pytest.raises(lmoc.ModelError, match=f"s: .*{words}") as caught:
         lmoc.compile_text(scene).simulate()
+    assert caught.value.diagnostics[-1].span.text.startswith("TableSpring s(")  # in the user's text
 
 
 HALF_CAR = """

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +45,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if values:
         return _study(arguments, values)
     try:
-        run = simulate(arguments)
+        run = simulate(arguments, check=partial(_found, arguments=arguments))
     except (SimulationError, RunInterrupted) as failure:
         return _failed(failure, arguments)
     _tell(run, arguments)
@@ -59,7 +60,7 @@ def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]
     if arguments.output is not None and arguments.output.suffix.lower() != ".csv":
         hint = "-o study.csv"
         raise UsageError([Diagnostic("E0624", "the table of several runs is written as .csv alone", hint=hint)])
-    found = sweep(arguments, values)
+    found = sweep(arguments, values, partial(_found, arguments=arguments))
     table = found.to_dataframe()
     written = []
     if arguments.output is not None:
@@ -70,7 +71,7 @@ def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]
             raise UsageError([Diagnostic("E0623", message)]) from None
         written.append(f"table written to {arguments.output}")
     if arguments.plot is not None:
-        found.plot(_found(found.runs[0].flat, _names(arguments)), path=arguments.plot, units=arguments.units)
+        found.plot(_names(arguments), path=arguments.plot, units=arguments.units)
         written.append(f"picture written to {arguments.plot}")
     if arguments.root_locus is not None:
         found.root_locus(arguments.root_locus)
@@ -110,6 +111,9 @@ def _check_pictures(arguments: argparse.Namespace) -> None:
         hint = "--set k=10:10:50" if option == "--root-locus" else None
         raise UsageError([Diagnostic("E0620", f"{option} is for {expected}", hint=hint)])
     names = _names(arguments)
+    if arguments.phase is not None and names is None and arguments.keep is not None:
+        message = "--phase draws the states where nothing else is said, and --keep may drop them"
+        raise UsageError([Diagnostic("E0620", message, hint="--phase phase.svg --show body.q,body.v")])
     if arguments.phase is not None and names is not None and len(names) != 2:
         message = f"--phase draws one variable over another, not {len(names)}"
         raise UsageError([Diagnostic("E0620", message, hint="--phase phase.svg --show body.q,body.v")])
@@ -149,7 +153,7 @@ def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:
     written = []
     if arguments.output is not None:
         written.append(("result", run.save(arguments.output)))
-    names = _found(run.flat, _names(arguments))
+    names = _names(arguments)
     if arguments.plot is not None:
         run.plot(names, path=arguments.plot, units=arguments.units)
         written.append(("picture", arguments.plot))
@@ -164,13 +168,18 @@ def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:
     return written
 
 
-def _found(flat: FlatDAE, names: list[str] | None) -> list[str] | None:
-    """Return the names, all of which the model has."""
-    for name in names or ():
+def _found(flat: FlatDAE, arguments: argparse.Namespace) -> None:
+    """Refuse variables to draw that the model does not have, or that the run does not keep."""
+    from lmoc.numerics.observe.recorder import is_kept
+
+    keep = arguments.keep
+    for name in _names(arguments) or ():
         if flat.find(name) is None:
             hint = nearest(name, [block.pattern for block in flat.blocks]) or None
             raise UsageError([Diagnostic("E0622", f"there is no variable '{name}'", hint=hint)])
-    return names
+        if keep is not None and not is_kept(flat, name, keep):
+            message = f"'{name}' cannot be drawn: of this run only {', '.join(keep)} are kept"
+            raise UsageError([Diagnostic("E0622", message, hint=f"--keep {name}")])
 
 
 def _names(arguments: argparse.Namespace) -> list[str] | None:

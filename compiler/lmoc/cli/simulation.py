@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from lmoc.cli.arguments import (
@@ -18,6 +18,7 @@ from lmoc.cli.arguments import (
 )
 
 if TYPE_CHECKING:
+    from lmoc.ir.flat import FlatDAE
     from lmoc.run import Run
     from lmoc.studies.sweep import Sweep
 
@@ -50,19 +51,24 @@ def check_formulation(arguments: argparse.Namespace) -> None:
     checked_formulation(arguments.formulation, arguments.solver)
 
 
-def simulate(arguments: argparse.Namespace, assumptions: bool = False) -> Run:
+def simulate(
+    arguments: argparse.Namespace, assumptions: bool = False, check: Callable[[FlatDAE], object] | None = None
+) -> Run:
     """Compile and run the scene, with progress shown unless quiet.
 
     Parameters
     ----------
     assumptions : those that the reduction makes of the parameters are needed; one that an earlier process has kept has
         the values in their place
+    check : called with the compiled scene before it is run, to refuse what cannot be done with its result
     """
     from lmoc.cli.progress import Progress
     from lmoc.cli.scene import compiled, recalled_or_compiled
 
     with Progress(not arguments.quiet) as progress:
         dae = (compiled if assumptions else recalled_or_compiled)(arguments, progress)
+        if check is not None:
+            check(dae.flat)
         return dae.simulate(**options_of(arguments), listener=progress.stage, progress=progress.reached)
 
 
@@ -91,11 +97,14 @@ def ranges_of(arguments: argparse.Namespace) -> dict[str, tuple[float, ...]]:
     return found
 
 
-def sweep(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]]) -> Sweep:
-    """Compile the scene once and run it for several values of parameters."""
+def sweep(
+    arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]], check: Callable[[FlatDAE], object]
+) -> Sweep:
+    """Compile the scene once and run it for several values of parameters; `check` as of `simulate`."""
     from lmoc.cli.progress import Progress
     from lmoc.cli.scene import recalled_or_compiled
 
     with Progress(not arguments.quiet) as progress:
         dae = recalled_or_compiled(arguments, progress)
+        check(dae.flat)
         return dae.sweep(values, options=options_of(arguments) | {"progress": progress.reached})

@@ -129,8 +129,10 @@ class Cost:
         counts = {"evaluations": system.evaluations} | outcome.counts
         system.evaluations = 0
         stats |= {key: stats.get(key, 0) + value for key, value in counts.items()}
-        used = [*filter(None, str(stats["solver"]).split(", ")), *solver.split(", ")]
-        stats["solver"] = ", ".join(dict.fromkeys(used))
+        used = dict.fromkeys([*filter(None, str(stats["solver"]).split(", ")), *solver.split(", ")])
+        if len(used) > 1:
+            used.pop("none", None)  # a piece without extent or states, beside others
+        stats["solver"] = ", ".join(used)
         stats["reason"] = stats["reason"] or reason
         stats["evaluation"] = outcome.evaluation or stats.get("evaluation") or system.description
         stats["matrix"] = outcome.matrix or stats.get("matrix", "")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.messages.diagnostics import Report
+from lmoc.ir.flat import Check, FlatDAE, Kind
+from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.ranges import over_range
 
 _SHOWN = 4  # at most this many values are shown
@@ -30,7 +30,17 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
         if len(broken):
             named = dict.fromkeys(int(i) for i in check.slots[broken[0]] if flat.kind[i] == Kind.PARAMETER)
             found = ", ".join(f"{flat.variable_name(i)} = {values[i]:g}" for i in list(named)[:_SHOWN])
-            report.error("E0551", check.message, check.span, found=found)
+            _report_broken(flat, check, int(broken[0]), found, report)
+
+
+def _report_broken(flat: FlatDAE, check: Check, row: int, found: str, report: Report) -> None:
+    """Report an assertion: of a part, where the part is declared."""
+    part = flat.parts[check.part]
+    if not check.part or part.span is None or check.span is None:
+        report.error("E0551", check.message, check.span, found=found)
+        return
+    message = f"{part.element(row, len(check.slots))}: {check.message}"
+    report.error("E0551", message, part.span, found=found, labels=(Label(check.span, "required here"),))
 
 
 def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:

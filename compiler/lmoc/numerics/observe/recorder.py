@@ -90,6 +90,13 @@ def kept_variables(flat: FlatDAE, keep: Sequence[str], energy: bool) -> np.ndarr
     return distinct(np.concatenate([*(find(flat, name) for name in keep), *judged, np.zeros(0, int)]))
 
 
+def is_kept(flat: FlatDAE, name: str, keep: Sequence[str]) -> bool:
+    """Return whether a variable of the model can be read from a run that keeps these."""
+    variables = find(flat, name)
+    kept = kept_variables(flat, [known for known in keep if flat.find(known) is not None], energy=True)
+    return bool(((flat.kind[variables] < Kind.INPUT) | np.isin(variables, kept)).all())
+
+
 def _is_same(time: float, event: float) -> bool:
     """Return whether an output time is that of an event."""
     return 0 <= event - time <= _SAME * abs(event)

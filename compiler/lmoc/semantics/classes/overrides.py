@@ -13,7 +13,7 @@ from lmoc.ir.names import hint_among
 from lmoc.ir.paths import parse_name
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.semantics.classes.modification import given
-from lmoc.semantics.instances.instance import Broken, Instance, Modifier, Variable
+from lmoc.semantics.instances.instance import ATTRIBUTES, Broken, Instance, Modifier, Variable
 
 Path = tuple[str, ...]
 
@@ -75,7 +75,8 @@ class Overrides:
             if isinstance(found, Broken):
                 continue  # it has been said what is wrong with it
             if not isinstance(found, Variable):
-                hint = hint_among(dict(zip(labels, labels, strict=True)), ".".join(path))
+                hint = self._attribute_hint(root, path)
+                hint = hint or hint_among(dict(zip(labels, labels, strict=True)), ".".join(path))
                 report.error("E0622", f"the model has no parameter '{name}'", hint=hint)
             elif found.kind != Kind.PARAMETER:
                 span = root.children[path[0]].name_span  # in the user's text; its own may be the library's
@@ -89,6 +90,16 @@ class Overrides:
                     self._check_type(name, found, value, report)
                     if element_positions(found, subscripts) is None:
                         report.error("E0215", f"there is no '{name}'", found.span, expected=str(list(found.total)))
+
+    def _attribute_hint(self, root: Instance, path: Path) -> str:
+        """Return what to do instead of setting an attribute; empty where the name is none of a variable."""
+        variable = _walk(root, path[:-1])
+        if not isinstance(variable, Variable) or path[-1] not in ATTRIBUTES:
+            return ""
+        if path[-1] == "start" and variable.kind == Kind.UNKNOWN:
+            name = self._names[path]
+            return _other_way(name.removesuffix(".start"), variable, {name.removesuffix(".start"): self.given[name]})
+        return f"'{path[-1]}' is an attribute: it is set in the model, {variable.label}({path[-1]} = …)"
 
     def _check_type(self, name: str, found: Variable, value: np.ndarray, report: Report) -> None:
         expected = other_type(found.type.name, value)

@@ -162,6 +162,8 @@ def _numbers_row(variable: Variable, binding: Binding) -> tuple[np.ndarray, dag.
 
 def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str, binding: Binding) -> None:
     span = binding_span(binding)
+    if binding.scope is None:
+        return  # from outside, where only parameters are given values: it is reported with these
     if name in ("min", "max") and variable.kind == Kind.PARAMETER:
         _limit(model, drafts, variable, name, binding)
     elif name == "fixed" and variable.kind == Kind.PARAMETER:

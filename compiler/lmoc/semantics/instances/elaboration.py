@@ -21,6 +21,7 @@ from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.subtype import check_subtype
 from lmoc.semantics.instances.instance import (
+    ATTRIBUTES,
     NOTHING,
     Absent,
     Binding,
@@ -39,7 +40,6 @@ from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Budget, Exhausted, Wrong, check_size
 from lmoc.syntax import tree
 
-ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
 PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})
 
 

@@ -20,6 +20,8 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
+ATTRIBUTES = frozenset("start fixed nominal min max unit displayUnit quantity stateSelect unbounded".split())
+
 
 @dataclass(frozen=True, slots=True)
 class Binding:
