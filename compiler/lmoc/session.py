@@ -224,6 +224,18 @@ class Session:
             self._formulated[key] = minimal, pipeline.reduce_with_loops(minimal, self.scene.states, wanted.gain, clock)
         return replace(prepared, reduced=self._formulated[key][1], minimal=minimal)
 
+    def released(self, prepared: Prepared) -> Reduced:
+        """Return the reduction with all coordinates of closed loops as states.
+
+        Raises
+        ------
+        ModelError
+            E0626: not all of them can be states.
+        """
+        from lmoc.numerics.formulations.table import TABLE, Requested
+
+        return self.formulated(prepared, Requested(TABLE["index1"]), Clock()).reduced
+
     def equations_of_loops(self, prepared: Prepared) -> EquationsOfMotion:
         """Return the equations of motion of a scene with closed loops, in minimal coordinates where these are short.
 
@@ -232,17 +244,16 @@ class Session:
         ModelError
             E0660: there are none that could be read.
         """
-        from lmoc.numerics.formulations.table import TABLE, Requested
         from lmoc.symbolic.equations import equations_of_motion, equations_with_closures
 
         try:
             return equations_of_motion(prepared.reduced, prepared.values)
         except ModelError as refused:
             try:
-                released = self.formulated(prepared, Requested(TABLE["index1"]), Clock())
+                released = self.released(prepared)
             except ModelError:  # not all coordinates of the loops can be states
                 raise refused from None
-            found = equations_with_closures(released.reduced, prepared.values)
+            found = equations_with_closures(released, prepared.values)
             if found is None:
                 raise
             return found

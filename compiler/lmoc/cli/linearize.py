@@ -94,6 +94,8 @@ def _write(model: LinearModel, name: str, arguments: argparse.Namespace) -> None
 
 
 def _about(model: LinearModel) -> str:
+    if model.loops is not None:
+        return "about the state of rest below"
     if model.symbolic:
         values = [f"{n} = {v}" for n, v in model.point.items() if v != 0 and str(v) != n]
         return f"about {', '.join(values)}" if values else "in symbols"
@@ -162,18 +164,22 @@ def _modes(model: LinearModel) -> str:
 def _symbols(model: LinearModel) -> str:
     from lmoc.symbolic.notation import Notation
 
+    loops = model.loops
+    model = model.short or model
     named = [("A", model.A, 0), *(("B", m, k) for k, m in enumerate(model.Bs))]
     named += [("C", model.C, 0), *(("D", m, k) for k, m in enumerate(model.Ds))]
     named = [(title, m, k) for title, m, k in named if m.rows and m.cols and (k == 0 or any(m))]
     entries = [e for _, m, _ in named for e in m]
-    notation = Notation.of(*entries, names=(*model.states, *model.inputs, *model.outputs))
+    shown = (*model.states, *model.inputs, *model.outputs)
+    notation = Notation.of(*entries, names=shown) if loops is None else loops.notation(*entries, names=shown)
     parts = []
     for title, m, k in named:
         rows = model.states if title in "AB" else model.outputs
         columns = model.states if title in "AC" else ["der(" * k + u + ")" * k for u in model.inputs]
         body = [[notation.name(r), *(notation.text(m[i, j]) for j in range(m.cols))] for i, r in enumerate(rows)]
         parts.append(table(body, [f"{title}{k or ''}", *(notation.name(c) for c in columns)]))
-    return "\n".join(["\n\n".join(parts), *notation.legend()])
+    explained = [] if loops is None else ["", *loops.lines(notation)]
+    return "\n".join(["\n\n".join(parts), *explained, *notation.legend()])
 
 
 def as_data(model: LinearModel) -> dict:
@@ -187,6 +193,12 @@ def as_data(model: LinearModel) -> dict:
     data = {"states": list(model.states), "inputs": list(model.inputs), "outputs": list(model.outputs)}
     data |= {k: shown(getattr(model, k)) for k in ("A", "B", "C", "D", "Bd", "Dd")}
     data |= {"B_by_order": [shown(m) for m in model.Bs], "D_by_order": [shown(m) for m in model.Ds]}
+    if model.loops is not None:
+        data["loops"] = {
+            "closures": [str(g) for g in model.loops.closures],
+            "balance": [str(e) for e in model.loops.balance],
+            "numbers": {s.name: v for s, v in model.loops.numbers.items() if s not in model.loops.shorthand},
+        }
     data["point"] = {name: str(v) if model.symbolic else float(v) for name, v in model.point.items()}
     if not model.symbolic:
         data["eigenvalues"] = [[v.real, v.imag] for v in model.eigenvalues.tolist()]

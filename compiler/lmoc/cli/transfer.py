@@ -62,22 +62,25 @@ def lines(found: TransferFunction) -> list[str]:
     """Everything in words."""
     from lmoc.symbolic.styles import UNICODE
 
-    notation = _notation(found)
+    notation, shown = _notation(found), found.short or found
     u, y = notation.name(found.input), notation.name(found.output)
-    quotient = notation.quotient(found.numerator, found.denominator, "s")
-    equation = found.input_output_equation.write(notation, UNICODE)
+    quotient = notation.quotient(shown.numerator, shown.denominator, "s")
+    equation = shown.input_output_equation.write(notation, UNICODE)
     lines = [f"{y}/{u} = {quotient}", "", f"{equation}    (p = d/dt)"]
-    if found.point:
+    if found.loops is not None:
+        lines = ["linear about the state of rest below", "", *lines]
+    elif found.point:
         place = ", ".join(f"{notation.name(n)} = {notation.text(v)}" for n, v in found.point.items())
         lines = [f"linear about {place}", "", *lines]
-    if found.cancelled:
-        factors = ", ".join(notation.polynomial(f, "s") for f in found.cancelled)
+    if shown.cancelled:
+        factors = ", ".join(notation.polynomial(f, "s") for f in shown.cancelled)
         lines += ["", f"cancelled: {factors}  (not seen in {y}, or not moved by {u})"]
     try:
         lines += ["", *_numbers(found)]
     except ModelError as error:
         lines += ["", error.diagnostics[0].message]
-    return lines + notation.legend()
+    explained = [] if found.loops is None else ["", *found.loops.lines(notation)]
+    return [*lines, *explained, *notation.legend()]
 
 
 def _numbers(found: TransferFunction) -> list[str]:
@@ -93,16 +96,18 @@ def _notation(found: TransferFunction) -> Notation:
     from lmoc.symbolic.notation import Notation
 
     names = (found.output, found.input, *found.point)
+    if found.loops is not None:
+        return found.loops.notation(found.short.numerator, found.short.denominator, names=names)
     return Notation.of(found.numerator, found.denominator, *found.point.values(), names=names)
 
 
 def latex(found: TransferFunction) -> str:
     from lmoc.symbolic.styles import LATEX
 
-    notation = _notation(found)
+    notation, shown = _notation(found), found.short or found
     u, y = notation.name(found.input, LATEX), notation.name(found.output, LATEX)
-    quotient = notation.quotient(found.numerator, found.denominator, "s", LATEX)
-    equation = found.input_output_equation.write(notation, LATEX).replace(" = ", " &= ", 1)
+    quotient = notation.quotient(shown.numerator, shown.denominator, "s", LATEX)
+    equation = shown.input_output_equation.write(notation, LATEX).replace(" = ", " &= ", 1)
     return f"\\begin{{align*}}\n  \\frac{{{y}}}{{{u}}} &= {quotient} \\\\\n  {equation}\n\\end{{align*}}"
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import read
 from lmoc.ir.reduced import Invariants, Reduced
 from lmoc.support.records import dataclass
@@ -39,12 +40,16 @@ class Closed:
     motion : with the multipliers in its residuals
     closures : vanish along the motion
     multipliers : one for each closure
+    power : the residuals without the multipliers
+    interpreter : of the reduction that they come from
     """
 
     motion: Motion
     outline: Outline
     closures: tuple[sympy.Expr, ...]
     multipliers: tuple[sympy.Symbol, ...]
+    power: tuple[sympy.Expr, ...]
+    interpreter: Interpreter
 
 
 def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
@@ -76,12 +81,22 @@ def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
     inertia = [[slope(p, a) for a in highest] for p in left]
     if place.others or not _complete(left, rows, inertia, Trial(interpreter, values, place)):
         return None
-    multipliers = tuple(sp.Symbol(f"lambda{k + 1}" if len(closures) > 1 else "lambda") for k in range(len(closures)))
+    multipliers = numbered("lambda", len(closures), reduced.flat)
     residuals = tuple(
         p - sp.Add(*(m * row[i] for m, row in zip(multipliers, rows, strict=True))) for i, p in enumerate(left)
     )
     motion = Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, {}, True)
-    return Closed(motion, outline, closures, multipliers)
+    return Closed(motion, outline, closures, multipliers, tuple(left), interpreter)
+
+
+def numbered(letter: str, count: int, flat: FlatDAE) -> tuple[sympy.Symbol, ...]:
+    """Return symbols ``lambda1, lambda2, …``, or one ``lambda``, none of which is a variable of the model."""
+    import sympy as sp
+
+    names = [f"{letter}{k + 1}" for k in range(count)] if count > 1 else [letter] * count
+    if any(flat.find(name) is not None for name in names):
+        return numbered(f"{letter}_", count, flat)
+    return tuple(sp.Symbol(name) for name in names)
 
 
 def _closures(interpreter: Interpreter, own: Invariants) -> tuple[sympy.Expr, ...]:
@@ -89,7 +104,8 @@ def _closures(interpreter: Interpreter, own: Invariants) -> tuple[sympy.Expr, ..
 
     interpreter.fill(np.unique(np.concatenate([read(step) for step in own.program])).tolist())
     interpreter.run(own.program, again=False)
-    return tuple(sp.expand(interpreter.w[int(r)]) for r in own.lower[1])
+    found = (sp.expand(interpreter.w[int(r)]) for r in own.lower[1])
+    return tuple(-g if all(t.could_extract_minus_sign() for t in sp.Add.make_args(g)) else g for g in found)
 
 
 class _Place:

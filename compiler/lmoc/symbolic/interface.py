@@ -5,7 +5,7 @@ Symbols are plain ``sympy.Symbol("dotted.name")``; an input's derivative is ``Sy
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from lmoc.symbolic import places
 from lmoc.symbolic.places import Moment, Point
 from lmoc.symbolic.system import SymbolicSystem, refuse, symbolic_system
 from lmoc.symbolic.too_long import NoSymbolsError
-from lmoc.symbolic.values import read_values
+from lmoc.symbolic.values import exactly, read_values
 
 if TYPE_CHECKING:
     import sympy
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from lmoc.symbolic.linearize import LinearModel
     from lmoc.symbolic.numeric import NumericSystem
     from lmoc.symbolic.transfer import TransferFunction
+
+Released = Callable[[Prepared], Reduced]
 
 
 def symbolic(prepared: Prepared, variables: str | Sequence[str] = ()) -> SymbolicSystem:
@@ -79,6 +81,7 @@ def linearize(
     symbolic: bool = False,
     inputs: Point | None = None,
     outputs: str | Sequence[str] | None = None,
+    released: Released | None = None,
 ) -> LinearModel:
     """Return the linear model A, B, C, D.
 
@@ -88,6 +91,7 @@ def linearize(
     symbolic : matrices in symbols; otherwise in numbers, for a scene of any size
     inputs : constant values of the inputs at the equilibrium, {name: value}
     outputs : names of variables; by default the scene's outputs, else its states
+    released : gives the reduction in all coordinates of closed loops, for those in symbols
 
     Raises
     ------
@@ -102,7 +106,7 @@ def linearize(
     for name in outputs or ():
         check_output(reduced, name)
     if symbolic:
-        return _linearize_in_symbols(prepared, at, inputs or {}, outputs)
+        return _linearize_in_symbols(prepared, at, inputs or {}, outputs, released)
     shown = list(outputs if outputs is not None else prepared.outputs or reduced.state_names)
     system = NumericSystem(reduced, values, [variable(reduced, name) for name in shown])
     point = _numeric_point(prepared, system, at, inputs or {})
@@ -130,19 +134,46 @@ def _numeric_point(prepared: Prepared, system: NumericSystem, at: Moment | Point
 
 
 def _linearize_in_symbols(
-    prepared: Prepared, at: Moment | Point | None, inputs: Point, outputs: tuple[str, ...] | None
+    prepared: Prepared,
+    at: Moment | Point | None,
+    inputs: Point,
+    outputs: tuple[str, ...] | None,
+    released: Released | None,
 ) -> LinearModel:
     from lmoc.symbolic.linearize import linearize
 
     if isinstance(at, Moment):
         raise places.no_place("a point of a run has numbers: a model in symbols needs an equilibrium or names")
-    system = symbolic_system(prepared.reduced, prepared.values, outputs or ())
+    try:
+        system = symbolic_system(prepared.reduced, prepared.values, outputs or ())
+    except NoSymbolsError:
+        if released is None or prepared.reduced.invariants is None:
+            raise
+        return _linearize_loops(prepared, at, inputs, outputs, released)
     if outputs is not None:
         system = replace(system, outputs={name: system.variables[name] for name in outputs})
     return linearize(system, symbolic_point(prepared, system, at, inputs), symbolic=True)
 
 
-def transfer_function(prepared: Prepared, u: str, y: str, at: Moment | Point | None = None) -> TransferFunction:
+def _linearize_loops(
+    prepared: Prepared, at: Point | None, inputs: Point, outputs: tuple[str, ...] | None, released: Released
+) -> LinearModel:
+    """Return the linear model of closed loops in symbols; without a place, about the one equilibrium there is."""
+    from lmoc.symbolic.loops import linearize_loops
+
+    given = places.with_inputs(at, inputs)
+    states = prepared.reduced.state_names
+    places.check_names(given, (*states, *prepared.inputs))
+    if at is None:
+        given = places.with_inputs(places.only(equilibria(prepared, dict.fromkeys(prepared.inputs, 0) | given)), given)
+    point = dict.fromkeys((*states, *prepared.inputs), exactly(0)) | read_values(given, prepared.flat)
+    shown = list(outputs if outputs is not None else prepared.outputs or states)
+    return linearize_loops(prepared, released(prepared), point, shown)
+
+
+def transfer_function(
+    prepared: Prepared, u: str, y: str, at: Moment | Point | None = None, released: Released | None = None
+) -> TransferFunction:
     """Return the transfer function from an input to any variable, a rational expression in ``Symbol("s")``.
 
     Where a scene has no equations in closed form, or they grow long, its coefficients are numbers.
@@ -151,6 +182,7 @@ def transfer_function(prepared: Prepared, u: str, y: str, at: Moment | Point | N
     ----------
     u, y : names of a top-level input and of a variable
     at : where a nonlinear scene is taken; zero where nothing is given. By default its equilibrium without inputs.
+    released : as of `linearize`
 
     Raises
     ------
@@ -172,7 +204,23 @@ def transfer_function(prepared: Prepared, u: str, y: str, at: Moment | Point | N
         model = linearize_in_symbols(system, symbolic_point(prepared, system, at, {}), symbolic=True)
         return transfer_function(model, u, y, system.values)
     except NoSymbolsError:
-        return transfer_function_of_numbers(linearize(prepared, at, outputs=y), u, y)
+        return _of_loops(prepared, u, y, at, released) or transfer_function_of_numbers(
+            linearize(prepared, at, outputs=y), u, y
+        )
+
+
+def _of_loops(
+    prepared: Prepared, u: str, y: str, at: Point | None, released: Released | None
+) -> TransferFunction | None:
+    """Return the transfer function of closed loops in symbols; None where there is none that could be read."""
+    from lmoc.symbolic.transfer import transfer_function_of_loops
+
+    if released is None or prepared.reduced.invariants is None:
+        return None
+    try:
+        return transfer_function_of_loops(_linearize_loops(prepared, at, {}, (y,), released), u, y)
+    except NoSymbolsError:
+        return None
 
 
 def check_output(reduced: Reduced, name: str) -> None:

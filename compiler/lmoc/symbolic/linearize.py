@@ -29,6 +29,8 @@ from lmoc.symbolic.values import exactly, no_value
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.symbolic.loops_at_rest import LoopsAtRest
+
 Matrix = Any  # numpy array or sympy Matrix
 
 
@@ -49,6 +51,10 @@ class LinearModel:
         Derivatives of the states at the point: zero at an equilibrium.
     output_values : (p,)
         Outputs at the point.
+    loops : LoopsAtRest | None
+        In symbols, where closed loops have no solution in closed form.
+    short : LinearModel | None
+        With `loops`: the same with its abbreviations as symbols.
     """
 
     states: list[str]
@@ -63,6 +69,8 @@ class LinearModel:
     output_values: Matrix
     coordinates: tuple[tuple[int, int], ...] = ()
     time: float | None = None  # s, where time itself appears in the equations
+    loops: LoopsAtRest | None = None
+    short: LinearModel | None = None
 
     @property
     def symbolic(self) -> bool:
@@ -155,7 +163,8 @@ class LinearModel:
             Bs[k - 1] = self._clean(Bs[k - 1] + self.A @ Bs[k])
             Ds[k - 1] = self._clean(Ds[k - 1] + self.C @ Bs[k])
             Bs[k] = Bs[k] * 0
-        return replace(self, Bs=tuple(Bs), Ds=tuple(Ds))
+        short = None if self.short is None else self.short.realization()
+        return replace(self, Bs=tuple(Bs), Ds=tuple(Ds), short=short)
 
     def _clean(self, matrix: Matrix) -> Matrix:
         return matrix.applyfunc(cancelled) if self.symbolic else matrix
@@ -222,10 +231,11 @@ class LinearModel:
         title = repr(self).strip("<>")
         if max(len(self.states), len(self.inputs), len(self.outputs)) > MOST_SHOWN:
             return matrices_html(title, ())
-        named = [("A", self.A, self.states, self.states)]
-        named += [(f"B{k or ''}", B, self.states, self._jets(k)) for k, B in enumerate(self.Bs)]
-        named += [("C", self.C, self.outputs, self.states)]
-        named += [(f"D{k or ''}", D, self.outputs, self._jets(k)) for k, D in enumerate(self.Ds)]
+        shown = self.short or self
+        named = [("A", shown.A, self.states, self.states)]
+        named += [(f"B{k or ''}", B, self.states, self._jets(k)) for k, B in enumerate(shown.Bs)]
+        named += [("C", shown.C, self.outputs, self.states)]
+        named += [(f"D{k or ''}", D, self.outputs, self._jets(k)) for k, D in enumerate(shown.Ds)]
         return matrices_html(title, named)
 
     def _jets(self, order: int) -> list[str]:

@@ -102,7 +102,7 @@ def solved_equation(rate: sympy.Expr, coordinate: sympy.Symbol, order: int) -> E
     import sympy as sp
 
     top, bottom = sp.fraction(cancelled(rate))
-    top, bottom = (_shortest_form(_without_squares(sp.expand(part))) for part in (top, bottom))
+    top, bottom = (_shortest_form(without_squares(sp.expand(part))) for part in (top, bottom))
     if bottom.could_extract_minus_sign():
         top, bottom = -top, -bottom
     sign = sp.Integer(-1 if _is_negative(top) else 1)
@@ -110,7 +110,7 @@ def solved_equation(rate: sympy.Expr, coordinate: sympy.Symbol, order: int) -> E
     return Equation(coordinate, order, ((sp.S.One, jet_symbol(coordinate.name, order)),), right)
 
 
-def _without_squares(polynomial: sympy.Expr) -> sympy.Expr:
+def without_squares(polynomial: sympy.Expr) -> sympy.Expr:
     """A polynomial in sines and cosines with sin² + cos² = 1, whichever of the two that makes shorter."""
     import sympy as sp
 

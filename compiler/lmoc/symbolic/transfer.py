@@ -25,6 +25,8 @@ from lmoc.symbolic.too_long import NoSymbolsError, no_symbols
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.symbolic.loops_at_rest import LoopsAtRest
+
 MOST_STATES = 24
 MOST_TERMS = 4_000  # of the minors of a determinant; more is not tried in symbols
 MOST_SHOWN = 160  # terms of numerator and denominator; longer ones are given in numbers
@@ -45,6 +47,9 @@ class TransferFunction:
         Parameter values for poles, zeros and plots.
     point : {name: value}
         States and inputs about which a nonlinear scene is linear; empty for a linear one.
+    short : TransferFunction | None
+        Of closed loops: the same with the abbreviations that `loops` explains.
+    loops : LoopsAtRest | None
     """
 
     input: str
@@ -54,6 +59,8 @@ class TransferFunction:
     cancelled: tuple[sympy.Expr, ...]
     values: Mapping[sympy.Symbol, float]
     point: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    short: TransferFunction | None = None
+    loops: LoopsAtRest | None = None
 
     @property
     def s(self) -> sympy.Symbol:
@@ -122,7 +129,7 @@ class TransferFunction:
             E0660 for a parameter without a value.
         """
         top, bottom = (_with_numbers(p.tolist(), self.s) for p in self.coefficients)
-        return replace(self, numerator=top, denominator=bottom, cancelled=(), values={})
+        return replace(self, numerator=top, denominator=bottom, cancelled=(), values={}, short=None, loops=None)
 
     @property
     def poles(self) -> np.ndarray:
@@ -251,6 +258,15 @@ def transfer_function(model: LinearModel, u: str, y: str, values: Mapping | None
     point = {n: v for n, v in model.point.items() if str(v) != n}
     common = _cancelled(full, bottom, s)
     return TransferFunction(u, y, _collect(top, s), _collect(bottom, s), common, dict(values or {}), point)
+
+
+def transfer_function_of_loops(model: LinearModel, u: str, y: str) -> TransferFunction:
+    """As `transfer_function`, of closed loops about a state of rest."""
+    loops = model.loops
+    short = transfer_function(model.short, u, y, {**loops.values, **loops.numbers})
+    top, bottom = (loops.insert(polynomial) for polynomial in (short.numerator, short.denominator))
+    factors = tuple(map(loops.insert, short.cancelled))
+    return replace(short, numerator=top, denominator=bottom, cancelled=factors, short=short, loops=loops)
 
 
 def transfer_function_of_numbers(model: LinearModel, u: str, y: str) -> TransferFunction:

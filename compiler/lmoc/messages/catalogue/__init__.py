@@ -88,8 +88,8 @@ CATALOGUE: dict[str, Entry] = {
     "E0660": Entry(
         "no symbolic result",
         "Equations of motion, equilibria and transfer functions are available in symbolic form for scenes of up "
-        "to a few "
-        "hundred equations whose implicit parts have a solution in closed form. Other scenes have the numeric form.",
+        "to a few hundred equations whose implicit parts have a solution in closed form, and equations of motion and "
+        "linear models about a state of rest also for closed loops. Other scenes have the numeric form.",
     ),
     "E0661": Entry(
         "no such input, output or variable",
