@@ -293,3 +293,9 @@ def test_a_run_that_has_met_its_deadline_is_made_once_more_without(monkeypatch):
     monkeypatch.setattr(simulation, "run_prepared", lambda *given: seen.append(given[2].options) or whole(*given))
     assert run.energy.balance > 1e-3 and len(run.fine.time) > len(run.time)
     assert [options.max_seconds for options in seen] == [None]
+
+
+@pytest.mark.parametrize("wrong", [{"stop": 0.0}, {"points": 1}, {"start": 9.0}])
+def test_a_span_that_is_none_is_told(wrong):
+    with pytest.raises(ModelError, match="E0541"):
+        lmoc.compile_text(OSCILLATOR).chart(["dop853"], rtols=[1e-6], quick=True, **wrong)

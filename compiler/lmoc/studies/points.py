@@ -14,7 +14,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.options import Span
 from lmoc.run import Run
@@ -102,8 +102,17 @@ class Runner:
 
     @property
     def span(self) -> Span:
-        """The span of the runs and their output times."""
-        return self.request.options.span(self.session.flat.experiment)
+        """The span of the runs and their output times.
+
+        Raises
+        ------
+        ModelError
+            E0541: there is no such span.
+        """
+        try:
+            return self.request.options.span(self.session.flat.experiment)
+        except ValueError as error:
+            raise ModelError([Diagnostic("E0541", str(error))]) from None
 
     def until(self, stop: float) -> Runner:
         """Return what makes shorter runs, with as many output times."""
@@ -223,7 +232,7 @@ class Measurement:
             return Point(setting, status=series.given_up)
         point = self._measured(setting)
         if TOO_SLOW in point.status:
-            series.given_up = f"{NOT_RUN}: a coarser one takes {point.status.partition(TOO_SLOW)[2]}"
+            series.given_up = f"{NOT_RUN}: a coarser one takes {point.status.partition(TOO_SLOW)[2].partition(':')[0]}"
         return point
 
     def _measured(self, setting: Setting) -> Point:
