@@ -189,7 +189,7 @@ def _rest_interpreter(plan: Plan) -> Interpreter:
 
 def moving_risks(plan: Plan) -> Moving:
     """Return the part of `losable` that has to be looked at along a run (`losable.moving`)."""
-    return moving(plan.once(_losable), np.concatenate([plan.states, plan.sampled]), DENSE)
+    return moving(plan.once(_losable), np.concatenate([plan.states, plan.sampled]), DENSE, plan.program)
 
 
 def _moving_slice(plan: Plan) -> Slice:

@@ -54,12 +54,15 @@ class Moving:
     others: bool
 
 
-def moving(found: tuple[Program, np.ndarray, int], sources: np.ndarray, largest: int) -> Moving:
+def moving(
+    found: tuple[Program, np.ndarray, int], sources: np.ndarray, largest: int, integrated: Program = ()
+) -> Moving:
     """Return the part of `losable` that changes with the registers in `sources` and with the time.
 
     Parameters
     ----------
     largest : unknowns of a linear block that is quickly solved for many times at once
+    integrated : steps that the derivatives need: where one of their blocks has no solution, the run has not gone on
     """
     program, watched, count = found
     changes, alone = np.zeros(count, bool), np.zeros(count, bool)
@@ -69,7 +72,11 @@ def moving(found: tuple[Program, np.ndarray, int], sources: np.ndarray, largest:
         for mark, own in ((changes, _tells_time(step)), (alone, _one_by_one(step, largest))):
             inputs = mark[step.slots].any(axis=1) if isinstance(step, Apply) else mark[read(step)].any()
             mark[out] = inputs | own
-    together = watched[changes[watched] & ~alone[watched]]
+    solved = np.zeros(count, bool)
+    for step in integrated:
+        if isinstance(step, Solve):
+            solved[written(step)] = True
+    together = watched[changes[watched] & ~alone[watched] & ~solved[watched]]
     others = bool((changes & alone)[watched].any())
     return Moving(together, needed_steps(program, together, count), count, others)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -67,6 +67,7 @@ class Slice:
         self.samplers = [plan.samplers[k] for k in used]
         blocks = [s.unknowns.ravel() for s in walk(self._program) if isinstance(s, Solve) and not s.linear]
         self.unknowns = np.concatenate([np.zeros(0, int), *blocks])
+        self._bound: np.ndarray | None = None  # the constants that the interpreter has been used with last
 
     @cached_property
     def _moving(self) -> tuple[np.ndarray, np.ndarray]:
@@ -124,7 +125,7 @@ class Slice:
         own = base[self.registers]
         if not self._program and not len(self.sampled):
             return self._copies(own[self.out])
-        run = _runner(self._program, len(self.registers))
+        run = _follower(self._program, len(self.registers)) if self.implicit else self._interpreted(own)
 
         def evaluate(times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
             result = np.empty((len(times), len(self.out)))
@@ -141,6 +142,21 @@ class Slice:
 
         return evaluate
 
+
+    def _interpreted(self, own: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
+        """``(w, times)`` fills w (registers, times) by the interpreter that all bindings share."""
+
+        def run(w: np.ndarray, times: np.ndarray) -> None:
+            if self._bound is not own:  # it keeps factors of another one's matrices
+                self._interpreter.reset()
+                self._bound = own
+            self._interpreter.run(w, times)
+
+        return run
+
+    @cached_property
+    def _interpreter(self) -> Interpreter:
+        return Interpreter(self._program, len(self.registers))
 
     def _copies(self, constant: np.ndarray) -> Evaluate:
         """``(times, states) -> (times, registers)`` where nothing has to be computed: states, and what is constant."""
@@ -184,11 +200,8 @@ def _kept(_: Plan) -> dict[bytes, Slice]:
     return {}
 
 
-def _runner(program: Program, count: int):
+def _follower(program: Program, count: int) -> Follower:
     """``(w, times)`` fills w (registers, times). Nonlinear blocks are followed from one time to the next."""
-    implicit = any(isinstance(s, Solve) and not s.linear for s in walk(program))
-    if not implicit:
-        return Interpreter(program, count).run
     if program_rows(program) > CASADI_ROWS:
         return Interpreter(program, count).follower
     from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
