@@ -23,6 +23,7 @@ from lmoc.ir.program import Solve, walk
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.integrate.compiled_series import is_better, series
+from lmoc.numerics.integrate.modes import EIGENVALUES, Modes
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.linearity import is_linear
 from lmoc.numerics.plan import Plan
@@ -45,15 +46,14 @@ _AGAIN = 4  # times as many steps later it is judged again
 OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
 _LOOKED_AT = 50  # states up to which their modes are looked at in no time, so that a run may begin with a series
 _SHORT = 0.2  # of the steps before: a series whose steps are shorter is at odds with the equations, as where stiff
-_SERIES_PATIENCE = 20_000  # steps of a series that are still cheaper than a stiff method
+_COMPARED = 15  # steps of DOP853 that tell how long those of a series should be
+_SERIES_WORK, _SERIES_WORK_AT = 1.2e5, 1e-4  # steps times rows up to which a series is faster than BDF at a tolerance
 _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
-EIGENVALUES = 150  # states up to which the Jacobian's eigenvalues are looked at
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
 _PERIODS = 5.0  # of an undamped motion over which BDF then keeps the tolerance
-_SHIFT = 6e-6  # of a state's size, for central differences: the cube root of the rounding error
 _GIVEN_UP = (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
 
 Integrate = Callable[[Problem, str], Outcome]
@@ -97,12 +97,15 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
 
 def _begin(way: _Way) -> Outcome:
     """Make the first steps: along a Taylor series where one costs no compilation, else with DOP853."""
-    system = way.problem.system
-    if system.n <= _LOOKED_AT and is_better(system):
-        outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
-        if outcome.status not in _GIVEN_UP:
-            return outcome
-    return way.go("dop853", _calibration(way.problem), most=TRIAL, overrun=OVERRUN)
+    system, first = way.problem.system, TRIAL
+    if is_better(system):
+        if system.n <= _LOOKED_AT:
+            outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
+            if outcome.status not in _GIVEN_UP:
+                return outcome
+        else:  # how long its steps are shall tell whether the series gets on
+            first = _COMPARED
+    return way.go("dop853", _calibration(way.problem), most=first, overrun=OVERRUN if first == TRIAL else 0)
 
 
 def _long_way(way: _Way) -> tuple[Outcome, str, float]:
@@ -116,15 +119,21 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
         outcome, steps = way.outcome, way.outcome.counts["steps"]
         if steps == made:  # all have been rejected
             return way.go("dop853", factor * _calibration(problem)), text, factor
-        mean = (outcome.time - begun) / (steps - made)
-        ahead = (problem.end - outcome.time) / mean
-        series = is_better(problem.system, ahead) and not _is_stiff_for_series(problem, outcome)
-        factor = _refinement(problem, outcome, mean, series)
+        mean, ahead = (outcome.time - begun) / (steps - made), problem.end - outcome.time
+        modes = Modes(problem, outcome)
+        series = is_better(problem.system, ahead / mean) and not _is_stiff(modes, ahead, _series_patience(problem))
+        stiff = not series and _is_stiff(modes, ahead, problem.patience)
+        if stiff and problem.system.plan.once(is_linear):  # so it is everywhere
+            outcome.status = Status.STIFF
+            return outcome, text, factor
+        # where that may be so here alone, DOP853 notices it, if no finer tolerance keeps its steps short
+        unclear = stiff and ahead > problem.patience * mean
+        factor = 1.0 if unclear else _refinement(problem, modes, mean, series)
         if factor < 1.0 and block == TRIAL:
             way.begin_again()
         begun, made, block = way.outcome.time, steps, block * _AGAIN
         if not 0.5 < factor / said < 2.0:
-            said, text = factor, _since(way, factor, ahead, series) if factor < 1.0 else ""
+            said, text = factor, _since(way, factor, ahead / mean, series) if factor < 1.0 else ""
         outcome = _go_on(way, factor, series, block, _SHORT * mean)
         if outcome.status is not Status.TOO_MANY_STEPS or way.is_exhausted:
             return outcome, text, factor
@@ -248,7 +257,7 @@ def growth(plan: Plan) -> tuple[float, float]:
     return ADDED if plan.once(is_linear) else DEPHASED
 
 
-def _refinement(problem: Problem, outcome: Outcome, mean: float, series: bool) -> float:
+def _refinement(problem: Problem, modes: Modes, mean: float, series: bool) -> float:
     """Return the factor on the tolerance with which the run as a whole keeps it.
 
     Parameters
@@ -261,30 +270,12 @@ def _refinement(problem: Problem, outcome: Outcome, mean: float, series: bool) -
     length = problem.end - problem.t
     if (added * mean / length) ** power >= WORTHWHILE:  # whatever the motion forgets
         return 1.0
-    jacobian = _differences(problem, outcome)
-    if jacobian is None:
+    if modes.values is None:
         return max(LEAST_UNKNOWN, min(1.0, added * mean / length) ** power)
-    n = problem.system.plan.state_count
-    slowest = -float(np.linalg.eigvals(jacobian[:n, :n]).real.max(initial=-np.inf))
-    if slowest > 0:
-        length = max(mean, min(length, FORGOTTEN / slowest))
+    if modes.memory > 0:
+        length = max(mean, min(length, FORGOTTEN / modes.memory))
     factor = max(LEAST_FACTOR, min(1.0, added * mean / length) ** power)
     return factor if factor < WORTHWHILE else 1.0
-
-
-def _is_stiff_for_series(problem: Problem, outcome: Outcome) -> bool:
-    """Return whether a decaying mode asks a series for so many steps that a stiff method is faster.
-
-    The steps so far do not tell, since a transient may have kept them short.
-    """
-    jacobian = _differences(problem, outcome)
-    if jacobian is None:
-        return False
-    n = problem.system.plan.state_count
-    values = np.linalg.eigvals(jacobian[:n, :n])
-    decaying = np.abs(values.imag) <= 3 * np.abs(values.real)
-    fastest = float(np.abs(values[decaying]).max(initial=0.0))
-    return fastest * (problem.end - outcome.time) > _LIMIT * _SERIES_PATIENCE
 
 
 def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
@@ -298,29 +289,6 @@ def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
         memory = np.minimum(length, np.where(values.real < 0, -FORGOTTEN / values.real, np.inf))
     periods = float((memory * np.abs(values.imag)).max(initial=0.0)) / (2 * np.pi)
     return _TIGHTER * min(1.0, _PERIODS / max(periods, 1.0))
-
-
-def _differences(problem: Problem, outcome: Outcome) -> np.ndarray | None:
-    """Return the Jacobian by central differences, good for its large eigenvalues; None as in `_jacobian`.
-
-    It costs a few evaluations; the exact one is computed by numpy for many scenes, and takes as long as hundreds.
-    """
-    system, t, x = problem.system, outcome.time, outcome.x
-    if system.n > EIGENVALUES:
-        return None
-    shift = _SHIFT * np.maximum(np.abs(x), 1e3 * problem.atol / problem.rtol)  # of the states' sizes
-    jacobian, spent = np.empty((system.n, system.n)), system.evaluations
-    low, high = np.empty(system.n), np.empty(system.n)
-    with np.errstate(all="ignore"):
-        for k, h in enumerate(shift.tolist()):
-            for sign, rate in ((-1.0, low), (1.0, high)):
-                beside = x.copy()
-                beside[k] += sign * h
-                system.rhs(t, beside, rate)
-            jacobian[:, k] = (high - low) / (2 * h)
-    system.rhs(t, x, low)  # blocks go on from their solutions here
-    system.evaluations = spent
-    return jacobian if np.isfinite(jacobian).all() else None
 
 
 def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
@@ -338,6 +306,24 @@ def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
 def patience(system: System) -> float:
     """Steps that are still cheaper for DOP853 than another method is."""
     return min(max(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE), system.most_steps)
+
+
+def _series_patience(problem: Problem) -> float:
+    """Return the steps of a Taylor series that are still cheaper than BDF, whose steps are more the finer they are."""
+    work = _SERIES_WORK * (problem.rtol / _SERIES_WORK_AT) ** -0.2
+    return work / max(5, problem.system.plan.row_count)
+
+
+def _is_stiff(modes: Modes, ahead: float, steps: float) -> bool:
+    """Return whether a mode that decays asks an explicit method for more steps than that.
+
+    The steps so far do not tell, since a transient may have kept them short.
+
+    Parameters
+    ----------
+    ahead : s
+    """
+    return modes.relaxation * ahead > _LIMIT * steps
 
 
 def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:

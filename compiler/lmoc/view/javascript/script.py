@@ -20,7 +20,6 @@ from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.integrate import dop853_table
 from lmoc.numerics.integrate.automatic import (
-    EIGENVALUES,
     FORGOTTEN,
     LEAST_FACTOR,
     LEAST_UNKNOWN,
@@ -31,6 +30,7 @@ from lmoc.numerics.integrate.automatic import (
     growth,
 )
 from lmoc.numerics.integrate.base import REQUESTED
+from lmoc.numerics.integrate.modes import EIGENVALUES
 from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
