@@ -130,7 +130,7 @@ class Session:
         """Return a scene with laws for derivations, in which each mode has a reduction of its own."""
         from lmoc.symbolic.laws.modes import Lawful
 
-        return Lawful(prepared, self._reduced_in_mode)
+        return Lawful(prepared, self._reduced_in_mode, self._released_in_mode)
 
     def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray) -> Reduced:
         """Return the reduction of one mode; requested states are those of the scene with all laws open."""
@@ -141,6 +141,10 @@ class Session:
             if not asked or {d.code for d in error.diagnostics} != {REFUSED_STATE}:
                 raise
         return pipeline.reduce(flat, values, None, Clock())
+
+    def _released_in_mode(self, reduced: Reduced) -> Reduced:
+        """Return one mode with all coordinates of its closed loops as states, whatever states were requested."""
+        return pipeline.reduce_with_loops(reduced, None, 0.0, Clock())
 
     def _resizes(self, name: str, value: Value) -> bool:
         """Return whether an array is given that is longer or shorter than that of the model: its size may be open."""
@@ -244,19 +248,9 @@ class Session:
         ModelError
             E0660: there are none that could be read.
         """
-        from lmoc.symbolic.equations import equations_of_motion, equations_with_closures
+        from lmoc.symbolic.equations import equations_in_short
 
-        try:
-            return equations_of_motion(prepared.reduced, prepared.values)
-        except ModelError as refused:
-            try:
-                released = self.released(prepared)
-            except ModelError:  # not all coordinates of the loops can be states
-                raise refused from None
-            found = equations_with_closures(released, prepared.values)
-            if found is None:
-                raise
-            return found
+        return equations_in_short(prepared, lambda: self.released(prepared))
 
     # ------------------------------------------------------------------ runs
 

@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sympy as sp
+from conftest import ROOT
 
 import lmoc
 from lmoc.cli.main import main
@@ -86,3 +88,52 @@ def test_every_form_is_printed(form, capsys):
         assert data["laws"][0]["slip"] == "friction.F"
     assert ("paragraph{Laws}" if form == "--latex" else "aws") in out
     assert form != "--ascii" or out.isascii()
+
+
+TWO_BOBS = """
+model TwoBobs
+  import Planar.*;
+  parameter Real l1 = 1, l2 = 0.5;
+  inner World world(g = 9.81);
+  Anchor top;
+  PointMass a(m = 2, x(start = 0.3, fixed = true), y(start = -0.2, fixed = true));
+  PointMass b(m = 1, x(start = 0.5, fixed = true), y(start = -0.3, fixed = true));
+  Cable upper(L = l1), lower(L = l2);
+equation
+  connect(top.point, upper.a);
+  connect(upper.b, a.point);
+  connect(a.point, lower.a);
+  connect(lower.b, b.point);
+end TwoBobs;
+"""
+
+
+def test_taut_strings_in_the_plane_read_as_in_a_textbook():
+    found = lmoc.compile(ROOT / "models/laws/slack_pendulum.lmo").equations()
+    taut, slack = (m.equations for m in found.modes)
+    assert taut.lines() == ["L·m·ẍ + f·x = 0", "L·m·ÿ + f·y = -L·g·m"]
+    assert taut.closure_lines() == ["x² + y² - L² = 0"]
+    assert slack.lines() == ["ẍ = 0", "ÿ = -g"] and slack.closures == ()
+    assert found.law_lines() == ["string: 0 ≤ f ⟂ (L² - x² - y²)/(2·L) ≥ 0"]
+
+
+def test_equations_of_two_strings_hold_along_the_motion_with_their_tensions():
+    """In each mode, at positions, accelerations and tensions of a run."""
+    dae = lmoc.compile_text(TWO_BOBS)
+    found = dae.equations()
+    run = dae.simulate(stop=0.6, points=25, rtol=1e-10)
+    parameters = {sp.Symbol(n): v for n, v in dae.parameters.items()}
+    checked = 0
+    for mode, after in zip(found.modes, [*(m.since for m in found.modes[1:]), 0.6], strict=True):
+        assert [w for w in mode.mode.values()].count("taut") == len(mode.equations.closures)
+        for k in np.flatnonzero((run.time > mode.since + 1e-6) & (run.time < after - 1e-6)).tolist():
+            numbers = parameters | {sp.Symbol(f"{s}.f"): run[f"{s}.f"][k] for s in ("upper", "lower")}
+            places = {f"{b}.{c}": (run[f"{b}.{c}"][k], run[f"der({b}.v{c})"][k]) for b in "ab" for c in "xy"}
+            places |= {f"lower.d{c}": tuple(np.subtract(places[f"b.{c}"], places[f"a.{c}"])) for c in "xy"}
+            for name, (value, acceleration) in places.items():
+                numbers |= {sp.Symbol(name): value, sp.Symbol(f"der(der({name}))"): acceleration}
+            for e in (*(e.residual for e in mode.equations.equations), *mode.equations.closures):
+                terms = [abs(float(t.subs(numbers))) for t in sp.Add.make_args(e)]
+                assert abs(float(e.subs(numbers))) <= 1e-7 * max(1.0, *terms)
+            checked += 1
+    assert checked > 10

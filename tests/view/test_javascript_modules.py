@@ -151,3 +151,39 @@ def test_the_rim_of_a_turning_disk():
     still, turned, whole, half = (dict(lines) for lines in found)
     assert still[0] == 0 and turned[0] == pytest.approx(np.sin(0.3)) and 0 not in half
     assert set(whole) == set(still) and all(-1 <= share <= 1 for share in turned.values())
+
+
+@pytest.mark.parametrize(
+    ("marks", "step", "texts"),
+    [
+        ([0, 0.25, 1.5], 0.25, ["0", "0.25", "1.50"]),
+        ([-0.2, 0.4], 0.2, ["-0.2", "0.4"]),
+        ([500, 4000], 500, ["500", "4000"]),
+        ([2e-7, -1e-6], 2e-7, ["2e-7", "-1.0e-6"]),
+        ([0.002, 0.0025], 5e-4, ["0.0020", "0.0025"]),
+        ([2e8], 1e8, ["2e+8"]),
+    ],
+)
+def test_marks_of_an_axis_have_the_digits_that_tell_them_apart(marks, step, texts):
+    body = f"console.log(JSON.stringify({marks}.map((v) => tickText(v, {step}))));"
+    assert run_script(joined("plots.js") + body) == texts
+
+
+def test_a_slack_string_is_as_long_as_it_is():
+    """The length of the curve between two points at a distance of 80 px with 5 px of slack."""
+    body = """
+    const frame = { x: 10, y: 20, length: 80, cos: 1, sin: 0 };
+    const [, x0, y0, cx, cy, x1, y1] = sagging(frame, 5).match(/M(.+) (.+)Q(.+) (.+) (.+) (.+)/).map(Number);
+    let length = 0, before = [x0, y0];
+    for (let k = 1; k <= 1000; k++) {
+      const s = k / 1000;
+      const at = (a, c, b) => (1 - s) ** 2 * a + 2 * s * (1 - s) * c + s * s * b;
+      const now = [at(x0, cx, x1), at(y0, cy, y1)];
+      length += Math.hypot(now[0] - before[0], now[1] - before[1]);
+      before = now;
+    }
+    console.log(JSON.stringify([length, cy, sagging(frame, 0), sagging({ ...frame, cos: 0, sin: 1 }, 5)]));
+    """
+    length, down, taut, upright = run_script(joined("sag.js") + body)
+    assert length == pytest.approx(85, abs=0.5) and down > 20 and taut == ""
+    assert float(upright.split("Q")[1].split()[0]) < 10  # to the left

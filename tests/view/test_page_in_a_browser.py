@@ -183,3 +183,40 @@ def test_scenes_that_are_not_linear_have_no_modes():
     for file in ("planar/double_pendulum", "laws/h06_bungee", "notes/s3_1_cubic_spring"):
         run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
         assert contents(run, "scene").data["swinging"]["modes"] == []
+
+
+def test_the_picture_leaves_room_for_the_motion_and_strings_hang_while_they_are_slack():
+    """A ball on a string starts below its pivot, flies above it with a slack string, and is caught again."""
+    html = lmoc.compile(MODELS / "laws" / "h07_ball_on_string.lmo").simulate().view().html
+    seen = open_page(html, FACTS + """
+      const svg = document.querySelector("#stage svg"), box = svg.getBoundingClientRect();
+      const rope = () => document.querySelector("#stage .string path").getAttribute("d");
+      const taut = rope(), outside = [];
+      for (let k = 0; k <= 60; k++) {
+        $("time").value = String(k / 20);
+        $("time").dispatchEvent(new Event("input"));
+        const ball = document.querySelector("#stage .particle").getBoundingClientRect();
+        if (ball.top < box.top - 1 || ball.bottom > box.bottom + 1 || ball.right > box.right + 1) outside.push(k / 20);
+      }
+      $("time").value = "0.6";
+      $("time").dispatchEvent(new Event("input"));
+      return { taut, slack: rope(), outside };
+    """)  # fmt: skip
+    assert seen.console == [] and seen.answer["outside"] == []
+    assert "Q" not in seen.answer["taut"] and "Q" in seen.answer["slack"]
+
+
+def test_the_end_of_a_rope_stays_on_the_mass_that_it_is_tied_to():
+    html = lmoc.compile(MODELS / "laws" / "h34_slack_string.lmo").simulate().view().html
+    seen = open_page(html, FACTS + """
+      const apart = [];
+      for (let k = 0; k <= 30; k++) {
+        $("time").value = String(k / 10);
+        $("time").dispatchEvent(new Event("input"));
+        const mass = document.querySelector("#stage .mass path").getBoundingClientRect();
+        const ropes = [...document.querySelectorAll("#stage .string path")].map((p) => p.getBoundingClientRect().left);
+        apart.push(Math.min(...ropes) - mass.right);
+      }
+      return apart;
+    """)  # fmt: skip
+    assert seen.console == [] and np.ptp(seen.answer) < 0.6

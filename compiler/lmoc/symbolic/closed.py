@@ -8,6 +8,7 @@ Along every motion that the closures allow the left sides must do no power, whic
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.motion import Motion, ports_of_elements, power_by_coordinate
 from lmoc.symbolic.slope import slope
+from lmoc.symbolic.sorting import with_few_minus_signs
 from lmoc.symbolic.system import Interpreter, Outline, jet_symbol
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import ROUNDING, Trial
@@ -74,14 +76,15 @@ def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
     except (NoSymbolsError, NotLinearError):
         return None
     left = [p.xreplace(dict.fromkeys(reactions, sp.S.Zero)) for p in power]
-    closures = _closures(interpreter, own)
+    closures, forces = _with_forces(_closures(interpreter, own), kinematics.coordinates, power, _tensions(laws))
     rows = [[slope(g, q) for q in kinematics.coordinates] for g in closures]
     place = _Place(interpreter, kinematics, closures)
     highest = [jet_symbol(q.name, n) for q, n in zip(kinematics.coordinates, kinematics.orders, strict=True)]
     inertia = [[slope(p, a) for a in highest] for p in left]
     if place.others or not _complete(left, rows, inertia, Trial(interpreter, values, place)):
         return None
-    multipliers = numbered("lambda", len(closures), reduced.flat)
+    others = iter(numbered("lambda", forces.count(None), reduced.flat))
+    multipliers = tuple(next(others) if force is None else force for force in forces)
     residuals = tuple(
         p - sp.Add(*(m * row[i] for m, row in zip(multipliers, rows, strict=True))) for i, p in enumerate(left)
     )
@@ -104,8 +107,39 @@ def _closures(interpreter: Interpreter, own: Invariants) -> tuple[sympy.Expr, ..
 
     interpreter.fill(np.unique(np.concatenate([read(step) for step in own.program])).tolist())
     interpreter.run(own.program, again=False)
-    found = (sp.expand(interpreter.w[int(r)]) for r in own.lower[1])
-    return tuple(-g if all(t.could_extract_minus_sign() for t in sp.Add.make_args(g)) else g for g in found)
+    return tuple(with_few_minus_signs(sp.expand(interpreter.w[int(r)])) for r in own.lower[1])
+
+
+def _tensions(laws: PartLaws) -> list[sympy.Symbol]:
+    """Return the unknown forces that parts or the scene declare: tensions, and no flows of connectors."""
+    return [laws.symbol(v) for v in sorted(laws.unknown) if not laws.flat.block_at(v).connector]
+
+
+def _with_forces(
+    closures: Sequence[sympy.Expr],
+    coordinates: Sequence[sympy.Symbol],
+    power: Sequence[sympy.Expr],
+    tensions: Sequence[sympy.Symbol],
+) -> tuple[tuple[sympy.Expr, ...], list[sympy.Symbol | None]]:
+    """Return the closures, and of each the force that is its multiplier: a tension ``f`` in ``m·ẍ + f·x/L = 0``.
+
+    One that pushes the other way has its closure with the other sign. None where no declared force is the multiplier.
+    """
+    kept, forces = [], []
+    for g in closures:
+        row = [slope(g, q) for q in coordinates]
+        pushes = ((sign, f) for f in tensions for sign in (1, -1) if _is_multiplier(power, f, sign, row))
+        sign, force = next(pushes, (1, None))
+        kept.append(sign * g)
+        forces.append(force)
+    return tuple(kept), forces
+
+
+def _is_multiplier(power: Sequence[sympy.Expr], force: sympy.Symbol, sign: int, row: Sequence[sympy.Expr]) -> bool:
+    """Return whether a force does its power as the multiplier of a closure does."""
+    import sympy as sp
+
+    return all(sp.expand(slope(p, force) + sign * r) == 0 for p, r in zip(power, row, strict=True))
 
 
 class _Place:

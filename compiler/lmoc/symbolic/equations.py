@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.messages.diagnostics import ModelError
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.notation import Formula, Notation, in_words, plain_text
-from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation
+from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation, with_few_minus_signs
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, no_symbols, symbolic_system
 from lmoc.symbolic.values import exactly
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import sympy
 
     from lmoc.ir.flat import FlatDAE
+    from lmoc.ir.prepared import Prepared
     from lmoc.ir.reduced import Reduced
     from lmoc.symbolic.motion import Motion
 
@@ -308,6 +310,33 @@ def equations_of_motion(
     )
 
 
+def equations_in_short(prepared: Prepared, release: Callable[[], Reduced]) -> EquationsOfMotion:
+    """Return the equations of motion in minimal coordinates, those of closed loops in all where that is shorter.
+
+    Parameters
+    ----------
+    release : gives the reduction with all coordinates of the loops as states
+
+    Raises
+    ------
+    ModelError
+        E0660: there are none that could be read.
+    """
+    try:
+        return equations_of_motion(prepared.reduced, prepared.values)
+    except ModelError as refused:
+        if prepared.reduced.invariants is None:
+            raise
+        try:
+            released = release()
+        except ModelError:  # not all coordinates of the loops can be states
+            raise refused from None
+        found = equations_with_closures(released, prepared.values)
+        if found is None:
+            raise
+        return found
+
+
 def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOfMotion | None:
     """Return the equations of motion in all coordinates of closed loops, with a multiplier for each closure.
 
@@ -338,8 +367,19 @@ def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOf
         notation=notation,
         descriptions=_descriptions(reduced.flat, notation.short),
         assumptions=outline.assumptions,
-        closures=found.closures,
+        closures=tuple(
+            g if reduced.flat.find(m.name) is None else _without_factors(g, motion.coordinates)
+            for g, m in zip(found.closures, found.multipliers, strict=True)
+        ),
     )
+
+
+def _without_factors(closure: sympy.Expr, coordinates: Iterable[sympy.Symbol]) -> sympy.Expr:
+    """A closure without factors that do not move: ``x² + y² - L²`` for ``(L² - x² - y²)/(2·L)``."""
+    import sympy as sp
+
+    moving = sp.factor_terms(sp.together(closure)).as_independent(*coordinates, as_Add=False)[1]
+    return with_few_minus_signs(sp.expand(moving))
 
 
 def _without_divided_signs(residual: sympy.Expr) -> sympy.Expr:

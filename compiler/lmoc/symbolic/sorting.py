@@ -139,6 +139,14 @@ def _is_negative(coefficient: sympy.Expr) -> bool:
     return all(t.could_extract_minus_sign() for t in sp.Add.make_args(sp.numer(sp.together(coefficient))))
 
 
+def with_few_minus_signs(total: sympy.Expr) -> sympy.Expr:
+    """A sum that has to vanish, or its negative where most of its terms are negative."""
+    import sympy as sp
+
+    negative = [t.could_extract_minus_sign() for t in sp.Add.make_args(total)]
+    return -total if 2 * sum(negative) > len(negative) else total
+
+
 def gathered(value: sympy.Expr, late: set[str]) -> list[Term]:
     """Terms with like factors put together; a factor holds all that moves (inputs, coordinates), 1 for constants."""
     import sympy as sp

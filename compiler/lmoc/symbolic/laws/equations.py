@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from lmoc.ir.law import LawKind, Laws
 from lmoc.ir.mode import mode_word
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
-from lmoc.symbolic.equations import NOTHING_MOVES, EquationsOfMotion, equations_of_motion
+from lmoc.symbolic.equations import NOTHING_MOVES, EquationsOfMotion, equations_in_short, equations_of_motion
 from lmoc.symbolic.equilibria import Equilibrium
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.notation import Notation
@@ -235,7 +236,10 @@ def equations_of_modes(
         closed = np.array(one.closed, bool)
         forward = scene.sprung & ~closed & ~scene.complementary  # whose velocity follows from the rate of its force
         mode = scene.in_mode(closed, forward.astype(int))
-        equations = equations_of_motion(mode.reduced, mode.values, forces, solved)
+        if forces or solved:
+            equations = equations_of_motion(mode.reduced, mode.values, forces, solved)
+        else:
+            equations = equations_in_short(mode, partial(scene.release, mode.reduced))
         words = scene.words(closed)
         words |= {scene.names[k]: f"{words[scene.names[k]]} forward" for k in np.flatnonzero(forward).tolist()}
         found.append(OneMode(words, one.since, equations))

@@ -26,10 +26,12 @@ class Lawful:
     ----------
     prepared : with the reduction of the switched form, whose states are those of runs
     reduce : from a flat model and parameter values to its reduction
+    release : from a reduction to that with all coordinates of its closed loops as states
     """
 
     prepared: Prepared
     reduce: Reduce
+    release: Callable[[Reduced], Reduced]
 
     @property
     def flat(self) -> FlatDAE:

@@ -68,6 +68,14 @@ class Names:
             variable = int(self._source[variable])
         return variable
 
+    def slack(self, part: str) -> dict[str, str]:
+        """Return the variables of an item that shows a string: how much longer it is than the way between its ends.
+
+        ``slack`` is that length, ``stretch`` its negative.
+        """
+        known = {"slack": f"{part}.gap", "stretch": f"{part}.extension"}
+        return {key: name for key, name in known.items() if self.flat.find(name) is not None}
+
     def is_own(self, variable: int) -> bool:
         """Return whether it is a variable of the model itself, not of a part."""
         return len(self.flat.block_at(variable).path) == 1 and self.flat.block_at(variable).path[0][0] != "literal"

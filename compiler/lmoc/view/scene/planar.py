@@ -106,6 +106,8 @@ class Plane:
         kind = element.symbol
         makers = {"spring": symbols.spring, "damper": symbols.damper, "string": symbols.string}
         force = {"force": f"{element.name}.f"} if self.graph.variable(element, "f") is not None else {}
+        if kind in ("string", "elastic-string"):
+            force |= self.names.slack(element.name)
         if kind == "spring-damper":
             self.items.append(replace(symbols.spring_damper(element.name, a, b), variables=force))
         elif kind == "elastic-string":

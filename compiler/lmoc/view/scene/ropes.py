@@ -9,8 +9,8 @@ from lmoc.support.records import dataclass
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import End, Item, Move, Path
-from lmoc.view.scene.strip import DOWN, GROUP, RIGHT, UP, DrawnStrip, Strip, Style
+from lmoc.view.scene.picture import End, Item, Move, Path, Point
+from lmoc.view.scene.strip import DOWN, GROUP, RIGHT, UP, Direction, DrawnStrip, Strip, Style
 from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.symbols import arc
 from lmoc.view.scene.wheels import Turning, decorated, wheel
@@ -136,14 +136,17 @@ class Hanging:
         x, y = flat.block.anchors[node]
         return flat.block.at(-x - flat.reach[node] - gap, -y)
 
-    def string(self, part: str, node: int | None, a: tuple[float, float], b: tuple[float, float], moved: int) -> Item:
-        """A piece of rope; the end `moved` (0, 1, or -1 for none) moves with the node."""
+    def string(
+        self, part: str, node: int | None, a: Point, b: Point, moved: int, direction: Direction | None = None
+    ) -> Item:
+        """A piece of rope; the end `moved` (0, 1, or -1 for none) moves with the node, along its line by default."""
         ends = [End(*a), End(*b)]
         variable = self.style.variables.get(node)
         if variable and moved >= 0:
-            direction = self.direction(node)
-            ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, *direction, None, GROUP),))
-        return symbols.line("string", part, ends[0], ends[1], 1.4, "string")
+            way = direction or self.direction(node)
+            ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, *way, None, GROUP),))
+        made = symbols.line("string", part, ends[0], ends[1], 1.4, "string")
+        return replace(made, variables=self.style.names.slack(part))
 
     def direction(self, node: int) -> tuple[float, float]:
         strip = self.strips.get(node)
@@ -170,7 +173,7 @@ def _around_a_corner(joint: Joint, level: int, hung: int, left: Block, hanging: 
     wide = -min(content.corners[0], 0.0) if content.items else 0.0
     r = max(r, min(60.0, wide - 8.0))
     items = [
-        hanging.string(part, level, (-LEAST_RADIUS - 40, -r), (0, -r), -1),
+        hanging.string(part, level, (-LEAST_RADIUS - 40, -r), (0, -r), 0, RIGHT),
         Item("string", part, (End(0, 0),), (Path(arc(r, 1.5708, 0), colour="string", width=1.4),)),
         hanging.string(part, hung, (r, 0), (r, FALL), 1),
         Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (-r * 0.6, r + 14), width=2.0),)),

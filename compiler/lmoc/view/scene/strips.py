@@ -47,7 +47,10 @@ def _element(layout: Layout, k: int, element: Element, a: int, b: int, kind: str
     flow = "tau" if layout.strip.shaft else "f"
     known = layout.names.graph.variable(element, flow) is not None
     made = between(element, kind, first, second, layout.strip.shaft, layout.names)
-    layout.items.append(replace(made, variables={"force": f"{element.name}.{flow}"} if known else {}))
+    variables = {"force": f"{element.name}.{flow}"} if known else {}
+    if made.symbol in ("string", "elastic-string"):
+        variables |= layout.names.slack(element.name)
+    layout.items.append(replace(made, variables=variables))
     text = layout.text(element, kind)
     if text and made.symbol != "box":
         room = 28.0 if element.look.drawing else breadth(kind)

@@ -13,6 +13,7 @@ import { Repeater } from "./repeat.js";
 const AGREES = 1e-6; // of the largest value of the same unit …
 const ADD_UP = 50; // … or this many times the tolerance: the errors of two runs
 const SLOW = 60; // ms that a simulation may take while a slider is moved
+const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
 const $ = (id) => document.getElementById(id);
 
@@ -79,6 +80,7 @@ class Page {
     this.stage = new Stage(picture, $("stage"), `Schematic of ${this.data.title}`);
     this.forceOf = new Map(picture.items.filter((i) => i.variables.force).map((i) => [i, i.variables.force]));
     $("forces").disabled = this.forceOf.size === 0;
+    if ($("forces").disabled) $("forces").parentElement.title = "nothing in the picture pulls between two points";
     const { swinging } = this.data;
     $("swinging").hidden = swinging.modes.length === 0;
     $("mode").append(new Option("the run", ""), ...swinging.modes.map(({ label }, k) => new Option(`mode ${k + 1}: ${label}`, k)));
@@ -244,7 +246,11 @@ class Page {
     const forces = [...new Set(this.forceOf.values())];
     this.forceValues = answer.reader(forces);
     this.forceIndex = new Map(forces.map((name, k) => [name, k]));
-    return new Motion(data.picture, names, first, extremes);
+    const motion = new Motion(data.picture, names, first, extremes);
+    const every = Math.max(1, Math.ceil(answer.time.length / INSTANTS));
+    const places = (k) => columns.map((c) => c[Math.min(k * every, answer.time.length - 1)]);
+    this.stage.makeRoom(motion, places, this.swing === null ? Math.ceil(answer.time.length / every) + 1 : 0);
+    return motion;
   }
 
   /** Show the instant t. */

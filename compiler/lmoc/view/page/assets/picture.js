@@ -3,9 +3,13 @@
 // The description and what moves it are explained in `view/scene/picture.py`.
 
 import { hasRim, Rim } from "./rim.js";
+import { hasSlack, lengthening, sagging } from "./sag.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const ARROW = 56; // px, the longest arrow of a force
+const EDGE = 8; // px around what moves
+const LARGER = 1.8; // most by which texts are enlarged in a picture that needs more room
+const FARTHEST = 3; // of the picture: how far it is extended for what moves
 
 export function svgElement(name, attributes = {}) {
   const element = document.createElementNS(SVG, name);
@@ -20,6 +24,7 @@ export function movers(picture) {
     for (const end of item.ends) for (const move of end.moves) names.add(move.variable);
     if (item.turn.variable) names.add(item.turn.variable);
     if (hasRim(item)) names.add(item.variables.angle);
+    if (hasSlack(item)) names.add(item.variables.slack ?? item.variables.stretch);
   }
   return [...names];
 }
@@ -52,6 +57,13 @@ export class Motion {
     const away = values[k] - (move.reference ?? this.references[k]);
     const scale = move.group === "" ? 1 : (this.scales.get(move.group) ?? 0);
     return Number.isFinite(away) ? scale * away : 0;
+  }
+
+  /** The pixels by which the string that an item shows is longer than the way between its ends. */
+  slack(item, values) {
+    const move = item.ends.flatMap((end) => end.moves)[0];
+    const scale = move === undefined || move.group !== "" ? this.scales.get(move?.group ?? "line") : Math.hypot(move.dx, move.dy);
+    return (scale ?? 0) * lengthening(item, (name) => this.value(name, values));
   }
 
   end(end, values) {
@@ -130,12 +142,43 @@ export class Stage {
     host.append(this.svg);
   }
 
+  /** Leave room for a motion: `values(k)` are those of the variables at the k-th of `count` instants. */
+  makeRoom(motion, values, count) {
+    const { width, height, items } = this.picture;
+    const box = [0, 0, width, height];
+    const free = items.filter((item) => item.ends.some((end) => end.moves.some((move) => move.group === "")));
+    for (let k = 0; k < count && free.length; k++) {
+      const now = values(k);
+      for (const item of free) {
+        const frame = motion.frame(item, now);
+        for (const point of outline(item)) reach(box, place(frame, point));
+      }
+    }
+    const most = FARTHEST * Math.max(width, height); // what flies away is not followed
+    const [left, top] = [Math.max(box[0], -most), Math.max(box[1], -most)];
+    const [right, bottom] = [Math.min(box[2], width + most), Math.min(box[3], height + most)];
+    this.svg.setAttribute("viewBox", [left, top, right - left, bottom - top].map((v) => v.toFixed(1)).join(" "));
+    this.svg.style.maxWidth = `${Math.round(1.6 * (right - left))}px`;
+    this.enlargeTexts(Math.min(LARGER, Math.max((right - left) / width, (bottom - top) / height)));
+  }
+
+  /** Keep the texts of a picture legible that has been made smaller by a factor. */
+  enlargeTexts(factor) {
+    for (const { item, shapes } of this.parts) {
+      item.shapes.forEach((shape, k) => {
+        if (shape.kind === "label") shapes[k].setAttribute("font-size", String(shape.size * factor));
+      });
+    }
+  }
+
   /** Place everything for the values of the variables of a motion. */
   show(motion, values) {
     for (const { item, shapes, rim } of this.parts) {
       const frame = motion.frame(item, values);
       rim?.show(motion.value(item.variables.angle, values), (vertex) => place(frame, vertex));
       for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
+      const curve = hasSlack(item) && item.ends.length === 2 ? sagging(frame, motion.slack(item, values)) : "";
+      if (curve !== "") shapes[0].setAttribute("d", curve);
     }
   }
 
@@ -156,6 +199,24 @@ export class Stage {
 /** A colour that the model gives, not one of the page's own. */
 const isGiven = (colour) => /^#[0-9a-f]{6}$|^none$/.test(colour ?? "");
 
+/** The points of an item's frame that its outline reaches to. */
+function outline({ shapes }) {
+  return shapes.flatMap(({ vertices, centre, radius, at }) => {
+    if (vertices !== undefined) return vertices;
+    if (centre === undefined) return [at];
+    const [f, x, y] = centre;
+    return [[f, x - radius, y], [f, x + radius, y], [f, x, y - radius], [f, x, y + radius]];
+  });
+}
+
+function reach(box, [x, y]) {
+  if (!Number.isFinite(x) || !Number.isFinite(y)) return;
+  box[0] = Math.min(box[0], x - EDGE);
+  box[1] = Math.min(box[1], y - EDGE);
+  box[2] = Math.max(box[2], x + EDGE);
+  box[3] = Math.max(box[3], y + EDGE);
+}
+
 function shapeElement(shape) {
   const made = plainElement(shape);
   const [line, area] = shape.kind === "label" ? ["fill", ""] : ["stroke", "fill"];
@@ -171,7 +232,7 @@ function plainElement(shape) {
     const text = svgElement("text", { class: `label${named(shape.colour, "")}`, "font-size": shape.size });
     text.setAttribute("text-anchor", shape.anchor);
     for (const [piece, level] of runsOf(shape.text)) {
-      const span = svgElement("tspan", level ? { "font-size": 0.72 * shape.size } : {});
+      const span = svgElement("tspan", level ? { "font-size": "72%" } : {});
       span.textContent = piece;
       span.dataset.level = String(level);
       text.append(span);

@@ -11,7 +11,8 @@ function style(name) {
 /** The text at a mark of an axis whose marks are `step` apart, with the digits that tell them from each other. */
 export function tickText(value, step) {
   if (value === null || value === 0) return value === 0 ? "0" : "";
-  const last = Math.floor(Math.log10(step) + 1e-9); // the place of the last digit
+  let last = Math.floor(Math.log10(step) + 1e-9); // the place of the last digit
+  if (Math.abs(step / 10 ** last - Math.round(step / 10 ** last)) > 1e-6) last -= 1; // marks 0.25 apart
   const first = Math.floor(Math.log10(Math.abs(value)));
   return last < -4 || first > 6 ? value.toExponential(Math.max(0, first - last)) : value.toFixed(Math.max(0, -last));
 }
