@@ -9,6 +9,7 @@ Form", Modelica 2017; here with factors and offsets, and vectorized over the row
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
@@ -95,13 +96,17 @@ class Elimination:
         rank = {StateSelect.always: 1, StateSelect.prefer: 1, StateSelect.default: 2}
 
         def score_of(b: Block) -> int:
-            position = b.unit in LENGTHS_AND_ANGLES or not b.unit
-            return PREFERRED // 2 * rank.get(b.state_select, 3) + 2 * (not position) + b.connector
+            return PREFERRED // 2 * rank.get(b.state_select, 3) + 2 * (not _is_position(b)) + b.connector
 
         score = flat.per_variable(score_of, INDEX)
         score[~self.differentiated[:-1]] += 4
         score[asked] = np.arange(-len(asked), 0)
         return np.append(score, 0)
+
+    @cached_property
+    def _position(self) -> np.ndarray:
+        """Mask of the variables that may be lengths or angles."""
+        return np.append(self.flat.per_variable(_is_position, bool), True)
 
     def marked(self, mark: Callable[[Block], bool]) -> np.ndarray:
         """The roots that stand for variables of marked blocks; a mask over flat variables and the constant 0."""
@@ -158,11 +163,18 @@ class Elimination:
         return True
 
     def _ratios(self, g: Rows, form: Form) -> np.ndarray:
-        """The magnitudes of the first variable over the second in rows of two; 1 elsewhere."""
+        """The magnitudes of the first variable over the second in rows of two; 1 elsewhere.
+
+        Of positions: that a force is a billion times the length that it follows from is a matter of units.
+        """
         factor = form.link(0)[1]
+        ratio = np.ones(len(g.source))
         if len(form.leaves) < 2 or factor is ONE or not slots(factor):
-            return np.ones(len(g.source))
-        ratio, same = ratios(factor, g.slots, self.derived)
+            return ratio
+        alike = np.flatnonzero(self._position[self._end(g, form, 0)] & self._position[self._end(g, form, 1)])
+        if not len(alike):
+            return ratio
+        ratio[alike], same = ratios(factor, g.slots[alike], self.derived)
         self.splitter.guards.append(Guard(same, "which of two variables the other one is derived from"))
         return ratio
 
@@ -359,3 +371,7 @@ def first_without_circles(child: np.ndarray, parent: np.ndarray, score: np.ndarr
             taken[first[min(circle, key=lambda k: (score[unique[k]], k))]] = False
         state[path] = 2
     return taken
+
+
+def _is_position(b: Block) -> bool:
+    return b.unit in LENGTHS_AND_ANGLES or not b.unit

@@ -1,0 +1,31 @@
+"""Of two positions in a ratio far from 1 the larger one is the coordinate; forces do not take part."""
+
+import numpy as np
+import pytest
+
+import lmoc
+
+SPRUNG = """
+model Sprung Fixed wall; Spring spring(k = 1e3); Mass body(m = 1, q(start = 1e-3, fixed = true));
+equation connect(wall.flange, spring.a); connect(spring.b, body.flange); end Sprung;
+"""
+LINE = """
+model Line parameter Real nx = cos(1.5707963267948966); parameter Real ny = 1; Real x, y, s;
+equation x = nx*s; y = ny*s; der(der(y)) = -4*y; initial equation y = 1; der(y) = 0; end Line;
+"""
+
+
+@pytest.mark.parametrize("k", [1e-12, 1.0, 1e9, 1e15])
+def test_a_stiff_spring_is_no_reason_for_its_force_to_be_a_coordinate(k):
+    scene = lmoc.compile_text(SPRUNG)
+    omega = np.sqrt(k)
+    run = scene.simulate(stop=3 / omega, rtol=1e-9, parameters={"spring.k": k})
+    assert scene.states == run.states == ["body.q", "body.v"]
+    assert [str(note) for note in run.notes if note.code.startswith("N06")] == []
+    np.testing.assert_allclose(run["body.q"], 1e-3 * np.cos(omega * run.time), atol=1e-10)
+
+
+def test_a_line_that_is_vertical_up_to_rounding():
+    run = lmoc.compile_text(LINE).simulate(stop=3, rtol=1e-9)
+    np.testing.assert_allclose(run["y"], np.cos(2 * run.time), atol=1e-7)
+    np.testing.assert_allclose(run["x"], 6.123234e-17 * run["y"], rtol=1e-6)
