@@ -76,14 +76,11 @@ def long_runs() -> Failure:
         "Errors of steps add up over long runs",
         (f"lmoc run {FOLDER}/oscillator.lmo --stop 62832 --solver dop853",
          f"lmoc run {FOLDER}/oscillator.lmo --stop 62832 --solver gauss --step 0.7"),
-        f"Over 10⁴ periods DOP853 at 1e-6 is wrong by {numbers['dop853']:.1e} of the energy: the tolerance is one "
-        "of a "
+        f"Over 10⁴ periods DOP853 at 1e-6 is wrong by {numbers['dop853']:.1e} of the energy: the tolerance is one of a "
         f"step, and there are {steps} of them.",
-        f"`auto` divides the tolerance by the steps that the motion remembers: {numbers['auto']:.1e}. With steps "
-        "of equal "
-        f"length Gauss collocation does not drift at all: {numbers['gauss']:.0e}, and {numbers['gauss early']:.0e} "
-        "in the "
-        "first quarter of the run.",
+        f"`auto` divides the tolerance by the steps that the motion remembers: {numbers['auto']:.1e}. With steps of "
+        f"equal length Gauss collocation does not drift at all: {numbers['gauss']:.0e}, and "
+        f"{numbers['gauss early']:.0e} in the first quarter of the run.",
         numbers,
     )  # fmt: skip
 
@@ -114,9 +111,8 @@ def ringing() -> Failure:
     return Failure(
         "A-stable is not L-stable: a transient rings on",
         (f"lmoc run {FOLDER}/relaxation.lmo --init x=2 --solver midpoint --step 0.05",),
-        "A start beside the slow motion must relax in 0.1 ms. At steps of 50 ms the implicit midpoint rule only "
-        "turns its "
-        f"sign at each step: the error after 1 s is still {numbers['midpoint']:.1f}.",
+        "A start beside the slow motion must relax in 0.1 ms. At steps of 50 ms the implicit midpoint rule only turns "
+        f"its sign at each step: the error after 1 s is still {numbers['midpoint']:.1f}.",
         f"Methods with damping at infinity forget it: generalized α {numbers['generalized-alpha']:.0e}, Radau "
         f"{numbers['radau']:.0e}. `auto` takes BDF here.",
         numbers,
@@ -128,12 +124,10 @@ def stiffness() -> Failure:
     return Failure(
         "Explicit methods on stiff scenes",
         (f"lmoc run {FOLDER}/relaxation.lmo --solver dop853",),
-        "The motion is cos(t), but the steps of an explicit method are as short as the time constant of 10 µs: "
-        "DOP853 takes "
-        f"{numbers['dop853']:.0f} evaluations for 2 s.",
+        "The motion is cos(t), but the steps of an explicit method are as short as the time constant of 10 µs: DOP853 "
+        f"takes {numbers['dop853']:.0f} evaluations for 2 s.",
         f"`auto` notices it within some steps and goes on with BDF: {numbers['auto']:.0f} evaluations. A mode that "
-        "swings is "
-        "followed, or stepped over by Radau where it is below the tolerance.",
+        "swings is followed, or stepped over by Radau where it is below the tolerance.",
         numbers,
     )  # fmt: skip
 
@@ -152,8 +146,7 @@ def order_reduction() -> Failure:
         (f"lmoc run {FOLDER}/relaxation.lmo --solver gauss --step 0.5 --set k=1",
          f"lmoc run {FOLDER}/relaxation.lmo --solver gauss --step 0.5 --set k=1e5"),
         f"Half the step divides the error of Gauss collocation of order 8 by 2^{mild:.1f} at k = 1, and by "
-        f"2^{stiff:.1f} "
-        "at k = 1e5, where only the order of its stages counts.",
+        f"2^{stiff:.1f} at k = 1e5, where only the order of its stages counts.",
         "`auto` takes BDF for a fast relaxation, which has no stages; the chart of a scene shows the order that is "
         "left.",
         numbers,
@@ -172,11 +165,9 @@ def stiff_limit_of_laws() -> Failure:
     return Failure(
         "A stiff spring in place of a contact",
         (f"lmoc run {FOLDER}/penalty.lmo --set k=1e4", f"lmoc run {FOLDER}/penalty.lmo"),
-        f"With k = 1e4 N/m the ball is {numbers['apart at k = 10000']:.2f} m from where it belongs after four "
-        "bounces; "
+        f"With k = 1e4 N/m the ball is {numbers['apart at k = 10000']:.2f} m from where it belongs after four bounces; "
         f"with 1e8 still {numbers['apart at k = 1e+08']:.1e} m, at {numbers['evaluations at k = 1e+08']:.0f} "
-        "evaluations "
-        f"instead of {numbers['evaluations at k = 10000']:.0f}.",
+        f"evaluations instead of {numbers['evaluations at k = 10000']:.0f}.",
         "A law (`Stop`) has no stiffness: its impacts are at their instants within "
         f"{numbers['instants of the law']:.0e} s.",
         numbers,
@@ -200,8 +191,7 @@ def chatter() -> Failure:
         "Friction with a hidden sign chatters",
         (f"lmoc run {FOLDER}/sign_friction.lmo", "lmoc run models/laws/h16_stick_slip.lmo"),
         "`sign(v)` has no value that lets the mass stick: the run switches back and forth and is ended at "
-        f"{stopped:.1e} s "
-        "with the line of the condition, instead of going on with steps of no length.",
+        f"{stopped:.1e} s with the line of the condition, instead of going on with steps of no length.",
         f"`DryFriction` sticks and slips as modes of a law: {numbers['events']:.0f} events in the stick-slip scene.",
         numbers,
     )  # fmt: skip
@@ -229,9 +219,8 @@ def aliasing() -> Failure:
         (f"lmoc run {FOLDER}/kapitza.lmo --solver rk4 --step 0.01",),
         "Steps as long as a period of the pivot see it at two phases only: the pendulum, which stands on its head in "
         f"truth, leaves the upright by {numbers['at periods']:.1f} rad.",
-        f"Methods that estimate their error resolve the forcing; it stays within {numbers['auto']:.2f} rad. A "
-        "picture or a "
-        "table whose output times are too coarse for the motion is told.",
+        f"Methods that estimate their error resolve the forcing; it stays within {numbers['auto']:.2f} rad. A picture "
+        "or a table whose output times are too coarse for the motion is told.",
         numbers,
     )  # fmt: skip
 
@@ -246,8 +235,7 @@ def a_pulse_stepped_over() -> Failure:
         (f"lmoc run {FOLDER}/pulse.lmo --solver rk4 --step 0.9",),
         f"Steps of 0.9 s see a push of 10 ms at one instant or at none: v = {numbers['rk4']:.2g} instead of 1.772.",
         f"Functions of time are looked at before the run, and bound the steps: v = {numbers['auto']:.4f} with any "
-        "solver "
-        "that chooses its steps. What is shorter than a 130 000th of a run needs `--max-step`.",
+        "solver that chooses its steps. What is shorter than a 130 000th of a run needs `--max-step`.",
         numbers,
     )
 
@@ -259,11 +247,10 @@ def zeno() -> Failure:
     return Failure(
         "Infinitely many impacts (Zeno)",
         ("lmoc run models/laws/h19_bouncing_ball.lmo",),
-        "A bouncing ball makes infinitely many impacts in a finite time; a loop over events would never come to "
-        "its end.",
-        "The instant at which they accumulate follows from the last ones: the ball rests from "
-        f"{numbers['rests']:.4f} s on, "
-        f"after {numbers['events']:.0f} events.",
+        "A bouncing ball makes infinitely many impacts in a finite time; a loop over events would never come to its "
+        "end.",
+        f"The instant at which they accumulate follows from the last ones: the ball rests from {numbers['rests']:.4f} "
+        f"s on, after {numbers['events']:.0f} events.",
         numbers,
     )  # fmt: skip
 
@@ -277,8 +264,7 @@ def drift() -> Failure:
     return Failure(
         "Index reduction by hand drifts",
         (f"lmoc run {FOLDER}/drift.lmo --solver cvode", "lmoc run models/hard/h01_cartesian_pendulum.lmo --stop 100"),
-        "With the constraint differentiated twice nothing holds the length any more: after 100 s the rod is longer "
-        "or "
+        "With the constraint differentiated twice nothing holds the length any more: after 100 s the rod is longer or "
         f"shorter by {numbers['1e-06']:.1%} at 1e-6, and by {numbers['0.0001']:.0%} at 1e-4.",
         f"lmoc keeps the constraint itself and solves for one coordinate: {numbers['reduced']:.0e}.",
         numbers,
@@ -300,9 +286,8 @@ def formulations() -> Failure:
         "Closed loops at index 3 and at index 1",
         ("lmoc run models/planar/four_bar.lmo --stop 20 --rtol 1e-4 --formulation index3",
          "lmoc run models/planar/four_bar.lmo --stop 20 --rtol 1e-4 --formulation index1"),
-        f"BDF on the closures as they stand (index 3) ends at {numbers['index3']:.2g} s of 20 s: rounding in them "
-        "is divided "
-        f"by the square of the step. Differentiated twice (index 1) they drift by {numbers['index1']:.1e} m.",
+        f"BDF on the closures as they stand (index 3) ends at {numbers['index3']:.2g} s of 20 s: rounding in them is "
+        f"divided by the square of the step. Differentiated twice (index 1) they drift by {numbers['index1']:.1e} m.",
         f"Projected after each step they hold to {numbers['projected']:.0e}; in minimal coordinates, the default, to "
         f"{numbers['reduced']:.0e}.",
         numbers,
@@ -361,8 +346,7 @@ def bifurcation() -> Failure:
     return Failure(
         "Two branches meet (bifurcation)",
         (f"lmoc run {FOLDER}/isosceles.lmo --stop 2",),
-        "A slider crank with a rod as long as its crank can fold: there the mechanism could go on in two ways, and "
-        "an "
+        "A slider crank with a rod as long as its crank can fold: there the mechanism could go on in two ways, and an "
         "integrator that divides by a small pivot takes either, or neither.",
         f"The rank of all constraints is watched at each step: the run {words.rstrip('.')}."
         if words != "goes through"

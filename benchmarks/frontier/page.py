@@ -29,7 +29,8 @@ states.
 
 `python -m benchmarks.peers --scenes` measures this with those of the tools that are installed (`--packages` takes the
 packages of another environment); here on an {processor} with {cores} cores. Tolerances go down to 1e-13 for lmoc and
-heyoka, to 1e-12 for the others; a dash stands where that was not enough, or where a tool has no such scene.
+heyoka, to 1e-12 for the others; a dash stands where that was not enough within 100 times lmoc's time, or where a tool
+has no such scene.
 """
 MARKERS = ("o", "s")
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")

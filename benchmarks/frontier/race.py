@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.common import ROOT, save, table
 from benchmarks.frontier.scenes import SCENES, Scene, deviation
 from benchmarks.frontier.tools import lmoc_with, scipy_with
-from benchmarks.frontier.worker import SLOW, TOOLS, Candidate, Worker
+from benchmarks.frontier.worker import FAR, SHORT, SLOW, TOOLS, Candidate, Worker
 
 TARGETS = (1e-6, 1e-9)
 KEPT = ROOT / "docs" / "charts" / "peers.json"
@@ -44,10 +44,11 @@ def scan(scene: Scene, exact: np.ndarray, packages: Sequence[str]) -> tuple[Work
     """Return the tools that can run a scene, each at work in its process, and their runs."""
     workers: Workers = {}
     candidates: list[Candidate] = []
+    slow = SLOW
     for tool in TOOLS:
         worker = Worker(tool, scene.name, packages)
         try:
-            answer = worker.ask("scan", exact, min(TARGETS))
+            answer = worker.ask("scan", exact, min(TARGETS), slow)
         except RuntimeError as failure:
             answer = [str(failure)]
         found = [one for one in answer if isinstance(one, Candidate)]
@@ -57,6 +58,8 @@ def scan(scene: Scene, exact: np.ndarray, packages: Sequence[str]) -> tuple[Work
         if found:
             workers[tool] = worker
             candidates += found
+            if tool == "lmoc":
+                slow = min(SLOW, max(SHORT, FAR * min(c.seconds for c in found)))
         else:
             worker.close()
     return workers, candidates

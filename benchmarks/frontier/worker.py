@@ -27,7 +27,8 @@ from benchmarks.frontier.tools import (
 )
 
 RTOLS = tuple(10.0 ** -(k / 2) for k in range(9, 27))  # 3e-5 to 1e-13
-SLOW = 2.0  # s: a method that takes as long is not tried at tighter tolerances
+SLOW = 2.0  # s: a method that takes as long is not tried at tighter tolerances, nor one that takes …
+FAR, SHORT = 100.0, 0.2  # … so many times as long as lmoc's fastest, and so many seconds
 TURN = 0.02  # s of a turn: runs that are shorter are repeated, after one that warms the caches
 ANSWER = 240.0  # s after which a tool is given up
 
@@ -113,9 +114,15 @@ def serve(pipe: Connection, tool: str, name: str, packages: Sequence[str]) -> No
 
 
 def _scan(
-    scene: Scene, tool: str, exact: np.ndarray, least: float, calls: dict[tuple[str, float], Call]
+    scene: Scene, tool: str, exact: np.ndarray, least: float, slow: float, calls: dict[tuple[str, float], Call]
 ) -> Iterator[Candidate | str]:
-    """Yield the runs of all methods at tighter and tighter tolerances, and what there is to say; fills `calls`."""
+    """Yield the runs of all methods at tighter and tighter tolerances, and what there is to say; fills `calls`.
+
+    Parameters
+    ----------
+    least : the smallest error that is asked for
+    slow : s, of a run after which a method is not tried at tighter tolerances
+    """
     before: list[Candidate] = []
     if tool == "lmoc":
         lmoc_with("auto")(scene, 1e-6)()
@@ -123,7 +130,7 @@ def _scan(
     for method, make in TOOLS[tool].items():
         found: list[Candidate] = []
         try:
-            for one, call in _tried(scene, tool, method, make, exact, least, before):
+            for one, call in _tried(scene, tool, method, make, exact, (least, slow), before):
                 found.append(one)
                 calls[method, one.rtol] = call
             smallest = min((c.error for c in found), default=np.nan)
@@ -141,9 +148,15 @@ def _scan(
 
 
 def _tried(
-    scene: Scene, tool: str, method: str, make: Maker, exact: np.ndarray, least: float, before: list[Candidate]
+    scene: Scene,
+    tool: str,
+    method: str,
+    make: Maker,
+    exact: np.ndarray,
+    until: tuple[float, float],
+    before: list[Candidate],
 ) -> Iterator[tuple[Candidate, Call]]:
-    """Yield runs of a method until its error is below `least`.
+    """Yield runs of a method until its error is below the least that is asked for, or until it is slow.
 
     A method that takes more than three times as long as another of its tool, which is no less exact, is left.
     """
@@ -158,7 +171,7 @@ def _tried(
             return
         error = deviation(values, exact)
         yield Candidate(tool, method, rtol, error, seconds), call
-        if error < least or seconds > SLOW or any(c.error <= error and 3 * c.seconds < seconds for c in before):
+        if error < until[0] or seconds > until[1] or any(c.error <= error and 3 * c.seconds < seconds for c in before):
             return
 
 
