@@ -313,3 +313,14 @@ def test_a_third_guide_past_the_crossing_is_an_error_with_the_distance():
     )
     with pytest.raises(lmoc.ModelError, match="E0411.*no position satisfies all of them"):
         lmoc.compile_text(text).simulate()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("element", ["SpringDamper s(k = 1, c = 1, d0 = 1)", "Damper s(c = 1)"])
+def test_a_particle_gives_its_names_to_the_states_whatever_is_declared_first(element, turned):
+    parts = ["PointMass p(m = 1, x(start = 1));", f"{element};", "Anchor a(x = 0.3);"]
+    text = " ".join(parts[::-1] if turned else parts)
+    dae = lmoc.compile_text(
+        f"model S import Planar.*; inner World world; {text} equation connect(s.a, p.point); connect(s.b, a.point); end S;"
+    )
+    assert sorted(dae.states) == ["p.vx", "p.vy", "p.x", "p.y"]
