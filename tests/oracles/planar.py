@@ -441,6 +441,8 @@ def flywheel(s: Mechanism, port: tuple[str, object]) -> None:
     part = s.part(kind[:-2], "i", f"{kind[-1]} = {inertia}")
     s.connect(name, f"{part}.{end}")
     s.inertias.append((inertia, function))
+    place, rate = ("theta", "omega") if end == "shaft" else ("q", "v")
+    s.relative.append((f"{part}.{place}", f"{part}.{rate}", function))
 
 
 def retainer(s: Mechanism, port: tuple[str, object]) -> None:

@@ -321,6 +321,7 @@ def test_a_particle_gives_its_names_to_the_states_whatever_is_declared_first(ele
     parts = ["PointMass p(m = 1, x(start = 1));", f"{element};", "Anchor a(x = 0.3);"]
     text = " ".join(parts[::-1] if turned else parts)
     dae = lmoc.compile_text(
-        f"model S import Planar.*; inner World world; {text} equation connect(s.a, p.point); connect(s.b, a.point); end S;"
+        f"model S import Planar.*; inner World world; {text} equation connect(s.a, p.point);"
+        " connect(s.b, a.point); end S;"
     )
     assert sorted(dae.states) == ["p.vx", "p.vy", "p.x", "p.y"]
