@@ -184,3 +184,61 @@ def test_a_run_that_ends_while_a_singular_place_is_passed_has_its_last_output():
     run = dae.simulate(stop=at + 0.01, points=11, rtol=1e-8)
     assert len(run.time) == 11 and run.complete
     assert run["main.phi"][-1] == pytest.approx(np.interp(run.time[-1], whole.time, whole["main.phi"]), abs=1e-5)
+
+
+WITH_LAWS = ISOSCELES.replace("line(s", "line(useFlange = true, s")
+FRICTION = ".DryFriction rub(F = 0.5); .Fixed wall;", "rub"
+STOP = ".Stop rub(L = {}, e = 0.5); .Fixed wall;", "rub"
+
+
+def with_law(law: str, part: str) -> str:
+    text = WITH_LAWS.replace("equation\n", f"  {law}\nequation\n  connect({part}.a, wall.flange);", 1)
+    return text.replace("equation\n", f"equation\n  connect({part}.b, line.flange);\n", 1)
+
+
+def isosceles(times: np.ndarray, friction: float = 0.0) -> np.ndarray:
+    """The angle of the crank: T = (5/12 + 9/4 s² + c²/4 + 4 s²) ω²/2 with its sine s and cosine c."""
+
+    def rate(_, z):
+        sine, cosine = np.sin(z[0]), np.cos(z[0])
+        inertia, slope = 5 / 12 + 6.25 * sine**2 + 0.25 * cosine**2, 12 * sine * cosine
+        return [z[1], (-2 * friction * abs(sine) * np.sign(z[1]) - slope * z[1] ** 2 / 2) / inertia]
+
+    return solve_ivp(rate, (0, times[-1]), [0.5, 2.0], "DOP853", times, rtol=1e-12, atol=1e-13, max_step=1e-2).y[0]
+
+
+def test_a_slider_crank_with_friction_passes_its_change_points():
+    run = lmoc.compile_text(with_law(*FRICTION)).simulate(stop=4, rtol=1e-9)
+    exact = isosceles(run.time, friction=0.5)
+    assert any(n.code == "N0633" for n in run.notes) and exact[-1] > 3 * np.pi / 2
+    assert run["main.phi"] == pytest.approx(exact, abs=1e-5)
+    assert run["line.s"] == pytest.approx(2 * np.cos(exact), abs=1e-5)
+    assert run.energy.balance < 1e-6
+
+
+def test_a_stop_behind_a_change_point_is_met_on_the_branch():
+    run = lmoc.compile_text(with_law(STOP[0].format(-1.5), STOP[1])).simulate(stop=3, rtol=1e-9)
+    impact = next(e for e in run.events if e.kind == "impact")
+    times = np.linspace(0, 3, 30001)
+    assert impact.time == pytest.approx(np.interp(np.arccos(-0.75), isosceles(times), times), abs=1e-6)
+    before = run.time < impact.time
+    assert run["line.s"][before] == pytest.approx(2 * np.cos(isosceles(run.time)[before]), abs=1e-6)
+    assert run.energy.balance < 1e-6
+
+
+def test_an_impact_at_a_change_point_is_told_where_the_run_ends():
+    with pytest.raises(lmoc.SimulationError, match="a law or an event changes it just there") as stopped:
+        lmoc.compile_text(with_law(STOP[0].format(0), STOP[1])).simulate(stop=3, rtol=1e-9)
+    run = stopped.value.partial
+    assert 0 < run["line.s"][-1] < 0.02
+    assert run["main.phi"] == pytest.approx(isosceles(run.time), abs=1e-6)
+
+
+def test_a_discrete_event_on_the_way_does_not_hide_a_change_point():
+    """The relation changes far from the change points; its integral counts the time behind it."""
+    text = WITH_LAWS.replace("equation\n", "  Real late(start = 0, fixed = true);\nequation\n"
+                             "  der(late) = if time > 0.4 then 1 else 0;\n", 1)  # fmt: skip
+    run = lmoc.compile_text(text).simulate(stop=4, rtol=1e-9)
+    assert any(n.code == "N0633" for n in run.notes)
+    assert run["main.phi"] == pytest.approx(isosceles(run.time), abs=1e-6)
+    assert run["late"][-1] == pytest.approx(3.6, abs=1e-9)

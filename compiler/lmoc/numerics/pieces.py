@@ -203,8 +203,8 @@ class _Run:
 
         task, stretch = self.task, self.stretch
         span = task.span.start, task.span.end
-        self.changes.passes = False
         self.happenings = Happenings(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
+        self.changes.happens = self.happenings.happen_on
 
         def begun(base: np.ndarray) -> np.ndarray:
             x = states(base)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from heapq import merge
 
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.coordinates.change import carried_over, registers_at, with_solutions
-from lmoc.numerics.coordinates.passage import passage
+from lmoc.numerics.coordinates.passage import Passage, passage
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.formulations.table import STEPPED_IN_C
@@ -80,8 +80,7 @@ class Changes:
     Attributes
     ----------
     reason : why it cannot go on
-    passes : whether places where the constraints depend on each other are passed: not with laws and events, which might
-        happen on the way
+    happens : whether a law or an event does on a passage; None in a run without any
     passed : s, the times at which it has passed a place where the constraints depend on each other
     together : s, when it has gone over to all coordinates of the loops; None where it has not
     returned : s, when it has come back from them; None where it has not
@@ -89,7 +88,7 @@ class Changes:
 
     def __init__(self, task: Task, variables: np.ndarray | None) -> None:
         self.task, self.variables, self.reason = task, variables, ""
-        self.passes = True
+        self.happens: Callable[[Passage, np.ndarray], bool] | None = None
         self.passed: list[float] = []
         self.together: float | None = None
         self.returned: float | None = None
@@ -98,6 +97,7 @@ class Changes:
         self._tried: set[tuple[float, tuple[str, ...]]] = set()  # coordinates, and since when
         self._refused: set[int] = set()  # flat variables that cannot be states
         self._in_vain = -np.inf, 0.0  # s, up to when no other constraints were better left out; smallest singular value
+        self._busy = False  # whether something happens on the last passage found
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
         self._continued: deque[float] = deque(maxlen=_MANY)  # s, where it has gone on in another way
 
@@ -155,7 +155,7 @@ class Changes:
         task, t = self.task, outcome.time
         span, requested = task.span, task.options.requested
         self._times += [t] * (t not in self._times)
-        if self.together is not None or len(self._times) < _OFTEN or not self.passes or self.passed:
+        if self.together is not None or len(self._times) < _OFTEN or self.happens is not None or self.passed:
             return None
         ahead = (len(self._times) - 1) * (span.end - t) / (t - self._times[0])
         suits = requested.form.name == "auto" and task.options.solver in STEPPED_IN_C
@@ -173,7 +173,7 @@ class Changes:
         What is left of them may lose its rank at a place where all together do not.
         """
         task, watch, reduced = self.task, stretch.watch, stretch.plan.reduced
-        if task.others is None or not reduced.left_out or not self.passes:
+        if task.others is None or not reduced.left_out or self.happens is not None:
             return None
         until, margin = self._in_vain
         if watch.accepted.t <= until and watch.accepted.margin > margin / _NEARER:
@@ -201,9 +201,11 @@ class Changes:
         watch, end = stretch.watch, self.task.span.end
         place, width = watch.accepted, 2 * (watch.singular - watch.accepted.t)
         found = None
-        if self.passes and 0 < width < end - self.task.span.start:
+        if 0 < width < end - self.task.span.start:
             found = passage(stretch.system, (place.t, place.x, place.solutions), width, tolerance)
-        if found is None:
+        busy = found is not None and self.happens is not None and self.happens(found, watch.unknowns)
+        self._busy = busy or (self._busy and found is None)  # nearer, rounding may hide it
+        if found is None or busy:
             watch.go_back()
             watch.relent()
             return None
@@ -273,7 +275,12 @@ class Changes:
         """Say why the run cannot go on: `in_vain` where one choice has followed the other."""
         reduced, watch = stretch.plan.reduced, stretch.watch
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
-        if watch.lost_rank:
+        if watch.lost_rank and self._busy:
+            self.reason = (
+                "a singular position lies ahead, in which the constraints depend on each other and branches of the "
+                "motion meet; the motion cannot be followed over it, since a law or an event changes it just there"
+            )
+        elif watch.lost_rank:
             self.reason = (
                 "a singular position lies ahead, in which the constraints depend on each other: several branches of "
                 f"the motion may meet there, none of which continues it smoothly, and no coordinates determine {lost}"

@@ -27,10 +27,12 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.passage import Passage
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
 _CHATTER = 500  # changes of laws within …
 _MOMENT = 1e-10  # … this share of the run are chattering
+_LOOKS = 32  # places on a passage; even, so that none is the singular one in its middle
 _ROUNDS = 20  # of laws and discrete equations that change each other at one instant
 
 
@@ -169,6 +171,23 @@ class Happenings:
         signs = np.concatenate([r.signs for r in found])
         return Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
 
+    def happen_on(self, passage: Passage, unknowns: np.ndarray) -> bool:
+        """Return whether something happens on a passage over a singular position, or next to either end.
+
+        Parameters
+        ----------
+        unknowns : registers of what `Passage.solutions` are
+        """
+        times = np.linspace(passage.times[0], passage.times[-1], _LOOKS)
+        states, solutions = passage.at(times)
+        happened = bool(times[-1] >= self.until)
+        for t, x, solution in zip(times.tolist(), states, solutions, strict=True):
+            self.stand_at(unknowns, solution)
+            roots = None if happened else self.roots(t, x)
+            happened = happened or (roots is not None and _crossed(roots, t, x))
+        self.stand_at(unknowns, passage.solutions[0])
+        return happened
+
     @property
     def kept(self) -> Callable[..., np.ndarray] | None:
         """Return what moves states onto what is closed (`LawSwitching.kept`); None where it stays closed by itself."""
@@ -302,3 +321,9 @@ class Happenings:
         if self.hybrid is not None:
             self.records += self.hybrid.records
             self.hybrid.records = []
+
+
+def _crossed(roots: Roots, t: float, x: np.ndarray) -> bool:
+    """Return whether a root function has another sign than where the piece began, or no value."""
+    value = roots.values(np.array([t]), x[None])[0]
+    return bool((value * roots.signs < 0).any() or np.isnan(value).any())
