@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from oracles.browser import needs_browser, open_page
 
 import lmoc
@@ -219,3 +220,9 @@ def test_a_notebook_gets_a_frame():
     page = view_of(HOSTILE)
     assert page._repr_html_().startswith("<iframe srcdoc=") and Elements(page._repr_html_()).names == ["iframe"]
     assert "Page of" in repr(page)
+
+
+@pytest.mark.parametrize("formulation", ["auto", "projected"])
+def test_the_page_of_a_closed_loop_has_its_equations(formulation):
+    run = lmoc.compile(ROOT / "models/planar/four_bar.lmo").simulate(stop=0.05, formulation=formulation)
+    assert "Closures of the loops" in equations_html(run)

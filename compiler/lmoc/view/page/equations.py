@@ -29,16 +29,16 @@ def equations_html(run: Result) -> str:
 
 
 def _of_motion(prepared: Prepared) -> str:
-    from lmoc.symbolic.equations import equations_of_motion
+    from lmoc.symbolic.equations import equations_in_short
 
-    return equations_of_motion(prepared.reduced, prepared.values).html()
+    return equations_in_short(prepared, lambda: _released(prepared.reduced)).html()
 
 
 def _of_modes(prepared: Prepared, run: Result) -> str:
     from lmoc.symbolic.laws.equations import equations_of_modes, met_modes
     from lmoc.symbolic.laws.modes import Lawful
 
-    return equations_of_modes(Lawful(prepared, _reduced), met_modes(run.trajectory)).html()
+    return equations_of_modes(Lawful(prepared, _reduced, _released), met_modes(run.trajectory)).html()
 
 
 def _as_written(run: Result) -> Prepared:
@@ -55,3 +55,8 @@ def _as_written(run: Result) -> Prepared:
 
 def _reduced(flat: FlatDAE, values: np.ndarray) -> Reduced:
     return pipeline.reduce(flat, values, None, pipeline.Clock())
+
+
+def _released(reduced: Reduced) -> Reduced:
+    """Return the reduction with all coordinates of closed loops as states."""
+    return reduced if reduced.in_all_coordinates else pipeline.reduce_with_loops(reduced, None, 0.0, pipeline.Clock())
