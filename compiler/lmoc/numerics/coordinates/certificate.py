@@ -226,19 +226,19 @@ def recipe_of(system: System, registers: np.ndarray) -> Recipe | None:
 
     Parameters
     ----------
-    registers : of the coordinates by the columns of the constraints, or none
+    registers : of the coordinates by the columns of the constraints (`Reduced.register_of`), or none
     """
     plan = system.plan
     own = plan.reduced.constraints
     if system.registers is None or own.rows > MOST_ROWS or not len(own.watched) or own.rows == len(own.variable):
         return None
-    if not np.isin(registers, plan.once(at_hand)).all():
-        return None
     return plan.once(_with_coordinates if len(registers) else _without_coordinates)
 
 
 def _with_coordinates(plan: Plan) -> Recipe | None:
-    return _recipe(plan, len(plan.reduced.constraints.variable))
+    own = plan.reduced.constraints.variable
+    known = np.isin(plan.reduced.register_of[own], plan.once(at_hand)).all()
+    return _recipe(plan, len(own)) if known else None
 
 
 def _without_coordinates(plan: Plan) -> Recipe | None:

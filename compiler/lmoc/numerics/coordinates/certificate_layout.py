@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
@@ -39,5 +41,5 @@ class Layout:
 
 
 def _split(lengths: tuple[int, ...]) -> tuple[list[np.ndarray], np.ndarray]:
-    whole = np.zeros(sum(lengths))
-    return np.split(whole, np.cumsum(lengths)[:-1]), whole
+    whole, ends = np.zeros(sum(lengths)), list(accumulate(lengths))
+    return [whole[end - length : end] for length, end in zip(lengths, ends, strict=True)], whole

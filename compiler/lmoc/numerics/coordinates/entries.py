@@ -31,7 +31,7 @@ def entries_of(system: System, base: np.ndarray, own: Constraints) -> Entries:
     plan, kept = system.plan, system.registers is not None
     program, used, function = plan.once(_from_registers if kept else _from_states)
     out, sampled = np.empty(system.n), np.zeros(len(plan.sampled))
-    if not np.isin(used, plan.once(at_hand)).all():
+    if not plan.once(_stand_kept if kept else _stand):
         return _by_all_equations(system, base, own)
     if function is None:
         w, interpreter = np.zeros(own.count), Interpreter(program, own.count)
@@ -92,6 +92,14 @@ def at_hand(plan: Plan) -> np.ndarray:
     for registers in (plan.states, plan.sampled, plan.parameters, plan.known[0], *map(written, steps)):
         filled[registers] = True
     return np.flatnonzero(filled)
+
+
+def _stand_kept(plan: Plan) -> bool:
+    return bool(np.isin(plan.once(_from_registers)[1], plan.once(at_hand)).all())
+
+
+def _stand(plan: Plan) -> bool:
+    return bool(np.isin(plan.once(_from_states)[1], plan.once(at_hand)).all())
 
 
 Made = tuple[Program, np.ndarray, "casadi.Function | None"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -272,10 +273,14 @@ class CoordinateWatch:
         else:
             self._begin_certifier()
             bounds = certifier(t, x)
+            if bounds[-1] > 0.0:
+                self._rescale()
+                self._begin_certifier()
+                bounds = certifier(t, x)
             matrix, found = certifier.found()
             if bounds[-1] <= 0.0:
                 self._bounds, even, least = bounds, matrix * self._factor, bounds[2]
-            else:
+            else:  # some have no value
                 self._size, self._scales, certifier.place = certifier.sizes(self._size), None, None
                 even, least = self._scaled(matrix), 0.0
                 found = scaled(found.plain, found.sign, own.watched, self._ranges)
@@ -299,6 +304,20 @@ class CoordinateWatch:
             short = _NEIGHBOURS * self._scales[1][self.constraints.watched]
             scales = Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short)
             self._certifier.begin(self.accepted, scales)
+
+    def _rescale(self) -> None:
+        """Compare entries in the sizes to which they have grown, at the last place accepted as well.
+
+        Its smallest singular value shrinks by no more than the factors of a row and of a column together.
+        """
+        (rows, columns), place = self._scales, self.accepted
+        self._size, self._scales = self._certifier.sizes(self._size), None
+        now = self._factors()
+        shrunk = float((now[0] / rows).min() * (now[1] / columns).min())
+        found = scaled(place.found.plain, place.found.sign, self.constraints.watched, self._ranges)
+        self.accepted = replace(
+            place, found=found, scaled=place.matrix * self._factor, least=place.least * min(1.0, shrunk)
+        )
 
     def _grow(self, size: np.ndarray) -> None:
         """Take note of the sizes of entries; they are equilibrated again where they have grown by much."""

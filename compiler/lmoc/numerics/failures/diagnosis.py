@@ -11,6 +11,7 @@ from lmoc.ir.program import Program, Solve, walk, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
+from lmoc.numerics.coordinates.change import block_unknowns
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.losable import Moving, losable, moving
@@ -112,9 +113,8 @@ def first_not_finite(
     else:
         w[plan.absent] = 0.0  # what depends on them has been said to be unknown
     if near is not None:
-        blocks = [s.unknowns.ravel() for s in walk(plan.program) if isinstance(s, Solve) and not s.linear]
-        for unknowns in blocks:
-            w[unknowns] = near[unknowns]
+        unknowns = plan.once(block_unknowns)
+        w[unknowns] = near[unknowns]
     w[plan.states] = x
     for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
         w[register] = sample(observer.signals[variable], order, np.array([time]))[0]

@@ -46,12 +46,13 @@ class DenseOutput:
         self._count = k + 1
         return self._count == self._most
 
-    @np.errstate(all="ignore")
     def values(self) -> np.ndarray:
         """Return the states (k, n) at the output times of the steps gathered, and forget these."""
+        return self._evaluated() if self._count else np.zeros((0, self._n))
+
+    @np.errstate(all="ignore")
+    def _evaluated(self) -> np.ndarray:
         count, self._count = self._count, 0
-        if not count:
-            return np.zeros((0, self._n))
         times, self._times = np.concatenate(self._times), []
         (begin, step), (x, x_new) = np.array([s[:2] for s in self._spans]).T, self._x[:, :count]
         outputs, self._spans = [s[2] for s in self._spans], []

@@ -40,7 +40,7 @@ def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
 
     Parameters
     ----------
-    optimization : the compiler's option
+    optimization : the compiler's options
 
     Returns
     -------
@@ -140,6 +140,8 @@ def _processor() -> str:
 def _compile(compiler: str, text: str, path: Path, optimization: str) -> bool:
     source = path.with_name("kernel.c")
     source.write_text(text)
-    flags = [f for f in FLAGS if not (compiler.endswith("tcc") and f.startswith(("-march", "-ff", "-fno")))]
-    command = [compiler, optimization, *flags, str(source), "-o", str(path), "-lm"]
+    flags = [*optimization.split(), *FLAGS]
+    if compiler.endswith("tcc"):
+        flags = [f for f in flags if not f.startswith(("-march", "-ff", "-fno"))]
+    command = [compiler, *flags, str(source), "-o", str(path), "-lm"]
     return subprocess.run(command, capture_output=True).returncode == 0

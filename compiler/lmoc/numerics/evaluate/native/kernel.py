@@ -16,6 +16,7 @@ from lmoc.numerics.evaluate.native.pivots import Factors
 from lmoc.numerics.integrate.sundials import sundials
 from lmoc.support.records import dataclass
 
+_SHORT = 2500  # rows up to which loops are short: scalar code is better, and compiled in two thirds of the time
 _LONG = 20_000  # rows from which the compiler's time for -O3, twice that for -O2, is soon won back
 # How Newton's corrections have to shrink, how many there are, and how far off the first one may point. A mechanism has
 # branches that must not be left. The equations of springs have one solution, which cubic ones approach by a factor of
@@ -60,7 +61,7 @@ class Hold(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The input of the C compiler for a program: the whole text, the compiler's option, and the function's data."""
+    """The input of the C compiler for a program: the whole text, the compiler's options, and the function's data."""
 
     text: str
     optimization: str
@@ -84,7 +85,13 @@ def source_of(program: Program, registers: int, strict: bool = False, blocks: bo
     function = generate(program, registers)
     used = _blocks(_STRICT if strict else _PATIENT) if blocks or "lmoc_matrix" in function.text else ""
     text = c_text("prelude") + used + function.text + c_text("evaluate", "hold", "dop853", "dop853_walk")
-    return Source(text, "-O3" if program_rows(program) > _LONG else "-O2", function)
+    return Source(text, _optimization(program_rows(program)), function)
+
+
+def _optimization(rows: int) -> str:
+    if rows <= _SHORT:
+        return "-O3 -fno-tree-vectorize"
+    return "-O3" if rows > _LONG else "-O2"
 
 
 def with_blocks(text: str) -> str:

@@ -85,6 +85,7 @@ class NativeSystem(VectorSystem):
         self._seeds = np.zeros(0)
         self._retries = Retries()
         self._slopes: Slopes | None = None
+        self._in_c: InC | None = None
 
     def _runner(self) -> Runner:
         return _Late(self.plan.program, self.plan.count)
@@ -165,8 +166,10 @@ class NativeSystem(VectorSystem):
     def in_c(self) -> InC | None:
         if self.samplers:
             return None
-        evaluate, mark = self.kernel.address("lmoc_evaluate"), self.kernel.address("lmoc_mark")
-        return InC(ctypes.addressof(self._own), evaluate, mark, self.w.ctypes.data)
+        if self._in_c is None:
+            evaluate, mark = self.kernel.address("lmoc_evaluate"), self.kernel.address("lmoc_mark")
+            self._in_c = InC(ctypes.addressof(self._own), evaluate, mark, self.w.ctypes.data)
+        return self._in_c
 
     def stepper(self) -> Stepper:
         return NumpyStepper(self) if self.samplers else NativeStepper(self)

@@ -104,4 +104,5 @@ def _source(plan: Plan) -> Source:
     own = source_of(plan.program, plan.count, has_branches(plan), blocks=True)
     constant = constant_registers(plan.program, plan.count, plan.states)
     further = generate_series(plan.program, plan.count, constant, plan.count + own.function.scratch)
-    return Source(own.text + further.text + c_text("taylor"), own.optimization, own.function, further)
+    optimization = "-O3" if own.optimization == "-O3" else "-O2"  # the text is longer, by which -O3 would be too slow
+    return Source(own.text + further.text + c_text("taylor"), optimization, own.function, further)
