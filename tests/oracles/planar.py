@@ -116,6 +116,22 @@ class Mechanism:
                 q[s.first : s.first + width] = s.place[:width]
         return q
 
+    def named(self, q: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """Places and velocities by the compiler's names, and the coordinates of joints."""
+        jets = Jet.coordinates(q)
+        known: dict[str, float] = {}
+        for solid in self.solids:
+            if solid.first < 0:
+                continue
+            width = 2 if solid.name[0] == "p" else 3
+            for i, (place, rate) in enumerate((("x", "vx"), ("y", "vy"), ("theta", "omega"))[:width]):
+                known[f"{solid.name}.{place}"] = q[solid.first + i]
+                known[f"{solid.name}.{rate}"] = v[solid.first + i]
+        for place, rate, function in self.relative:
+            jet = function(jets)
+            known[place], known[rate] = jet.value, float(jet.slope @ v)
+        return known
+
     def rows(self, q: np.ndarray) -> list[Jet]:
         jets = Jet.coordinates(q)
         return [row for tie in self.ties for row in tie.residuals(jets)]

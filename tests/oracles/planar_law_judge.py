@@ -151,6 +151,7 @@ def _impact(s: LawfulMechanism, q: np.ndarray, before: np.ndarray, after: np.nda
         came, goes = slope @ before, slope @ after
         if law.kind == UNILATERAL and law.part in struck and came < -MOVING:
             event = struck[law.part]
-            if event.note == "Newton's law" and event.kind != "accumulation" and goes < -law.restitution * came - 1e-5:
-                wrong.append(f"{law.part} gives back too little")
+            least = -law.restitution * came - 1e-5 * size**2
+            if event.note == "Newton's law" and event.kind != "accumulation" and goes < least:
+                wrong.append(f"{law.part} gives back {goes:.9g} m/s of {-came:.9g} m/s")
     return wrong

@@ -15,23 +15,6 @@ WITH_LOOPS = (2, 11, 24, 33)  # seeds of mechanisms with nonlinear loops
 FORMULATIONS = {"projected": 1e-6, "index1": 1e-6, "baumgarte": 1e-6, "ggl": 1e-4}  # and how near they come
 
 
-def values_of(s: Mechanism, q: np.ndarray, v: np.ndarray) -> dict[str, float]:
-    """Places and velocities by the compiler's names, and the coordinates of joints."""
-    jets = Jet.coordinates(q)
-    known: dict[str, float] = {}
-    for solid in s.solids:
-        if solid.first < 0:
-            continue
-        width = 2 if solid.name[0] == "p" else 3
-        for i, (place, rate) in enumerate((("x", "vx"), ("y", "vy"), ("theta", "omega"))[:width]):
-            known[f"{solid.name}.{place}"] = q[solid.first + i]
-            known[f"{solid.name}.{rate}"] = v[solid.first + i]
-    for place, rate, function in s.relative:
-        jet = function(jets)
-        known[place], known[rate] = jet.value, float(jet.slope @ v)
-    return known
-
-
 def check(s: Mechanism) -> float:
     """Accelerations, forces and reactions at the start; the ledger and the constraints on the way.
 
@@ -39,7 +22,7 @@ def check(s: Mechanism) -> float:
     """
     q = s.start()
     v = s.admissible(q, np.random.default_rng(s.seed).uniform(-1, 1, s.count))
-    known = values_of(s, q, v)
+    known = s.named(q, v)
     dae = lmoc.compile_text(s.text)
     freedom = s.count - len(s.constraints(q))
     assert len(dae.states) == 2 * freedom, dae.states
@@ -80,7 +63,7 @@ def errors_of_forces(run, s: Mechanism, solid, q, v, a) -> dict[str, float]:
 def check_formulations(s: Mechanism) -> bool:
     """The same motion, reactions included, from all formulations; False for a mechanism without nonlinear loops."""
     q = s.start()
-    known = values_of(s, q, s.admissible(q, np.random.default_rng(s.seed).uniform(-1, 1, s.count)))
+    known = s.named(q, s.admissible(q, np.random.default_rng(s.seed).uniform(-1, 1, s.count)))
     dae = lmoc.compile_text(s.text)
     if dae.reduced.invariants is None or not known.keys() >= set(dae.states):
         return False
