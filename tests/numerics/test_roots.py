@@ -150,3 +150,17 @@ def test_a_crossing_is_located_from_above(power):
     t = locate(curve, 0.0, 1.0, curve(0.0), curve(1.0))
     assert curve(t) < 0
     assert 0.7 < t <= 0.7 * (1 + DIGITS)
+
+
+@pytest.mark.parametrize("solver", ["auto", "dop853", "taylor", "gauss", "cvode"])
+def test_a_window_beside_the_end_of_a_long_step(solver):
+    """A step of the Taylor series ends a little before the place where the function turns below zero."""
+    import lmoc
+
+    text = """model Turns
+  Real q(start = 0, fixed = true), v(start = 1, fixed = true); Integer n(start = 0, fixed = true);
+equation
+  der(q) = v; der(v) = -q; when q < -0.999 then n = pre(n) + 1; end when;
+end Turns;"""
+    run = lmoc.compile_text(text).simulate(stop=20, points=2, rtol=1e-9, solver=solver)
+    assert [e.time for e in run.events] == pytest.approx([np.pi * (2 * k + 1) + np.arcsin(0.999) for k in range(3)])

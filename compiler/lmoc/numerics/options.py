@@ -13,6 +13,7 @@ from lmoc.support.records import dataclass
 
 ADAPTIVE = ("auto", "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss")
 MOREAU = "moreau"  # time stepping of scenes with laws
+WHOLE_RUN = ("collocation", "collocation-radau")  # one call, in which nobody looks at the steps
 # all steps have the same length, the option `step`
 FIXED_STEP = ("rk4", "midpoint", "verlet", "generalized-alpha", "collocation", "collocation-radau", MOREAU)
 EITHER = ("gauss",)  # takes the length of its steps, or chooses it

@@ -40,7 +40,7 @@ from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import kept_variables
 from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
 from lmoc.numerics.one_piece import Bounds, PieceSolver
-from lmoc.numerics.options import MOREAU
+from lmoc.numerics.options import MOREAU, WHOLE_RUN
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.steps import stepping_inputs
 from lmoc.numerics.sizes import assumed_sizes
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes, Way
     from lmoc.numerics.coordinates.watch import CoordinateWatch
     from lmoc.numerics.events.happenings import Happenings
+    from lmoc.numerics.failures.assertions import Assertions
 
 _FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
 
@@ -108,6 +109,7 @@ class _Run:
         self.watch: CoordinateWatch | None = None  # over the last choice of coordinates
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
+        self.assertions: Assertions | None = None  # as they are watched; None where none are
 
     def go(self, initial: Mapping[str, float] | End | Place) -> Trajectory:
         x = self._start(initial)
@@ -117,11 +119,13 @@ class _Run:
         run = self._joined(outcome, started)
         if outcome.status.failed:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
+            if self.assertions is not None and self.assertions.failed is not None:
+                raise failure(self.assertions.reason(), outcome.time, run)
             sizes = self.tolerances.sizes(self.stretch)
             known = self._known_reason(outcome)
             text = explanation(self.stretch, outcome, self.task.span, self.pieces, sizes, known)
             raise failure(text, outcome.time, run)
-        return run_checks(run)
+        return run_checks(run, self.assertions is not None)
 
     def _to_the_end(self, x: np.ndarray) -> Outcome:
         """Go from piece to piece until the end of the run, or until it fails."""
@@ -153,6 +157,8 @@ class _Run:
         }
         if self.stretch.plan.reduced.in_all_coordinates and not self._went_over and self.stretch.loops is not None:
             stats |= self.stretch.loops.stats
+        if self.assertions is not None and not outcome.status.failed:
+            self.assertions.tell(outcome.time, self.report)
         note_coordinates(self.pieces, self.changes if "changes" in self.__dict__ else None, self.report)
         notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
         records = (*self.impacts, *(() if happenings is None else happenings.records))
@@ -266,6 +272,11 @@ class _Run:
             return self._march(x, begin)
         end = task.span.end if now is None else now.until
         roots = None if now is None else now.roots(begin, x)
+        watched = self._watched_assertions()
+        if watched is not None:
+            if not watched.begin(self.stretch, begin, x):
+                return Outcome(begin, x, 0, Status.ASSERTION)
+            roots = watched.beside(roots)
         bounds = Bounds(begin, end, self.longest, roots, way=way)
         outcome = self.solver.at_once(self.stretch, x, bounds)
         if outcome is not None:
@@ -280,11 +291,25 @@ class _Run:
         if self.pieces and (self.stretch.watch is not None or self._went_over):
             bounds = replace(bounds, finer=_FINER)
         outcome = self.solver(self.stretch, x, bounds)
+        if watched is not None:
+            outcome = watched.after(outcome)
         if self.stretch.loops is not None and outcome.status.failed:
             self.lost = self.stretch.loops.why(outcome.status)
             if outcome.status is Status.SINGULAR and self._went_over:
                 outcome.status = Status.COORDINATES
         return outcome
+
+    def _watched_assertions(self) -> Assertions | None:
+        """Return the assertions that are watched on the way; None where there are none."""
+        checks = self.stretch.observer.flat.checks
+        if self.assertions is None and self.pieces or not checks or self.task.options.solver in WHOLE_RUN:
+            return self.assertions
+        if self.assertions is None:
+            from lmoc.numerics.failures.assertions import Assertions
+
+            made = Assertions(self.stretch.observer.flat)
+            self.assertions = made or None
+        return self.assertions
 
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
         """Go to the end by steps of equal length, in which impulses of the laws take the place of events."""

@@ -1,4 +1,4 @@
-"""The model's own assertions, looked at over the output times."""
+"""The model's assertions over the output times, where `assertions` has not watched them on the way."""
 
 from __future__ import annotations
 
@@ -9,14 +9,19 @@ import numpy as np
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Check
 from lmoc.messages.diagnostics import Report, SimulationError
+from lmoc.numerics.failures.assertions import broken
 from lmoc.numerics.failures.onset import onset
 from lmoc.numerics.observe.trajectory import Piece, Trajectory
 
 
-def run_checks(run: Trajectory) -> Trajectory:
+def run_checks(run: Trajectory, watched: bool = False) -> Trajectory:
     """Evaluate the assertions; warnings become notes of the run.
 
     Those about parameters alone that are errors have been judged before it (`lmoc.semantics.parameter_checks`).
+
+    Parameters
+    ----------
+    watched : whether those that depend on the motion have been watched on the way (`failures.assertions`)
 
     Raises
     ------
@@ -29,7 +34,8 @@ def run_checks(run: Trajectory) -> Trajectory:
     report = Report()
     failures: list[tuple[int, Check, int]] = []
     for check in flat.checks:
-        if check.at_events or (check.error and check in flat.constant_checks):
+        constant = check in flat.constant_checks
+        if check.at_events or (check.error if constant else watched):
             continue
         holds = _holds(run, check)
         times, rows = np.nonzero(~holds.T) if holds.size else (np.zeros(0, int), np.zeros(0, int))
@@ -43,10 +49,8 @@ def run_checks(run: Trajectory) -> Trajectory:
     if failures:
         k, check, row = min(failures, key=lambda f: f[0])
         partial = run.until(k + 1)
-        place = f" ({check.span})" if check.span is not None else ""
         since = _since(run, check, k, row)
-        message = f"an assertion does not hold at t = {since:.9g} s: {flat.message_of(check, row)}{place}"
-        raise SimulationError(message, since, partial)
+        raise SimulationError(broken(flat, check, row, since), since, partial)
     return replace(run, notes=run.notes + tuple(report.diagnostics), _cache={}) if report.diagnostics else run
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from lmoc.numerics.integrate.base import Integration, Roots
 
 _INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a step, where the functions are looked at
+_BESIDE = 0.01  # the same, beside its ends: where a function turns there, the samples further inside do not tell
 _COARSE = 0.02  # of a function's change in a step: what samples may be off by that follow it
 _MOST_SAMPLES = 500  # in a step
 _TIGHT = 4e-16  # of the time: two places that close are one
@@ -92,7 +93,8 @@ class RootFinder:
         holds it follows the load. After a root, the rest of the step is looked at as closely as before it.
         """
         while True:
-            times = begin + self._inside * (run.t - begin)
+            shares = np.concatenate([self._inside[:1], [_BESIDE], self._inside[1:-1], [1 - _BESIDE], self._inside[-1:]])
+            times = begin + shares * (run.t - begin)
             times[-1] = run.t
             states = run.interpolate(times)
             states[-1] = run.x
@@ -100,7 +102,7 @@ class RootFinder:
                 states[0] = self._place[1]
             np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
             values = self.roots.values(times, states)
-            if len(self._inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
+            if len(self._inside) > _MOST_SAMPLES or not _unresolved(_even(values), self.signs).any():
                 return times, values
             self._inside = np.linspace(0.0, 1.0, 2 * len(self._inside) - 1)
 
@@ -152,6 +154,11 @@ class RootFinder:
                 if low[1] < 0:
                     return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
         return None
+
+
+def _even(values: np.ndarray) -> np.ndarray:
+    """Return the values at equidistant samples, without those beside the ends."""
+    return np.concatenate([values[:1], values[2:-2], values[-1:]])
 
 
 def _unresolved(values: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -136,10 +136,15 @@ class Observer:
         """Values of variables of the flat model, (times, variables); NaN for what the model leaves open."""
         return self.prepare(variables)(times, states)
 
+    def is_implicit(self, variables: np.ndarray) -> bool:
+        """Return whether variables follow from nonlinear blocks, whose solutions are followed along a path."""
+        computed = sources(self.plan, variables)[2]
+        return slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]).implicit
+
     def prepare(self, variables: np.ndarray):
         """``(times, states) -> (times, variables)`` for repeated use."""
         variables = np.asarray(variables, int)
-        constant, inputs, computed = _sources(self.plan, variables)
+        constant, inputs, computed = sources(self.plan, variables)
         part = self.followed(slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]))
         if len(computed) == len(variables):
             return part
@@ -158,7 +163,7 @@ class Observer:
         return values
 
 
-def _sources(plan: Plan, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sources(plan: Plan, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return where the values of variables come from: a mask of constants, places of inputs and of what is computed."""
     if len(variables) > _KEPT:
         return _sorted_by_source(plan, variables)
