@@ -125,8 +125,8 @@ NUMERICS: dict[str, Entry] = {
     ),
     "W0551": Entry(
         "an assertion of level warning does not hold",
-        "An assertion of the model with `AssertionLevel.warning` is violated; the message is the model's own, with the\n"
-        "first time at which it does not hold and for how long it does not in all.",
+        "An assertion of the model with `AssertionLevel.warning` is violated; the message is the model's own, with\n"
+        "the first time at which it does not hold, and for how long it does not in all.",
     ),
     "N0555": Entry(
         "the estimated error of time stepping",
