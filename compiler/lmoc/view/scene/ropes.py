@@ -143,8 +143,8 @@ class Hanging:
         ends = [End(*a), End(*b)]
         variable = self.style.variables.get(node)
         if variable and moved >= 0:
-            way = direction or self.direction(node)
-            ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, *way, None, GROUP),))
+            dx, dy = direction or self.direction(node)
+            ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, dx, dy, None, GROUP),))
         made = symbols.line("string", part, ends[0], ends[1], 1.4, "string")
         return replace(made, variables=self.style.names.slack(part))
 
