@@ -30,12 +30,15 @@ GREY = "#555555"
 MOST_LABELLED = 10  # curves of a panel with names of their own; more are a family with a colour scale
 MOST_CURVES = 200
 MOST_NAMED = 3  # curves that name their axis
+LONGEST = 36  # characters of a name
+LONGEST_TITLE = 100
 MOST_PANELS = 5  # of those shown by default
 FLAT = 1e-3  # of the energy that moves between the stores: what changes by less is drawn as a flat line
 
 STYLE = {
     "font.size": 9,
     "font.family": "DejaVu Sans",
+    "text.parse_math": False,  # a user's names may hold dollar signs
     "axes.edgecolor": "#999999",
     "axes.labelcolor": GREY,
     "axes.spines.top": False,
@@ -79,7 +82,7 @@ def plot(
     Raises
     ------
     ModelError
-        E0623, E0624: the picture cannot be written; E0629: an unknown unit.
+        E0623, E0624: the picture cannot be written, or there is nothing to draw; E0629: an unknown unit.
     UnknownNameError
         One of the names is not in the model.
     """
@@ -96,6 +99,9 @@ def plot(
         panels = panels[: len(panels) - len(left)]
         ledger = names is None and _has_ledger(run)
         heights = [1.0] * len(panels) + [0.8] * ledger
+        if not heights:
+            message = f"there is nothing to draw: {run.flat.name} has no output, state or input"
+            raise ModelError([Diagnostic("E0623", message, hint="name variables to draw")])
         figure = Figure(figsize=(9, 1.1 + 1.9 * sum(heights)), dpi=150, layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
@@ -151,8 +157,13 @@ def finished(figure: Figure, path: str | Path | None) -> Figure:
     return figure
 
 
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Return a text without its middle where it is longer than there is room for."""
+    return text if len(text) <= most else f"{text[: most // 2]}…{text[-(most // 2 - 1) :]}"
+
+
 def head(figure: Figure, title: str) -> None:
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
+    figure.suptitle(shortened(title, LONGEST_TITLE), x=0.01, ha="left", fontsize=11, fontweight="bold", color="#222222")
 
 
 def choose(run: Result) -> list[str]:
@@ -206,7 +217,7 @@ def _signals(axis: Axes, run: Result, unit: str, names: list[str], display: Disp
     if len(shown) <= MOST_LABELLED:
         for k, name in enumerate(shown):
             colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS)]
-            axis.plot(run.time, display.value(run[name], unit), color=colour, linestyle=dashes, label=name)
+            axis.plot(run.time, display.value(run[name], unit), color=colour, linestyle=dashes, label=shortened(name))
         _legend(axis)
     else:
         _family(axis, run, shown, len(names), lambda name: display.value(run[name], unit))
@@ -228,7 +239,7 @@ def _family(
         axis.plot(run.time, values(name), color=colours(0.95 * k / (len(names) - 1)), linewidth=0.8, alpha=0.8)
     beside = axis.inset_axes((1.012, 0.05, 0.012, 0.9))
     scale = axis.figure.colorbar(ScalarMappable(Normalize(0, 1), colours), cax=beside)
-    scale.set_ticks([0.01, 0.99], labels=[names[0], names[-1]])
+    scale.set_ticks([0.01, 0.99], labels=[shortened(names[0]), shortened(names[-1])])
     scale.outline.set_visible(False)
     scale.ax.tick_params(length=0)
     if total > len(names):
@@ -270,7 +281,7 @@ def _rest_line(axis: Axes) -> None:
 
 def _axis_label(unit: str, names: Sequence[str]) -> str:
     """Quantity and unit; where neither is known, what the curves are called."""
-    quantity = QUANTITIES.get(unit) or (", ".join(names) if len(names) <= MOST_NAMED else "")
+    quantity = QUANTITIES.get(unit) or (", ".join(map(shortened, names)) if len(names) <= MOST_NAMED else "")
     return f"{quantity} in {unit_text(unit)}" if quantity and unit else quantity or unit_text(unit) or "values"
 
 
@@ -280,10 +291,13 @@ def _spread(total: int, most: int) -> list[int]:
 
 def write(figure: Figure, path: Path) -> None:
     """Write a picture; E0623 where the system refuses."""
+    import warnings
     from io import BytesIO
 
     picture = BytesIO()  # matplotlib's own writers of files do not all survive a full disk
-    figure.savefig(picture, format=path.suffix[1:].lower())
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the picture has boxes in their place
+        figure.savefig(picture, format=path.suffix[1:].lower())
     try:
         replace_file(path, lambda target: target.write_bytes(picture.getvalue()))
     except OSError as error:

@@ -55,12 +55,15 @@ class Drawing:
         return path
 
     def _painted(self, ending: str) -> bytes:
+        import warnings
         from io import BytesIO
 
         from lmoc.view.scene.figure import figure
 
         content = BytesIO()
-        figure(self.picture).savefig(content, format=ending)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the picture has boxes in their place
+            figure(self.picture).savefig(content, format=ending)
         return content.getvalue()
 
     def _repr_svg_(self) -> str:

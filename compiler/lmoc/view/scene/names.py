@@ -28,7 +28,7 @@ def symbol(name: str) -> str:
         return letter if letter != word else shortened(name)
     if len(letter) > 3:
         return shortened(name)
-    return f"{escaped(letter)}_{{{escaped(below)}}}" if "{" not in below and "}" not in below else shortened(name)
+    return f"{escaped(letter)}_{{{shortened(below)}}}" if "{" not in below and "}" not in below else shortened(name)
 
 
 def shortened(name: str, most: int = LONGEST) -> str:

@@ -8,6 +8,11 @@ function style(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
+/** The range of an axis: a curve that stays at zero lies in the middle. */
+function rangeOf(_, low, high) {
+  return low === 0 && high === 0 ? [-1, 1] : uPlot.rangeNum(low ?? 0, high ?? 1, 0.1, true);
+}
+
 /** The text at a mark of an axis whose marks are `step` apart, with the digits that tell them from each other. */
 export function tickText(value, step) {
   if (value === null || value === 0) return value === 0 ? "0" : "";
@@ -41,7 +46,7 @@ class Panel {
         height: HEIGHT,
         legend: { show: false },
         cursor: { drag: { x: false, y: false }, points: { show: false } },
-        scales: { x: { time: false }, ...(options.scales ?? {}) },
+        scales: { x: { time: false }, y: { range: rangeOf }, ...(options.scales ?? {}) },
         axes: [{ ...axis, size: 30 }, { ...axis, size: 62 }],
         series: [{}, ...options.series],
         bands: options.bands ?? [],
