@@ -1,7 +1,9 @@
 """Pictures from the command line: what Python draws, the command line draws as well."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lmoc.cli.main import main
@@ -47,3 +49,41 @@ def test_what_cannot_be_drawn_is_refused(options, word, capsys, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     assert main(options) == 2
     assert word in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+SPRING = """model {name} Fixed wall; Spring s(k = {k}); Mass m(m = 1, q(start = 1, fixed = true)); output Real x = m.q;
+equation connect(wall.flange, s.a); connect(s.b, m.flange); {more} end {name};"""
+
+
+def test_runs_of_several_scenes_over_each_other(tmp_path, capsys):
+    """cos t and cos 2t differ by their largest value, 9/8 at cos t = 1/4, and 2 at t = π."""
+    soft, hard = tmp_path / "soft.lmo", tmp_path / "hard.lmo"
+    soft.write_text(SPRING.format(name="Soft", k=1, more=""))
+    hard.write_text(SPRING.format(name="Hard", k=4, more=""))
+    picture = tmp_path / "both.svg"
+    options = ["--stop", "4", "--points", "4001", "--plot", str(picture), "--json"]
+    assert main(["compare", str(soft), str(hard), *options]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["run"], row["variable"]) == ("hard", "x")
+    assert row["largest"] == pytest.approx(2, abs=1e-5) and row["time"] == pytest.approx(np.pi, abs=2e-3)
+    assert "soft" in picture.read_text() and "hard" in picture.read_text()
+
+
+def test_comparisons_that_cannot_be_made_are_refused(tmp_path, capsys):
+    one, other = tmp_path / "one.lmo", tmp_path / "other.lmo"
+    one.write_text(SPRING.format(name="One", k=1, more=""))
+    other.write_text("model Other Real y(start = 1, fixed = true); equation der(y) = -y; end Other;")
+    assert main(["compare", str(one)]) == 2
+    assert main(["compare", str(one), str(other)]) == 2
+    assert "have none of x" in capsys.readouterr().err
+    assert main(["compare", str(one), str(other), "--show", "m.q"]) == 2
+    assert "other.lmo has no variable 'm.q'" in capsys.readouterr().err
+
+
+def test_a_run_that_breaks_off_is_compared_as_far_as_it_goes(tmp_path, capsys):
+    whole, short = tmp_path / "whole.lmo", tmp_path / "short.lmo"
+    whole.write_text("model Whole Real x(start = 1, fixed = true); equation der(x) = 0; end Whole;")
+    short.write_text("model Short Real x(start = 1, fixed = true); equation der(x) = x^2; end Short;")
+    assert main(["compare", str(whole), str(short), "--stop", "2"]) == 3
+    told = capsys.readouterr()
+    assert "short.lmo: the run stopped at t = 1 s" in told.err and "differences from whole" in told.out

@@ -429,3 +429,18 @@ def test_a_balance_is_judged_between_output_times_that_happen_to_be_at_whole_per
     run = lmoc.compile_text(scene).simulate(stop=10, points=3)  # at 5 and 10 s the mass is back where it was pushed
     assert abs(run["m.q"][-1]) < 1e-5
     assert run.energy.balance < 1e-4 and not [n for n in run.notes if n.code == "W0553"]
+
+
+def test_names_in_a_picture_are_no_formulas_and_leave_room_for_the_curves(tmp_path):
+    long = "x" * 300
+    text = f"""model M "costs $5, or $x_{{1$" Real 'a$b$c'(start = 1, fixed = true), {long}(start = 1, fixed = true);
+      equation der('a$b$c') = -'a$b$c'; der({long}) = -{long}; end M;"""
+    figure = lmoc.compile_text(text).simulate().plot(path=tmp_path / "names.png")
+    labels = [line.get_label() for line in figure.axes[0].lines if line.get_label()[0] != "_"]
+    assert labels[0] == "'a$b$c'" and len(labels[1]) < 40
+    assert figure.axes[0].get_window_extent().width > 600
+
+
+def test_a_model_without_anything_to_draw_is_told():
+    with pytest.raises(lmoc.ModelError, match="there is nothing to draw"):
+        lmoc.compile_text("model Empty end Empty;").simulate().plot()
