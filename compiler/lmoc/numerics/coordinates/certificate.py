@@ -15,9 +15,9 @@ from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate, Text
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries, reads_of_entries
-from lmoc.numerics.coordinates.judge import Judge
+from lmoc.numerics.coordinates.judge import Judge, Judged, Step
 from lmoc.numerics.coordinates.place import Place
-from lmoc.numerics.coordinates.tableau import Tableau
+from lmoc.numerics.coordinates.tableau import AGAIN, NORMAL, ROUNDING, Tableau
 from lmoc.numerics.coordinates.unrolled_tableau import MOST_ROWS, unrolled
 from lmoc.numerics.evaluate.casadi_system import Buffered
 from lmoc.numerics.evaluate.system import System
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 # of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
 # within a step
 UNEXPLAINED = 0.5
+GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
+NEIGHBOURS = 0.02  # in equilibrated form, about radians: solutions nearer than that are so at singular places alone
 _WORTHWHILE = 50  # steps after which casadi's function is made
 _SQUARINGS = 2  # of the inverse, with which the bound of the smallest singular value is within a tenth for eight rows
 
@@ -85,7 +87,8 @@ class Recipe:
         own, (watched, states) = plan.reduced.constraints, layout.table
         sizes = {"ROWS": own.rows, "COLUMNS": len(own.variable), "COUNT": len(layout.places), "STATES": states,
                  "ENTRIES": len(own.register), "WATCHED": watched, "TOLD": layout.told, "SQUARINGS": _SQUARINGS,
-                 "UNEXPLAINED": UNEXPLAINED}  # fmt: skip
+                 "UNEXPLAINED": UNEXPLAINED, "GROWN": GROWN, "NEIGHBOURS": NEIGHBOURS, "AGAIN": AGAIN,
+                 "NORMAL": NORMAL, "ROUNDING": ROUNDING}  # fmt: skip
         self._text = Text(plan, layout, "".join(f"#define {name} {value}\n" for name, value in sizes.items()))
         self._steps = 0
 
@@ -145,9 +148,12 @@ class Certifier:
         ):
             given[:] = values.ravel()[self._places]
         table[:], before[:], short[:] = place.found.plain.ravel(), place.coordinates, scales.short
-        rows, columns = scales.ranges[self.own.watched], scales.ranges[self.own.rows :]
-        self._ratio = rows[:, None] / columns
+        self._measure(scales.ranges)
         scale[:] = np.where(scales.barred[:, None], 0.0, self._ratio).ravel()
+
+    def _measure(self, ranges: np.ndarray) -> None:
+        """See the tableau in units of these sizes of the coordinates."""
+        self._ratio = ranges[self.own.watched][:, None] / ranges[self.own.rows :]
 
     def __call__(self, t: float, x: np.ndarray) -> list[float]:
         """Return the bounds for the step to (t, x), as `certificate` lists them."""
@@ -179,14 +185,11 @@ class Certifier:
         matrix[:], table[:] = self._results[:2]
         before[:] = after
 
-    def enter(self, place: Place, limit: float, sure: float, unknowns: np.ndarray, most: int) -> int | None:
-        """Return what judges up to `most` steps in C, None where C does not evaluate the system.
+    def enter(self, judged: Judged, unknowns: np.ndarray, most: int) -> int | None:
+        """Return what judges up to `most` steps in C from where it stands; None where C does not evaluate the system.
 
         Parameters
         ----------
-        place : where it stands
-        limit : of the largest entry of the tableau
-        sure : bound of the smallest singular value
         unknowns : registers whose values are put on record
         """
         system = self.system.in_c()
@@ -194,25 +197,28 @@ class Certifier:
             return None
         if self._judge is None or self._judge.system != system:
             registers = self._reads, self._registers, unknowns
-            self._judge = Judge(self._evaluation, system, self.system.n, sure, *registers)
-        self._judge.enter(place, limit, most)
+            self._judge = Judge(self._evaluation, system, self.system.n, *registers)
+        self._judge.enter(self.place, judged, most)
         return self._judge.address
 
-    def left(self, place: Place, factor: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
-        """Stand where steps judged in C have led to; returns the record of these.
+    def left(self) -> tuple[list[Step], tuple[np.ndarray, np.ndarray] | None]:
+        """Return the ends of the steps judged in C, and the factors of rows and columns where these are others now."""
+        return self._judge.places(), self._judge.scales()
+
+    def stand(self, places: list[Step], factor: np.ndarray, ranges: np.ndarray) -> Place:
+        """Stand at the last of the places to which steps judged in C have led, if there is one; returns it.
 
         Parameters
         ----------
-        place : where they have begun
-        factor : of the entries, with which rows and columns have one length
+        factor, ranges : as in `Scales`, now
         """
-        places = self._judge.places()
-        if places:
-            matrix, found = self._of(self._given[0], self._given[1], place.found.sign)
-            least, coordinates = self._judge.least, self._given[2].copy()
-            t, x, solutions = places[-1]
-            self.place = Place(t, x, matrix, found, matrix * factor, least, solutions, coordinates)
-        return places
+        last = self.place
+        t, x, solutions = places[-1] if places else (last.t, last.x, last.solutions)
+        self._measure(ranges)
+        matrix, found = self._of(self._given[0], self._given[1], last.found.sign)
+        least, coordinates = self._judge.least, self._given[2].copy()
+        self.place = Place(t, x, matrix, found, matrix * factor, least, solutions, coordinates)
+        return self.place
 
     def sizes(self, size: np.ndarray) -> np.ndarray:
         """Return the (rows, columns) largest entries, from those at the beginning."""

@@ -16,8 +16,8 @@ from lmoc.support.records import dataclass
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
-_NORMALIZATIONS, _AGAIN, _NORMAL = 30, 6, 1e-2
-_ROUNDING = 1e-12  # entries below this share of their row have never been there
+_NORMALIZATIONS, AGAIN, NORMAL = 30, 6, 1e-2
+ROUNDING = 1e-12  # entries below this share of their row have never been there
 SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
 
 
@@ -109,13 +109,13 @@ def equilibrated(size: np.ndarray, before: np.ndarray | None = None) -> tuple[np
     before : factors of the columns of a matrix that was similar
     """
     largest = size.max(axis=1, keepdims=True, initial=0.0)
-    squares = np.where(np.isfinite(size) & (size > _ROUNDING * largest), size, 0.0) ** 2
+    squares = np.where(np.isfinite(size) & (size > ROUNDING * largest), size, 0.0) ** 2
     no_row, no_column = (1.0 * ~squares.any(axis=k) for k in (1, 0))  # which keep the factor 1
     column = np.ones(squares.shape[1]) if before is None else before**2
-    for k in range(_NORMALIZATIONS if before is None else _AGAIN):
+    for k in range(_NORMALIZATIONS if before is None else AGAIN):
         row = 1.0 / (squares @ column + no_row)
         last, column = column, 1.0 / (row @ squares + no_column)
-        if k % 2 and (np.abs(column - last) <= _NORMAL * column).all():
+        if k % 2 and (np.abs(column - last) <= NORMAL * column).all():
             break
     return np.sqrt(1.0 / (squares @ column + no_row)), np.sqrt(column)
 

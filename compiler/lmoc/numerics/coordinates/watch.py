@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.certificate import UNEXPLAINED, Certifier, Scales, recipe_of
+from lmoc.numerics.coordinates.certificate import GROWN, NEIGHBOURS, UNEXPLAINED, Certifier, Scales, recipe_of
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
 from lmoc.numerics.coordinates.entries import Unscaled, entries_of
+from lmoc.numerics.coordinates.judge import Judged
 from lmoc.numerics.coordinates.passage import Passage
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import (
@@ -33,10 +34,8 @@ from lmoc.numerics.observe.observer import Path
 # the largest entry that a choice may have from the beginning and still count as good
 _MARGIN, _TOLERATED = 2.0, 25.0
 _HALVINGS = 4  # of a step, for a look at what happens within
-_GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
 _ROUNDING = 1e-6  # way of a coordinate that is none
 _AT_ONCE = 0.5  # of what velocities leave unexplained, what a sixteenth of the step may have at the most
-_NEIGHBOURS = 0.02  # in equilibrated form, about radians: solutions nearer than that are so at singular places alone
 # smallest singular values, in equilibrated form: below the first a place ahead where constraints depend on each other
 # is looked for, below the second they do where no step is short enough
 _ALERT, _DEPENDENT = 0.1, 1e-3
@@ -147,12 +146,17 @@ class CoordinateWatch:
         if self._certifier is None or self._scales is None:
             return None
         self._begin_certifier()
-        return self._certifier.enter(self.accepted, self.limit, _SURE, self.unknowns, most)
+        judged = Judged(self.limit, _SURE, *self._scales, self.barred)
+        return self._certifier.enter(judged, self.unknowns, most)
 
     def leave(self, t: float, x: np.ndarray) -> None:
         """Take the steps judged in C for accepted."""
-        self._places += self._certifier.left(self.accepted, self._factor)
-        self.accepted = self.last = self._certifier.place
+        places, scales = self._certifier.left()
+        if scales is not None:
+            self._size = self._certifier.sizes(self._size)
+            self._take(scales)
+        self._places += places
+        self.accepted = self.last = self._certifier.stand(places, self._factor, self._ranges)
         self.lost_rank = False
 
     def stuck(self, status: Status) -> Status:
@@ -301,7 +305,7 @@ class CoordinateWatch:
     def _begin_certifier(self) -> None:
         """Have the certifier stand at the last place accepted."""
         if self._certifier.place is not self.accepted:
-            short = _NEIGHBOURS * self._scales[1][self.constraints.watched]
+            short = NEIGHBOURS * self._scales[1][self.constraints.watched]
             scales = Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short)
             self._certifier.begin(self.accepted, scales)
 
@@ -338,13 +342,16 @@ class CoordinateWatch:
 
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
         if self._scales is None:
-            self._scales = equilibrated(self._size, self._columns)
-            self._columns, self._bound, self._recent = self._scales[1], _GROWN * self._size, None
-            row = self._size.max(axis=1, keepdims=True)
-            ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
-            self._ranges = np.where(ranges > 0, ranges, 1.0)
-            self._factor = self._scales[0][:, None] * self._scales[1]
+            self._take(equilibrated(self._size, self._columns))
         return self._scales
+
+    def _take(self, scales: tuple[np.ndarray, np.ndarray]) -> None:
+        """Compare entries with these factors of the rows and columns from now on."""
+        self._scales, self._columns, self._bound, self._recent = scales, scales[1], GROWN * self._size, None
+        row = self._size.max(axis=1, keepdims=True)
+        ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
+        self._ranges = np.where(ranges > 0, ranges, 1.0)
+        self._factor = scales[0][:, None] * scales[1]
 
     def _scaled(self, matrix: np.ndarray) -> np.ndarray:
         self._factors()
@@ -379,7 +386,7 @@ class CoordinateWatch:
         row = int(np.argmax(before - UNEXPLAINED * way)) if len(before) else 0
         if not len(before) or not before[row] > UNEXPLAINED * way[row] + _ROUNDING:
             return True
-        if before[row] < _NEIGHBOURS * self._factors()[1][self.constraints.watched[row]]:
+        if before[row] < NEIGHBOURS * self._factors()[1][self.constraints.watched[row]]:
             return True
         most = last = before[row]
         for _ in range(_HALVINGS):
