@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, function, lift, mul, postorder, rebuild
+from lmoc.expression.dag import ONE, Expr, function, lift, mul, neg, postorder, rebuild
 from lmoc.expression.functions import FUNCTIONS, Kind
 from lmoc.ir.program import Apply, Program, Solve, Total, written
 from lmoc.numerics.evaluate.jacobian import Jacobian
@@ -187,13 +187,33 @@ def _prepared(shape: Expr, fixed: set[int]) -> Expr:
             for _ in range(int(exponent) - 1):
                 product = mul(product, args[0])
             new[id(node)] = product
-        elif node.op == "pow" and any(leaf.op == "time" or _varies(leaf, fixed) for leaf in postorder(args[1])):
+        elif node.op == "pow" and not _is_constant(args[1], fixed):
             new[id(node)] = function("exp", mul(args[1], function("log", args[0])))
-        elif node.op == "mul" and args[0].op == "mul" and args[0].args[0].is_const and args[0].args[1] is args[1]:
-            new[id(node)] = mul(args[0].args[0], mul(args[1], args[1]))
+        elif node.op == "mul":
+            (c, x), (d, y) = (_without_factor(a, fixed) for a in args)
+            new[id(node)] = mul(mul(c, d), mul(x, x)) if x is y else rebuild(node.op, args)
         else:
             new[id(node)] = rebuild(node.op, args)
     return new[id(shape)]
+
+
+def _without_factor(node: Expr, fixed: set[int]) -> tuple[Expr, Expr]:
+    """Return the constant factor of an expression, and the rest."""
+    factor: Expr = ONE
+    while node.op in ("mul", "div", "neg"):
+        if node.op == "neg":
+            factor, node = neg(factor), node.args[0]
+        elif _is_constant(node.args[1], fixed):
+            factor, node = rebuild(node.op, (factor, node.args[1])), node.args[0]
+        elif node.op == "mul" and _is_constant(node.args[0], fixed):
+            factor, node = mul(factor, node.args[0]), node.args[1]
+        else:
+            break
+    return factor, node
+
+
+def _is_constant(node: Expr, fixed: set[int]) -> bool:
+    return not any(leaf.op == "time" or _varies(leaf, fixed) for leaf in postorder(node))
 
 
 def _varies(leaf: Expr, fixed: set[int]) -> bool:
