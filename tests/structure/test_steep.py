@@ -1,5 +1,7 @@
 """Of two positions in a ratio far from 1 the larger one is the coordinate; forces do not take part."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -29,3 +31,15 @@ def test_a_line_that_is_vertical_up_to_rounding():
     run = lmoc.compile_text(LINE).simulate(stop=3, rtol=1e-9)
     np.testing.assert_allclose(run["y"], np.cos(2 * run.time), atol=1e-7)
     np.testing.assert_allclose(run["x"], 6.123234e-17 * run["y"], rtol=1e-6)
+
+
+def test_ratios_of_a_scene_with_laws_are_judged_for_other_parameters():
+    """The guards of the free scene know more variables than the form with switches, which the values are given for."""
+    dae = lmoc.compile(Path(__file__).parents[2] / "models" / "laws" / "h34_slack_string.lmo")
+    run = dae.simulate(parameters={"spring.k": 10.0}, times=[0.0, 0.2], rtol=1e-9)
+    free = lmoc.compile_text(
+        """model Free Fixed wall; Mass mass(m = 2, q(start = 0.1, fixed = true)); SpringDamper mount(k = 50, c = 3);
+        equation connect(wall.flange, mount.a); connect(mount.b, mass.flange); end Free;"""
+    )
+    other = free.simulate(times=[0.0, 0.2], rtol=1e-9)
+    assert run.modes == [(0.0, {"pulley": "slack"})] and run["q"] == pytest.approx(other["mass.q"], abs=1e-8)

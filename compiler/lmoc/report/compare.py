@@ -86,7 +86,8 @@ class Comparison:
         """Draw each variable in a panel, the runs over each other; parameters and errors as of `Run.plot`."""
         shown = display(units)
         panels = [(unit, name) for unit, members in group_by_unit(self.first, self.names(names)) for name in members]
-        title = self.first.flat.description or self.first.flat.name
+        scenes = list(dict.fromkeys(run.flat.name for run in self.runs.values()))
+        title = ", ".join(scenes) if len(scenes) > 1 else self.first.flat.description or scenes[0]
         figure, axes = stacked(max(1, len(panels)), path, title)
         colours = _colours(len(self.runs))
         for axis, (unit, name) in zip(axes, panels, strict=False):

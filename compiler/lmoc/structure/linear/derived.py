@@ -135,7 +135,8 @@ class DerivedParameters:
         self._made.clear()
 
     def extended(self, values: np.ndarray) -> np.ndarray:
-        """All extended variables for another parameter set."""
+        """All extended variables for another parameter set; the variables that a switched form adds have no value."""
+        values = np.concatenate([values, np.full(self.base - len(values), np.nan)])
         return np.concatenate([values, derived_values(self.assignments, values)])
 
     def text(self, index: int, name: Callable[[int], str], depth: int = DEEPEST_TEXT) -> str:
