@@ -155,6 +155,17 @@ def test_what_is_a_little_stiff_is_done_by_a_series():
     assert np.abs(run["y"] - exact)[1:].max() < 30e-9
 
 
+@needs_compiler
+def test_a_series_is_not_patient_where_each_step_is_looked_at_for_events():
+    text = """model M Real y(start = 1, fixed = true); discrete Real n(start = 0, fixed = true);
+      equation der(y) = -1500*(y - sin(time)); when y < -0.5 then n = pre(n) + 1; end when; end M;"""
+    dae = lmoc.compile_text(text)
+    dae.simulate(solver="taylor", stop=1e-3)
+    run = dae.simulate(stop=60)
+    assert run.stats["solver"] == "taylor, dop853, cvode"
+    assert run["n"][-1] == 9 and np.abs(run["y"] - np.sin(run.time))[1:].max() < 1e-3
+
+
 def test_a_steep_start_does_not_make_all_that_follows_finer():
     """The speed falls as 1/t: the first 40 steps would suggest that thousands follow."""
     text = "model M Real v(start = 2000, fixed = true); equation der(v) = -5*v*abs(v); end M;"

@@ -48,6 +48,7 @@ _LOOKED_AT = 50  # states up to which their modes are looked at in no time, so t
 _SHORT = 0.2  # of the steps before: a series whose steps are shorter is at odds with the equations, as where stiff
 _COMPARED = 15  # steps of DOP853 that tell how long those of a series should be
 _SERIES_WORK, _SERIES_WORK_AT = 1.2e5, 1e-4  # steps times rows up to which a series is faster than BDF at a tolerance
+_LOOK = 500  # rows that take as long as a look at a step in Python, for events and closures
 _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
 _WORK = 4e7  # rows evaluated in that time
@@ -310,8 +311,9 @@ def patience(system: System) -> float:
 
 def _series_patience(problem: Problem) -> float:
     """Return the steps of a Taylor series that are still cheaper than BDF, whose steps are more the finer they are."""
-    work = _SERIES_WORK * (problem.rtol / _SERIES_WORK_AT) ** -0.2
-    return work / max(5, problem.system.plan.row_count)
+    looked_at = problem.roots is not None or (problem.guard is not None and problem.compiled_guard is None)
+    rows = problem.system.plan.row_count + (_LOOK if looked_at else 0)
+    return _SERIES_WORK * (problem.rtol / _SERIES_WORK_AT) ** -0.2 / max(5, rows)
 
 
 def _is_stiff(modes: Modes, ahead: float, steps: float) -> bool:
