@@ -62,8 +62,8 @@ def damping_of_bdf() -> Failure:
     )
 
 
-def long_runs() -> Failure:
-    stop, numbers = 62832.0, {}
+def long_runs(stop: float = 62832.0) -> Failure:
+    numbers = {}
     runs = {"dop853": {"solver": "dop853"}, "auto": {}, "gauss": {"solver": "gauss", "step": 0.7}}
     for name, options in runs.items():
         run = own("oscillator").simulate(stop=stop, points=201, **options)

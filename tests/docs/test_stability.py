@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks import stability
@@ -36,4 +37,22 @@ def test_the_failure_and_its_remedy(make):
 def test_every_failure_is_on_the_page():
     text = PAGE.read_text(encoding="utf-8")
     assert text.count("\n## ") >= 12
-    assert set(stability.ALL) - set(EXPECTED) == {stability.long_runs, stability.chaos}  # too long for a test
+    assert set(stability.ALL) - set(EXPECTED) == {stability.long_runs, stability.chaos}  # which take too long as they are
+
+
+def test_energy_over_ten_thousand_periods():
+    """The default keeps it within 1e-4; the symplectic method does not drift, and a method with error control does."""
+    H = stability.own("oscillator").simulate(stop=62832.0, points=201)["H"]
+    assert abs(H - 1).max() < 1e-4
+    numbers = stability.long_runs(stop=3141.6).numbers
+    assert numbers["gauss"] == pytest.approx(numbers["gauss early"], rel=0.1) and numbers["gauss"] < 1e-7
+    assert numbers["dop853"] > 3 * numbers["dop853 early"]
+
+
+def test_chaos_buys_seconds_for_digits():
+    """Errors grow by a constant rate, so that finer tolerances postpone their end by a constant time."""
+    dae = stability.model("models/planar/double_pendulum.lmo")
+    runs = {rtol: dae.simulate(stop=20, rtol=rtol, solver="dop853", points=201) for rtol in (1e-6, 1e-8, 1e-12)}
+    name = runs[1e-6].states[0]
+    until = [runs[1e-6].time[np.argmax(abs(runs[r][name] - runs[1e-12][name]) > 0.01)] for r in (1e-6, 1e-8)]
+    assert 5 < until[0] < until[1] - 1 < 19
