@@ -108,6 +108,7 @@ def draw(rows: Sequence[dict], path: Path) -> None:
     from matplotlib.figure import Figure
 
     from lmoc.report.plots import COLOURS, GREY, STYLE, head
+    from lmoc.report.powers import label_powers
     from lmoc.studies.chart_plot import spread
 
     with matplotlib.rc_context(STYLE):
@@ -116,6 +117,7 @@ def draw(rows: Sequence[dict], path: Path) -> None:
         axis = figure.subplots()
         axis.set_xscale("log")
         axis.set_yscale("log")
+        label_powers(axis)
         ends = []
         for k, scene in enumerate(dict.fromkeys(r["scene"] for r in rows)):
             own, colour = [r for r in rows if r["scene"] == scene], COLOURS[k % len(COLOURS)]

@@ -98,6 +98,7 @@ def draw(data: dict, path: Path) -> None:
     from matplotlib.figure import Figure
 
     from lmoc.report.plots import COLOURS, STYLE, head
+    from lmoc.report.powers import label_powers
 
     runs = data["figures"]["runs"]
     scenes, tools = (list(dict.fromkeys(r[key] for r in runs)) for key in ("scene", "tool"))
@@ -110,6 +111,7 @@ def draw(data: dict, path: Path) -> None:
         for axis, scene in zip(axes, scenes, strict=False):
             axis.set_xscale("log")
             axis.set_yscale("log")
+            label_powers(axis)
             for tool in tools:
                 best = envelope([(r["error"], r["ms"]) for r in runs if (r["scene"], r["tool"]) == (scene, tool)])
                 if best:

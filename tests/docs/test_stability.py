@@ -37,7 +37,7 @@ def test_the_failure_and_its_remedy(make):
 def test_every_failure_is_on_the_page():
     text = PAGE.read_text(encoding="utf-8")
     assert text.count("\n## ") >= 12
-    assert set(stability.ALL) - set(EXPECTED) == {stability.long_runs, stability.chaos}  # which take too long as they are
+    assert set(stability.ALL) - set(EXPECTED) == {stability.long_runs, stability.chaos}  # too long as they are
 
 
 def test_energy_over_ten_thousand_periods():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.report.plots import COLOURS, GREY, finished, stacked
+from lmoc.report.powers import label_powers
 from lmoc.report.units import ratio
 from lmoc.symbolic.styles import unit_text
 
@@ -104,6 +105,7 @@ def bode(
     upper.set_ylabel(f"{quantity} in dB" + (f" of 1 {unit}" if unit not in ("", "1") else "") if decibels else quantity)
     turned = phase(tf, omega)
     lower.semilogx(across, turned, color=COLOURS[0])
+    label_powers(upper, lower)
     lower.set_ylabel("phase in degrees")
     lower.set_xlabel("frequency in Hz" if hertz else "angular frequency in rad/s")
     ticks = np.arange(90 * np.floor(turned.min() / 90 + 1e-9), turned.max() + 90, 90)

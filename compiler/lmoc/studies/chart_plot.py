@@ -13,6 +13,7 @@ import numpy as np
 from lmoc.numerics.integrate.status import Status
 from lmoc.report.files import PICTURES, check_target
 from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
+from lmoc.report.powers import label_powers
 from lmoc.studies.chart_text import by_method
 from lmoc.studies.points import NOT_RUN, TOO_SLOW
 
@@ -93,6 +94,7 @@ def _frontiers(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
     """Draw the curves of the methods, each with its name at an end."""
     axis.set_xscale("log")
     axis.set_yscale("log")
+    label_powers(axis)
     labels = []
     curves = {name: [p for p in points if p.ok and p.error > 0] for name, points in by_method(chart.points).items()}
     curves = {n: points for n, points in curves.items() if points and points[0].setting.solver != "auto"}
