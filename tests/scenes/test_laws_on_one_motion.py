@@ -49,3 +49,20 @@ def test_the_motion_is_that_of_small_steps(seed):
     assert run["m.q"][-1] == pytest.approx(in_small_steps(**made), abs=5e-3)
     assert run["m.q"].min() >= made["low"] - 1e-12 and run["m.q"].max() <= made["high"] + 1e-12
     assert run.energy.balance < 1e-7
+
+
+def test_a_ratchet_beside_a_brake_that_holds_tells_of_nothing():
+    """Either of them may carry the load: that one of them carries none is no event as long as the other holds."""
+    text = """model Beside
+  FixedShaft wall; Inertia disk(J = 1, theta(start = 0, fixed = true), omega(start = 0, fixed = true)); Ratchet ratchet;
+  BearingFriction brake(tau = 2); Torque load(tau = -1 + 0.5*sin(20*time) + (if time < 1 then 0 else 20*(time - 1)));
+equation
+  connect(wall.shaft, ratchet.a); connect(ratchet.b, disk.shaft);
+  connect(wall.shaft, brake.a); connect(brake.b, disk.shaft); connect(load.shaft, disk.shaft);
+end Beside;"""
+    run = lmoc.compile_text(text).simulate(stop=2, points=201, rtol=1e-9)
+    assert run["disk.theta"][run.time <= 1] == pytest.approx(0, abs=0)
+    held = [e for e in run.events if e.name != "load.tau" and e.kind in ("lock", "unlock", "stick", "slip")]
+    assert {e.name for e in held} == {"ratchet", "brake"}
+    (slip,) = {e.time for e in held}
+    assert -1 + 0.5 * np.sin(20 * slip) + 20 * (slip - 1) == pytest.approx(2, abs=1e-9)

@@ -185,3 +185,50 @@ def test_sections_stay_apart_when_formatted(tmp_path, capsys) -> None:
     before = file.read_text()
     assert main(["fmt", str(file)]) == 0
     assert file.read_text() == before
+
+
+def test_inputs_of_parts_are_assigned() -> None:
+    """Of single parts and of arrays of parts, whole and by elements; what has been assigned is read back."""
+    found = run("""model M
+      model Part input Real x; input Real y[2]; Real z; equation z = 2*x + y[1]; end Part;
+      Part part[3], one;
+      Real s;
+    algorithm
+      one.x := 3;
+      one.y := {1, 2};
+      for i in 1:3 loop
+        part[i].x := i*time;
+        for j in 1:2 loop part[i].y[j] := part[i].x + j; end for;
+      end for;
+      s := part[2].x + part[3].y[1] + one.y[2] + sum(part.x);
+    end M;""")
+    t = found.time
+    assert found["part[3].z"] == pytest.approx(9 * t + 1) and found["part[2].y[2]"] == pytest.approx(2 * t + 2)
+    assert found["one.z"] == pytest.approx(7 + 0 * t)
+    assert found["s"] == pytest.approx(2 * t + 3 * t + 1 + 2 + 6 * t)
+
+
+def test_discrete_inputs_of_an_array_of_parts_are_assigned_in_a_when() -> None:
+    found = run("""model M
+      model Part input Integer n(start = 0); Real x(start = 0, fixed = true); equation der(x) = n; end Part;
+      Part p[2];
+    algorithm
+      when sample(0.25, 0.25) then
+        for i in 1:2 loop p[i].n := pre(p[i].n) + i; end for;
+      end when;
+    end M;""")
+    assert [found["p[1].n"][-1], found["p[2].n"][-1]] == [4, 8]
+    assert found["p[2].x"][-1] == pytest.approx(2 * 0.25 * (1 + 2 + 3), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("statement", "code"), [("p[3].x := 1;", "E0215"), ("p[1].y := {1, 2};", "E0230"), ("p[1].k := 2;", "E0222")]
+)
+def test_wrong_assignments_to_an_array_of_parts(statement, code) -> None:
+    with pytest.raises(lmoc.ModelError) as failed:
+        run(f"""model M
+          model Part input Real x, y[2]; parameter Real k = 1; Real z; equation z = x + k + sum(y); end Part;
+          Part p[2];
+        algorithm for i in 1:2 loop p[i].x := i; for j in 1:2 loop p[i].y[j] := 0; end for; end for; {statement}
+        end M;""")
+    assert failed.value.diagnostics[0].code == code

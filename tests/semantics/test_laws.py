@@ -173,6 +173,16 @@ def test_a_law_counts_as_an_equation() -> None:
     assert found.code == "E0307"
 
 
-def test_a_law_cannot_stand_in_an_initial_equation() -> None:
-    (found,) = mistakes("model A Real x, f; initial equation Law.unilateral(f, x); equation der(x) = f; f = 1; end A;")
-    assert found.code == "E0305"
+@pytest.mark.parametrize(
+    ("section", "where"),
+    [
+        ("initial equation Law.unilateral(f, x); equation f = 1;", "an initial equation"),
+        ("equation when time > 0.5 then Law.unilateral(f, x); end when; f = 1;", "a 'when'"),
+        ("equation if time > 0.5 then Law.unilateral(f, x); else f = 0; end if;", "a branch"),
+        ("algorithm Law.unilateral(f, x); equation f = 1;", "an algorithm"),
+        ("equation f = 1; algorithm when time > 1 then Law.unilateral(f, x); end when;", "an algorithm"),
+    ],
+)
+def test_where_a_law_cannot_stand(section, where) -> None:
+    found = mistakes(f"model A Real x, f; equation der(x) = f; {section} end A;")[0]
+    assert found.code == "E0252" and where in found.message and "among the equations" in found.expected

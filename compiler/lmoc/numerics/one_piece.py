@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.laws.step_length import Stepped
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
-_MULTISTEP = frozenset({"cvode", "adams"})
+_MULTISTEP = frozenset({"cvode", "adams", "ida"})
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
 _DRIFT = 0.1  # of the tolerance: from there on the states are moved onto what is closed

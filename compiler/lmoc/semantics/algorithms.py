@@ -17,10 +17,11 @@ from lmoc.messages.source import Span
 from lmoc.semantics.draft import Drafts, equality
 from lmoc.semantics.events.whens import ASSIGNED, WhenEquation, both, guarded_check
 from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.laws import law_function, misplaced
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
-from lmoc.semantics.values.reference import named_variable
+from lmoc.semantics.values.reference import all_subscripts, named_variable
 from lmoc.semantics.values.translate import choose, continuous, sizes_differ
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import Exhausted, Wrong
@@ -105,7 +106,6 @@ class _Section(Algorithm):
         """Carry it out, and draft the equations of what it assigns."""
         for ref in assigned(self.statements):
             self._begin(ref)
-        self.context.assigned = frozenset(self.targets)
         self._statements(self.statements)
         plain = self.context.unassigned
         groups = self.drafts.initial if self.initial else self.drafts.groups
@@ -121,19 +121,16 @@ class _Section(Algorithm):
         name = _name(ref)
         if name in self.targets:
             return
-        if any(part.subscripts for part in ref.parts[:-1]):
-            raise Wrong("E0230", "an algorithm assigns parts of an array of parts: this is not available yet", ref.span,
-                        hint="write the algorithm into the class of the part")  # fmt: skip
         variable = self._variable(ref)
         if variable.known or variable.kind == Kind.INPUT:
             what = "a parameter" if variable.known else "an input"
             raise Wrong("E0222", f"'{name}' is {what} and cannot be assigned", ref.span)
-        last = ref.parts[-1]
-        whole = replace(ref, parts=(*ref.parts[:-1], replace(last, subscripts=())))
+        whole = replace(ref, parts=tuple(replace(part, subscripts=()) for part in ref.parts))
         value = self.context.value(whole)
         self.targets[name] = whole
         self.declared[name] = LocalVariable(None, value.type, "")
         self.values[name] = self._earlier(value, variable, ref.span)
+        self.context.assigned = frozenset(self.targets)
 
     def _variable(self, ref: tree.Ref) -> Variable:
         variable = named_variable(self.context, ref)
@@ -173,8 +170,11 @@ class _Section(Algorithm):
             if any(continuous(self.context, one) for one in self.context.arrays.scalars(value)):
                 raise Wrong("E0251", f"'{name}' changes at events only, but this would change it between them", span,
                             hint="assign it in a 'when', or leave out noEvent(…)")  # fmt: skip
-        subscripts = target.parts[-1].subscripts
+        subscripts = all_subscripts(self.context, target)
         old = self.values[name]
+        if any(isinstance(s, tree.Colon) for s in subscripts):
+            raise Wrong("E0230", f"part of '{name}' is assigned: one element at a time is available", target.span,
+                        hint="give every dimension a subscript, in a 'for' loop")  # fmt: skip
         if subscripts:
             places = [self.context.whole(self.context.value(s), s.span, "a subscript", 1) - 1 for s in subscripts]
             value = self._replaced(old, places, value, target)
@@ -234,6 +234,8 @@ class _Section(Algorithm):
     def _call(self, s: tree.CallStatement) -> None:
         """``assert``, and in a `when` also ``reinit`` and ``terminate``."""
         name, context = str(s.call.function), self.context
+        if law_function(context, s.call) is not None:
+            raise misplaced("an algorithm", s.span)
         call = tree.CallEquation(s.call, s.description, s.span)
         guard: Expr | None = None
         for one in self.guards:

@@ -15,7 +15,7 @@ from lmoc.semantics.events.branches import conditional
 from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
 from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable
 from lmoc.semantics.instances.records import field_of
-from lmoc.semantics.laws import add_law, law_function
+from lmoc.semantics.laws import add_law, law_function, misplaced
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
@@ -239,7 +239,7 @@ class EquationSection:
         finally:
             self.groups = around
         if len(self.drafts.laws) > laws:
-            raise Wrong("E0252", "a law cannot depend on a condition that changes in time", self.drafts.laws[-1].span)
+            raise misplaced("a branch whose condition changes in time", self.drafts.laws[-1].span)
         return found
 
     def _all(self, context: Context, body: tuple[tree.Equation, ...]) -> None:
@@ -328,7 +328,7 @@ class EquationSection:
 
     def _law(self, outer: Context, function: Scope, e: tree.CallEquation) -> None:
         if self.initial:
-            raise Wrong("E0305", "a law holds all the time: it is not allowed in an initial equation", e.span)
+            raise misplaced("an initial equation", e.span)
         add_law(self.drafts, self._fresh(outer), function, e)
 
     def when(self, outer: Context, e: tree.When) -> None:

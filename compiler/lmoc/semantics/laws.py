@@ -51,6 +51,17 @@ def law_function(context: Context, call: tree.Call) -> Scope | None:
     return found if vendor_entry(found.definition.annotation, "law") is not None else None
 
 
+def misplaced(where: str, span: Span) -> Wrong:
+    """Return the mistake of a law that is written where equations do not hold all the time."""
+    return Wrong(
+        "E0252",
+        f"a law holds all the time: it is not allowed in {where}",
+        span,
+        expected="a law among the equations of the model, outside of 'when' and of 'if' on what changes in time",
+        hint="let its arguments change: a limit of friction that is zero at times, a gap that is longer",
+    )
+
+
 def add_law(drafts: Drafts, context: Context, function: Scope, e: tree.CallEquation) -> None:
     """Draft the law that a call in equation position stands for.
 

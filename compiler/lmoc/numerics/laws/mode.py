@@ -46,6 +46,12 @@ class Mode:
     push: Array
 
     @property
+    def shown(self) -> Mask:
+        """(n,) laws whose motion is held: closed, or open without a force where others hold it (as a ratchet beside a
+        brake, either of which may carry the load)."""
+        return self.closed | (self.implied & (self.direction == 0))
+
+    @property
     def key(self) -> bytes:
         return self.closed.tobytes() + self.direction.tobytes() + self.implied.tobytes()
 
@@ -77,7 +83,13 @@ class Settled:
 
 
 def settle(
-    table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64], at_limit: NDArray[np.int64]
+    table: Table,
+    now: Instant,
+    mode: Mode,
+    candidate: Mask,
+    sliding: NDArray[np.int64],
+    at_limit: NDArray[np.int64],
+    opening: Mask | None = None,
 ) -> Settled:
     """Return the mode that holds from an instant on.
 
@@ -87,6 +99,7 @@ def settle(
     candidate : (n,) laws that could be closed from here on
     sliding : (n,) direction of friction that is no candidate
     at_limit : (n,) direction in which stuck friction begins to slide that has just reached its limit, else 0
+    opening : (n,) laws that could be closed but open here; others may hold their motion
 
     Raises
     ------
@@ -94,18 +107,24 @@ def settle(
         No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox.
     """
     try:
-        found = _by_pivoting(table, now, mode, candidate, sliding, at_limit)
+        found = _by_pivoting(table, now, mode, candidate, sliding, at_limit, opening)
         if not _slides_backwards(table, now, candidate, found):
             return found
     except Contradiction:
         if not _rubbing(table, candidate).any():
             raise
     turned = _by_cones(table, now, candidate, sliding)
-    return _by_pivoting(table, now, mode, candidate & (turned == sliding), turned, at_limit)
+    return _by_pivoting(table, now, mode, candidate & (turned == sliding), turned, at_limit, opening)
 
 
 def _by_pivoting(
-    table: Table, now: Instant, mode: Mode, candidate: Mask, sliding: NDArray[np.int64], at_limit: NDArray[np.int64]
+    table: Table,
+    now: Instant,
+    mode: Mode,
+    candidate: Mask,
+    sliding: NDArray[np.int64],
+    at_limit: NDArray[np.int64],
+    opening: Mask | None,
 ) -> Settled:
     """Return the mode by block pivoting, with each friction beyond its limit set free; otherwise as `settle`."""
     stuck = candidate.copy()
@@ -134,7 +153,8 @@ def _by_pivoting(
     onwards = np.where(level < 0.0, -1, 1)  # without a force, friction slides as it is moved
     direction[slides] = np.where(force == 0.0, onwards, -np.sign(force))[slides].astype(int)
     terms = np.abs(now.bias) + np.abs(now.delassus) @ np.abs(force)
-    resting = candidate & ~closed & (np.abs(level) <= RESTING * terms) & (table.degree == POSITION)
+    open_ = (candidate if opening is None else candidate | opening) & ~closed
+    resting = open_ & (np.abs(level) <= RESTING * terms) & (table.degree == POSITION)
     resting |= (direction != 0) & candidate
     implied = np.zeros_like(closed)
     if resting.any() or (closed & (side != FREE)).any() or not unique[closed].all():

@@ -28,6 +28,7 @@ KEPT = 1e-14  # share of its terms by which what is closed may miss zero at outp
 NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a piece …
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
 LEAVING = 1e-16  # … or by this one where they grow from zero at once
+COARSEST = 13  # of such roots; by then all that is left of the terms is zero
 COARSER = 10.0  # times these shares behind each root at which nothing has happened
 ROUNDING = 1e-13  # share of the forces that hold a body by which they may miss each other
 OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
@@ -126,7 +127,7 @@ class LawSwitching:
             leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
             motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
         scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
-        coarser = COARSER**self.idle
+        coarser = COARSER ** np.minimum(self.idle, COARSEST)
         concerned = self.mode.closed | self.touched | (self.idle > 0)
         share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * scale
         near = NEAR * coarser * scale
@@ -289,11 +290,12 @@ class LawSwitching:
 
     def _events(self, t: float, before: Mode, found: Transition, at_start: bool) -> list[Event]:
         events = []
-        passing = before.closed & found.mode.closed & ~found.accumulated & (found.impulse != 0.0)
+        was_held, is_held = before.shown, found.mode.shown
+        passing = was_held & is_held & ~found.accumulated & (found.impulse != 0.0)
         passed = tuple((self.laws[k][0], float(found.impulse[k])) for k in np.flatnonzero(passing).tolist())
         alone = not (found.impulse[~passing] != 0.0).any()  # nobody else has been hit: they are the impact
         for k, (name, laws) in enumerate(self.laws):
-            was, now = before.closed[k], found.mode.closed[k]
+            was, now = was_held[k], is_held[k]
             turned = before.direction[k] * found.mode.direction[k] < 0
             kind = laws.closing if now else laws.opening
             if found.accumulated[k]:

@@ -169,7 +169,7 @@ def _settled(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: T
                 alone = np.abs(now.bias / np.diag(now.delassus))
             releasing &= ~(found.mode.closed & found.unique & (found.force > _HOLDS * np.nan_to_num(alone)))
     left = candidate & ~releasing
-    return settle(table, now, mode, left, _sliding(table, now, left, trigger), at_limit)
+    return settle(table, now, mode, left, _sliding(table, now, left, trigger), at_limit, releasing)
 
 
 def resisted(gauge: Gauge, now: Instant, closed: Mask) -> Instant:

@@ -63,7 +63,7 @@ class Piece:
     def words(self) -> dict[str, str]:
         """{law name: what its mode is called}, such as taut; empty without laws."""
         form = self.reduced.switched
-        return {} if form is None or self.mode is None else mode_words(self.reduced.flat, form.laws, self.mode.closed)
+        return {} if form is None or self.mode is None else mode_words(self.reduced.flat, form.laws, self.mode.shown)
 
     def until(self, count: int) -> Piece:
         """Return the piece with its first output times alone."""

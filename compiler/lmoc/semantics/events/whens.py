@@ -21,6 +21,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.draft import ActionDraft, CheckDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.events.functions import phase, rises
 from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.laws import law_function, misplaced
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
@@ -238,6 +239,8 @@ class WhenEquation:
             self.drafts.terminations.append(termination(context, e, guard, self.node))
         elif name == "assert":
             self.drafts.checks.append(guarded_check(context, e, guard))
+        elif law_function(context, e.call) is not None:
+            raise misplaced("a 'when'", e.span)
         else:
             raise Wrong("E0203", f"there is no statement '{name}'", e.call.function.span,
                         hint=nearest(name, STATEMENTS))  # fmt: skip

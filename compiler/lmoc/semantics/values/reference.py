@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,8 +64,12 @@ def reference(context: Context, ref: tree.Ref) -> Value:
     """The value of a name."""
     first = ref.parts[0]
     if not ref.absolute:
-        value = context.names.get(".".join(part.name for part in ref.parts))  # dotted: the field of a record
+        name = ".".join(part.name for part in ref.parts)
+        value = context.names.get(name)  # dotted: the field of a record
         last = ref.parts[-1]
+        if value is not None and name in context.assigned:
+            last = replace(last, subscripts=all_subscripts(context, ref))
+            return subscripted(context, value, last) if last.subscripts else value
         if value is not None and not any(part.subscripts for part in ref.parts[:-1]):
             return subscripted(context, value, last) if last.subscripts else value
         fields = [name.removeprefix(f"{first.name}.") for name in context.names if name.startswith(f"{first.name}.")]
@@ -83,6 +88,18 @@ def reference(context: Context, ref: tree.Ref) -> Value:
             return Value(TIME)
         raise unknown_name(context, ref)
     return _constant(context, start, ref)
+
+
+def all_subscripts(context: Context, ref: tree.Ref) -> tuple[tree.Expression, ...]:
+    """Return a subscript for each dimension of a variable and the parts around it; none where none is written."""
+    node = find_start(context, ref)
+    if not isinstance(node, InstanceNode) or not any(part.subscripts for part in ref.parts):
+        return ()
+    found: list[tree.Expression] = []
+    for k, part in enumerate(ref.parts):
+        node = step(context, node, part) if k else node
+        found += part.subscripts or [tree.Colon(part.span) for _ in node.dims]
+    return tuple(found)
 
 
 def unknown_name(context: Context, ref: tree.Ref) -> Wrong:
