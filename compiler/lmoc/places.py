@@ -6,6 +6,7 @@ And in which modes of its laws: those that the run meets.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING
 
@@ -64,8 +65,12 @@ def _of_laws(
         at = only(session.equilibria(prepared, inputs))
     laws = getattr(at, "laws", None)
     if laws is not None:
-        mode = session.lawful(prepared).in_mode(laws.closed, laws.direction)
+        lawful = session.lawful(prepared)
+        mode = lawful.in_mode(laws.closed, laws.direction)
         point = with_inputs(at, inputs) | {s.name: at.member[s.name] for s in at.values}
+        if mode.reduced.invariants is not None:  # on the branch of this place, in coordinates that serve there
+            there = {name: number(prepared, value, set(point)) for name, value in point.items()}
+            mode = replace(mode, reduced=lawful.reduce_at(mode.flat, mode.values, there))
         return mode, {name: value for name, value in point.items() if name in (*mode.reduced.state_names, *mode.inputs)}
     given = {n: number(prepared, v, set()) for n, v in read_values({**at, **inputs}, prepared.flat).items()}
     begin = session.flat.experiment.start or 0.0

@@ -130,7 +130,7 @@ class Session:
         """Return a scene with laws for derivations, in which each mode has a reduction of its own."""
         from lmoc.symbolic.laws.modes import Lawful
 
-        return Lawful(prepared, self._reduced_in_mode, self._released_in_mode)
+        return Lawful(prepared, self._reduced_in_mode, released_in_mode, reduced_at)
 
     def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray) -> Reduced:
         """Return the reduction of one mode; requested states are those of the scene with all laws open."""
@@ -141,10 +141,6 @@ class Session:
             if not asked or {d.code for d in error.diagnostics} != {REFUSED_STATE}:
                 raise
         return pipeline.reduce(flat, values, None, Clock())
-
-    def _released_in_mode(self, reduced: Reduced) -> Reduced:
-        """Return one mode with all coordinates of its closed loops as states, whatever states were requested."""
-        return pipeline.reduce_with_loops(reduced, None, 0.0, Clock())
 
     def _resizes(self, name: str, value: Value) -> bool:
         """Return whether an array is given that is longer or shorter than that of the model: its size may be open."""
@@ -283,6 +279,16 @@ class Session:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state | {"_busy": Lock()}
+
+
+def released_in_mode(reduced: Reduced) -> Reduced:
+    """Return one mode with all coordinates of its closed loops as states, whatever states were requested."""
+    return reduced if reduced.in_all_coordinates else pipeline.reduce_with_loops(reduced, None, 0.0, Clock())
+
+
+def reduced_at(flat: FlatDAE, values: np.ndarray, place: Mapping[str, float]) -> Reduced:
+    """Return the reduction of one mode in coordinates that serve at a place, which alone is fixed at its start."""
+    return pipeline.reduce(starting_at(replace(flat, fixed=()), place), values, None, Clock())
 
 
 class OtherCoordinates:

@@ -122,3 +122,15 @@ def test_the_potential_of_a_four_bar_is_stationary_at_rest():
         assert abs(slope) < 1e-8
         bend = potential(theta + 1e-3) + potential(theta - 1e-3) - 2 * potential(theta)
         assert (bend < 0) == (e.stability == "unstable")
+
+
+def test_a_platform_on_parallel_cranks_rests_where_all_closures_hold():
+    """One closure follows from the others on this branch only: places of rest on other branches are none."""
+    dae = lmoc.compile(PLANAR / "three_cranks.lmo")
+    rests = dae.equilibria()
+    assert sp.Integer(-1) * sp.pi / 2 in [e["foot1.phi"] for e in rests]
+    for e in rests:
+        assert abs(np.cos(float(e["foot1.phi"]))) < 1e-9  # upright or hanging: the platform only translates
+        run = dae.simulate(initial=e, stop=0.05)
+        assert np.ptp(run["platform.y"]) < 1e-9
+        assert e.model.frequencies == pytest.approx([np.sqrt(9.81 / 0.4)] * 2)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 import lmoc
 from lmoc.cli.main import main
@@ -220,3 +221,43 @@ def test_damped_scenes_come_to_rest_in_an_equilibrium(seed):
         return inside and all(abs(number(dae, v) - at[name]) < 1e-5 for name, v in known.items())
 
     assert any(reached(rest) for rest in dae.equilibria())
+
+
+TWO_BOBS = """
+model TwoBobs
+  import Planar.*;
+  inner World world(g = 9.81);
+  Anchor top;
+  PointMass a(m = 2, x(start = 0.3, fixed = true), y(start = -0.2, fixed = true));
+  PointMass b(m = 1, x(start = 0.5, fixed = true), y(start = -0.3, fixed = true));
+  Cable upper(L = 1), lower(L = 0.5);
+equation
+  connect(top.point, upper.a);
+  connect(upper.b, a.point);
+  connect(a.point, lower.a);
+  connect(lower.b, b.point);
+end TwoBobs;
+"""
+
+
+def test_strings_in_the_plane_hang_taut_though_the_scene_starts_slack():
+    """The double pendulum of two point masses: its places, tensions and frequencies."""
+    dae = lmoc.compile_text(TWO_BOBS)
+    (rest,) = dae.equilibria()
+    assert [float(rest[n]) for n in ("a.x", "a.y", "b.x", "b.y")] == pytest.approx([0, -1, 0, -1.5], abs=1e-9)
+    assert set(rest.laws.modes.values()) == {"taut"}
+    assert {n: float(f) for n, f in rest.laws.forces.items()} == pytest.approx({"upper.f": 29.43, "lower.f": 9.81})
+    m1, m2, l1, l2, g = 2, 1, 1, 0.5, 9.81
+    M = np.array([[(m1 + m2) * l1**2, m2 * l1 * l2], [m2 * l1 * l2, m2 * l2**2]])
+    K = np.diag([(m1 + m2) * g * l1, m2 * g * l2])
+    omega = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K))))
+    for model in (rest.model, dae.linearize(), dae.linearize(at=rest)):
+        assert model.frequencies == pytest.approx(np.repeat(omega, 2), rel=1e-9)
+    run = dae.simulate(initial=rest, stop=1.0)
+    assert len(run.events) == 0 and np.ptp(run["b.y"]) < 1e-12
+
+
+def test_a_pendulum_on_a_string_stands_on_its_head_nowhere():
+    """Upside down its string would have to push; a rod does."""
+    string = lmoc.compile(ROOT / "models/laws/slack_pendulum.lmo").equilibria()
+    assert [float(e["bob.y"]) for e in string] == pytest.approx([-1.0])

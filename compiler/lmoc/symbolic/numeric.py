@@ -179,6 +179,24 @@ class NumericSystem:
             if not np.isfinite(self.rates(at, share * u, time)).all():
                 break
 
+    def can_start_at(self, x: np.ndarray, u: np.ndarray) -> bool:
+        """Return whether a run can start at a place on the branch that is followed from the scene's start.
+
+        It cannot where constraints that were left out as redundant do not hold: these depend on the branch.
+        """
+        if self.pose is None:
+            return True
+        options = RunOptions(times=[self.reduced.flat.experiment.start or 0.0])
+        initial, inputs = (dict(zip(*pair, strict=True)) for pair in ((self.states, x), (self.inputs, u)))
+        try:
+            found = Simulator(self.reduced).run(self._values, options, inputs, initial)
+        except (ModelError, SimulationError):
+            return False
+        self.approach(x, u)
+        registers = self.pose.registers
+        apart = found.of(self.reduced.registers.variable[registers])[0] - self._w[registers]
+        return bool(np.abs(np.sin(apart / 2)).max(initial=0.0) < 1e-6)  # of lengths, too; angles may differ by turns
+
     def rest(self, u: np.ndarray, start: np.ndarray | None = None) -> np.ndarray | None:
         """A state of rest by Newton's method, the shortest step where there is a choice; None where none is found."""
         x = np.zeros(len(self.states)) if start is None else start.copy()

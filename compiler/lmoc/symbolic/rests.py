@@ -45,6 +45,8 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
     else:
         found = rests(still.rates, still.jacobian, still.turning, STARTS)
         how = f"Newton's method from {STARTS} starts; there may be others"
+    if reduced.left_out:
+        found = [rest for rest in found if system.can_start_at(still.state(rest.at), u)]
     return Equilibria((_finished(reduced, values, system, still, u, rest, how) for rest in found), how)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -27,11 +27,13 @@ class Lawful:
     prepared : with the reduction of the switched form, whose states are those of runs
     reduce : from a flat model and parameter values to its reduction
     release : from a reduction to that with all coordinates of its closed loops as states
+    reduce_at : as `reduce`, in coordinates that serve at a place {name: value}
     """
 
     prepared: Prepared
     reduce: Reduce
     release: Callable[[Reduced], Reduced]
+    reduce_at: Callable[[FlatDAE, np.ndarray, Mapping[str, float]], Reduced]
 
     @property
     def flat(self) -> FlatDAE:

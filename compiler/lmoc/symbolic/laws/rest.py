@@ -33,13 +33,14 @@ from lmoc.symbolic.laws.statics import (
     choices,
     holds,
 )
-from lmoc.symbolic.numeric import NumericSystem, contains_time
+from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
 from lmoc.symbolic.places import Point
 from lmoc.symbolic.rational import cancelled
+from lmoc.symbolic.resting_loops import rests_of_loops
 from lmoc.symbolic.system import MOST_OPERATIONS, refuse, symbolic_system, time_stands_in_it
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import with_all_values
-from lmoc.symbolic.values import read_values
+from lmoc.symbolic.values import exactly, read_values
 
 if TYPE_CHECKING:
     import sympy
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 MOST_TRIED = 256  # modes of a nonlinear scene, or of one without values, which are tried one after the other
 HOW = "the static complementarity problem of its laws"
 NO_VALUE = "E0662"
+NO_DERIVATIVE = "E0663"
 SAMPLES = 720  # along a coordinate that friction may hold
 REACH = 10.0  # m, on both sides
 
@@ -148,13 +150,17 @@ def _with_laws(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Choice)
     """Return an equilibrium of a mode as one of the scene: all of its states, and the forces of closed laws."""
     import sympy as sp
 
-    closed = choice.closed == CLOSED
+    closed, released = choice.closed == CLOSED, mode.reduced.in_all_coordinates
     states = scene.prepared.reduced.state_names
+    if released:  # those of the scene with all laws open have names that a person knows
+        free_scene = scene.in_mode(np.zeros(scene.count, bool)).reduced
+        states = list(dict.fromkeys([*free_scene.state_names, *mode.reduced.state_names]))
     forces = {scene.force_names[k]: int(scene.force[k]) for k in np.flatnonzero(closed)}
     own = {s.name: value for s, value in rest.values.items()}
     others = {n: int(v[0]) for n in states if n not in own and (v := scene.flat.find(n)) is not None}
     found = own | _variables(mode, rest, others | forces)
-    values = {sp.Symbol(n): found.get(n, sp.S.Zero) for n in states}  # unnamed ones are rates, which vanish
+    named = [n for n in states if not released or scene.flat.find(n) is not None]
+    values = {sp.Symbol(n): found.get(n, sp.S.Zero) for n in named}  # unnamed ones are rates, which vanish
     free = tuple(s for s in rest.free if s in values)
     laws = LawsAtRest(
         scene.words(closed), closed, np.where(closed, 0, choice.direction), {n: found[n] for n in forces if n in found}
@@ -170,6 +176,8 @@ def _variables(mode: Prepared, rest: Equilibrium, variables: Mapping[str, int]) 
     variables = {n: v for n, v in variables.items() if v not in reduced.undetermined}
     if not variables:
         return {}
+    if reduced.in_all_coordinates:
+        return _in_numbers(mode, rest, variables)
     at = dict(rest.values) | dict(rest.inputs)
     try:
         system = symbolic_system(reduced, values, variables)
@@ -190,7 +198,8 @@ def _in_numbers(mode: Prepared, rest: Equilibrium, variables: Mapping[str, int])
     import sympy as sp
 
     system = NumericSystem(mode.reduced, mode.values, list(variables.values()))
-    x = np.array([float(rest[n].subs(dict.fromkeys(rest.free, 0))) for n in system.states])
+    at = (sp.sympify(rest.get(n, 0)) for n in system.states)  # rates without a name vanish
+    x = np.array([float(value.subs(dict.fromkeys(rest.free, 0))) for value in at])
     u = np.array([float(rest.inputs.get(sp.Symbol(n), 0.0)) for n in system.inputs])
     system.approach(x, u)
     value = system.matrices(x, u)[0][len(x) :]
@@ -231,7 +240,9 @@ def _tried(scene: Lawful, still: list[bool]) -> Iterator[Choice]:
         yield Choice(closed, direction)
 
 
-def _rests_of(scene: Lawful, choice: Choice, inputs: Mapping[str, float]) -> Iterator[tuple[Prepared, Equilibrium]]:
+def _rests_of(
+    scene: Lawful, choice: Choice, inputs: Mapping[str, float], in_numbers: bool
+) -> Iterator[tuple[Prepared, Equilibrium]]:
     """Yield the equilibria of a mode; none where its closed laws contradict each other."""
     try:
         mode = scene.in_mode(choice.closed == CLOSED, choice.direction)
@@ -239,8 +250,35 @@ def _rests_of(scene: Lawful, choice: Choice, inputs: Mapping[str, float]) -> Ite
         if not all(d.code.startswith("E04") for d in error.diagnostics):
             raise
         return  # a structure that cannot be: two stops that would hold one body at two places
+    if in_numbers and mode.reduced.invariants is not None and len(mode.reduced.states):
+        yield from _rests_of_loops(scene, mode, choice, inputs)
+        return
     for rest in equilibria(mode, inputs):
         yield mode, _with_laws(scene, mode, rest, choice)
+
+
+def _rests_of_loops(
+    scene: Lawful, mode: Prepared, choice: Choice, inputs: Mapping[str, float]
+) -> Iterator[tuple[Prepared, Equilibrium]]:
+    """Yield the equilibria of a mode in which loops are closed, as by a taut string in the plane, on all branches."""
+    import sympy as sp
+
+    released = replace(mode, reduced=scene.release(mode.reduced))
+    found, how = rests_of_loops(released.reduced, mode.values, inputs)
+    for one in found:
+        there = scene.reduce_at(mode.flat, mode.values, one.place)
+        point = {name: one.place.get(name, 0.0) for name in there.state_names} | dict(inputs)
+        given = {sp.Symbol(name): exactly(value) for name, value in inputs.items()}
+        free = tuple(x for x, value in one.values.items() if value == x)
+        still = {sp.Symbol(name): sp.S.Zero for name in released.reduced.state_names}
+        try:
+            model = linearize_numerically(there, mode.values, point, ())
+        except ModelError as error:
+            if {d.code for d in error.diagnostics} != {NO_DERIVATIVE}:
+                raise
+            model = None
+        rest = Equilibrium(still | dict(one.values), free, (), how, model, nonlinear=True, inputs=given)
+        yield released, _with_laws(scene, released, rest, choice)
 
 
 def _of_all_modes(scene: Lawful, inputs: Mapping[str, float]) -> Equilibria:
@@ -250,7 +288,7 @@ def _of_all_modes(scene: Lawful, inputs: Mapping[str, float]) -> Equilibria:
     system = StaticSystem(replace(scene, prepared=sample), inputs)
     found = []
     for choice in _tried(scene, _still(system)):
-        for mode, rest in _rests_of(scene, choice, inputs):
+        for mode, rest in _rests_of(scene, choice, inputs, in_numbers=False):
             conditions = _conditions(scene, mode, rest, choice)
             if not any(c.is_negative for c in conditions):
                 asked = tuple(c for c in conditions if not c.is_nonnegative)
@@ -280,10 +318,25 @@ def _of_tried_modes(scene: Lawful, system: StaticSystem, inputs: Mapping[str, fl
     """Return the equilibria of a nonlinear scene: those of each mode at which forces and gaps have their signs."""
     found, how = [], "exact"
     for choice in _tried(scene, _still(system)):
-        for _, rest in _rests_of(scene, choice, inputs):
+        for mode, rest in _rests_of(scene, choice, inputs, in_numbers=True):
             how = rest.how if rest.how != "exact" else how
-            found += _within_limits(scene, system, rest, choice)
+            if mode.reduced.in_all_coordinates and not any(_is_held(scene, choice)):
+                found += [rest] if _has_its_signs(scene, mode, rest, choice) else []
+            else:
+                found += _within_limits(scene, system, rest, choice)
     return Equilibria(_sorted(found), how)
+
+
+def _is_held(scene: Lawful, choice: Choice) -> list[bool]:
+    """Return for each law whether it is a friction that holds."""
+    return [k in FRICTIONS and c == CLOSED for k, c in zip(scene.kinds, choice.closed, strict=True)]
+
+
+def _has_its_signs(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Choice) -> bool:
+    """Return whether gaps of open laws and forces of closed ones are not negative, of a family where it is zero."""
+    free = {s.name for s in rest.free}
+    numbers = np.array([places.number(scene.prepared, c, free) for c in _conditions(scene, mode, rest, choice)])
+    return bool((numbers >= -ZERO * (1.0 + np.abs(numbers).max(initial=0.0))).all())
 
 
 def _within_limits(

@@ -12,6 +12,7 @@ from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError
 from lmoc.report.result import Result
+from lmoc.session import reduced_at, released_in_mode
 
 MOST_DERIVED = 24  # states of a scene whose equations are derived for the page
 
@@ -31,14 +32,15 @@ def equations_html(run: Result) -> str:
 def _of_motion(prepared: Prepared) -> str:
     from lmoc.symbolic.equations import equations_in_short
 
-    return equations_in_short(prepared, lambda: _released(prepared.reduced)).html()
+    return equations_in_short(prepared, lambda: released_in_mode(prepared.reduced)).html()
 
 
 def _of_modes(prepared: Prepared, run: Result) -> str:
     from lmoc.symbolic.laws.equations import equations_of_modes, met_modes
     from lmoc.symbolic.laws.modes import Lawful
 
-    return equations_of_modes(Lawful(prepared, _reduced, _released), met_modes(run.trajectory)).html()
+    lawful = Lawful(prepared, _reduced, released_in_mode, reduced_at)
+    return equations_of_modes(lawful, met_modes(run.trajectory)).html()
 
 
 def _as_written(run: Result) -> Prepared:
@@ -56,7 +58,3 @@ def _as_written(run: Result) -> Prepared:
 def _reduced(flat: FlatDAE, values: np.ndarray) -> Reduced:
     return pipeline.reduce(flat, values, None, pipeline.Clock())
 
-
-def _released(reduced: Reduced) -> Reduced:
-    """Return the reduction with all coordinates of closed loops as states."""
-    return reduced if reduced.in_all_coordinates else pipeline.reduce_with_loops(reduced, None, 0.0, pipeline.Clock())
