@@ -8,6 +8,7 @@ import pytest
 import lmoc
 from lmoc.cli.arguments import Range, value_or_range
 from lmoc.cli.main import main
+from lmoc.studies.sweep import branches
 
 SWING = """
 model Swing
@@ -95,3 +96,14 @@ def test_the_command_runs_a_study(tmp_path, capsys):
     assert main(["run", str(scene), "--set", "k=10:10:50", "-o", str(tmp_path / "x.npz")]) == 2
     assert "E0624" in capsys.readouterr().err
     assert main(["check", str(scene), "--set", "k=10:10:50"]) == 2
+
+
+def test_eigenvalues_are_followed_from_point_to_point():
+    """Two pairs that are given in another order each time, one of which becomes real; then a state is lost."""
+    first = np.array([1j, -1j, -2 + 3j, -2 - 3j])
+    second = np.array([-2.1 - 3j, 0.1 + 1.1j, -2.1 + 3j, 0.1 - 1.1j])
+    third = np.array([-2.2 + 3j, 0.5, 0.3, -2.2 - 3j])
+    found = branches([first, second, third, np.array([-1.0])])
+    assert [len(b) for b in found] == [3, 3, 3, 3, 1]
+    assert found[2].tolist() == [-2 + 3j, -2.1 + 3j, -2.2 + 3j] and found[3].tolist() == [-2 - 3j, -2.1 - 3j, -2.2 - 3j]
+    assert {found[0][2], found[1][2]} == {0.5, 0.3} and found[0][1] == 0.1 + 1.1j

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -89,6 +89,8 @@ class Sweep:
     def root_locus(self, path: str | Path | None = None) -> Figure:
         """Draw the eigenvalues of the linear model in the complex plane, from the first point (ring) to the last (dot).
 
+        With several parameters there are curves along the last one for each choice of the others.
+
         Raises
         ------
         ModelError
@@ -98,10 +100,13 @@ class Sweep:
         title = f"eigenvalues for {self._label(self.points[0])} to {self._label(self.points[-1])}"
         figure, (axis,) = stacked(1, path, title)
         figure.set_size_inches(6, 5)
-        every = np.concatenate(roots)
-        axis.plot(every.real, every.imag, ".", color=GREY, markersize=3)
-        for at, mark in ((roots[0], "o"), (roots[-1], ".")):
-            axis.plot(at.real, at.imag, mark, color=COLOURS[0], markerfacecolor="none" if mark == "o" else COLOURS[0])
+        for _, along in groupby(zip(self.points, roots, strict=True), lambda found: found[0][:-1]):
+            for branch in branches([own for _, own in along]):
+                axis.plot(branch.real, branch.imag, ".-", color=GREY, markersize=3, linewidth=0.7)
+        for k, inside in ((0, "none"), (-1, COLOURS[0])):
+            style = {"color": COLOURS[0], "markersize": 5, "markerfacecolor": inside}
+            axis.plot(roots[k].real, roots[k].imag, "o", **style, label=self._label(self.points[k]))
+        axis.legend(loc="best", frameon=False)
         axis.axvline(0, color=GREY, linewidth=0.8)
         axis.set_xlabel("real part in 1/s")
         axis.set_ylabel("imaginary part in rad/s")
@@ -121,6 +126,32 @@ class Sweep:
 
     def __repr__(self) -> str:
         return f"<Sweep of {', '.join(self.names)}: {len(self.runs)} runs>"
+
+
+def branches(roots: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return eigenvalues as curves: each set is assigned to the one before such that the distances add up to the least.
+
+    A set of another size, where a state comes or goes, begins curves of its own.
+
+    Returns
+    -------
+    (points,) each, complex
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    found: list[list[complex]] = []
+    growing: list[list[complex]] = []
+    for own in roots:
+        if len(own) != len(growing):
+            growing = [[] for _ in own]
+            found += growing
+            order = np.arange(len(own))
+        else:
+            last = np.array([curve[-1] for curve in growing])
+            order = linear_sum_assignment(np.abs(last[:, None] - own))[1]
+        for curve, value in zip(growing, own[order], strict=True):
+            curve.append(complex(value))
+    return [np.array(curve) for curve in found]
 
 
 def sweep(
