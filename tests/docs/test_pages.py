@@ -27,6 +27,7 @@ OUTPUTS = [
 def folder(tmp_path, monkeypatch):
     """A folder with the scene that the README writes, and a road with an input u."""
     (tmp_path / "first.lmo").write_text(FIRST, encoding="utf-8")
+    (tmp_path / "stiff.lmo").write_text(FIRST.replace("k = 50", "k = 80"), encoding="utf-8")
     shutil.copy(ROOT / "models" / "notes" / "ex05_suspension.lmo", tmp_path / "road.lmo")
     (tmp_path / "road.csv").write_text("time,u\n0,0\n1,0.05\n2,0\n")
     monkeypatch.chdir(tmp_path)
