@@ -21,6 +21,7 @@ _MOST_SAMPLES = 500  # in a step
 _TIGHT = 4e-16  # of the time: two places that close are one
 _NEAR = np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # shares of a bracket
 _MOST_CALLS = 60
+_NONE = np.zeros(0, int)
 _GOLDEN = (5**0.5 - 1) / 2
 _NARROWED = 30  # golden sections towards an extremum
 
@@ -116,10 +117,12 @@ class RootFinder:
         the time and the function, None where there is none; the functions that are to be looked at one by one
         """
         heights = values * self.signs
-        looked_at = _worth_a_look(values, self.signs)
-        below = heights < 0
-        simple = looked_at & (self.signs != 0) & below.any(axis=0) & ~_dips(heights).any(axis=0)
-        rest = np.flatnonzero(looked_at & ~simple)
+        below, dips, known = heights < 0, _dips(heights).any(axis=0), self.signs != 0
+        crosses = below.any(axis=0)
+        if not (crosses | dips | ~known).any():
+            return None, _NONE
+        simple = known & crosses & ~dips
+        rest = np.flatnonzero((dips | ~known) & ~simple)
         own = np.flatnonzero(simple)
         if not len(own):
             return None, rest
@@ -171,16 +174,10 @@ def _unresolved(values: np.ndarray, signs: np.ndarray) -> np.ndarray:
     return (missed > _COARSE * np.ptp(values, axis=0)) & ((values * signs).min(axis=0) < 10 * missed)
 
 
-def _worth_a_look(values: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return which functions, (times, m), are not simply on their side all the way."""
-    heights = values * signs
-    return (signs == 0) | (heights < 0).any(axis=0) | _dips(heights).any(axis=0)
-
-
 def _dips(heights: np.ndarray) -> np.ndarray:
     """Return where `_may_dip` or something like it says so, (times - 2, m)."""
-    inner, sides = heights[1:-1], np.stack([heights[:-2], heights[2:]])
-    return (inner > 0) & (inner <= sides.min(axis=0)) & (2 * inner < sides.max(axis=0))
+    before, inner, behind = heights[:-2], heights[1:-1], heights[2:]
+    return (inner > 0) & (inner <= np.minimum(before, behind)) & (2 * inner < np.maximum(before, behind))
 
 
 def _may_dip(before: float, here: float, behind: float) -> bool:
