@@ -72,3 +72,21 @@ def test_a_string_opens_with_what_depends_on_its_tension():
     np.testing.assert_allclose(run["body.q"], np.where(t < 2, 1, 1 - (t - 2) ** 3 / 3), atol=1e-9)
     assert run["n"][-1] == 1
     assert [(e.kind, round(e.time, 9)) for e in run.events if e.name == "string"] == [("slack", 2.0)]
+
+
+@pytest.mark.parametrize("motion", ["sin(time)", "if time < 1 then 0 else 0.5*(time - 1)"])
+@pytest.mark.parametrize("friction", [False, True])
+def test_what_a_moving_string_tows_keeps_its_own_coordinates(motion, friction):
+    """Neither the gap of the string nor the rate of its friction is a better state than the body's position."""
+    rubs = "DryFriction rub(F = 1); Fixed floor;" if friction else ""
+    joins = "connect(floor.flange, rub.a); connect(rub.b, body.flange);" if friction else ""
+    scene = lmoc.compile_text(f"""
+        model Towed
+        Motion hand(q = {motion}); Cable string(L = 1); Mass body(m = 2, q(start = 0.4, fixed = true)); {rubs}
+        equation connect(body.flange, string.a); connect(string.b, hand.flange); {joins} end Towed;""")
+    assert scene.states == ["body.q", "body.v"]
+    run = scene.simulate(stop=6, rtol=1e-9)
+    assert (run["string.gap"] > -1e-12).all() and (run["string.f"] > -1e-9).all()
+    if "time - 1" in motion:  # caught at 3.8 s, without restitution
+        caught = np.where(run.time < 3.8, 0.4, 0.4 + 0.5 * (run.time - 3.8))
+        np.testing.assert_allclose(run["body.q"], caught, atol=1e-9)

@@ -46,13 +46,17 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     worst = np.full(len(system.kind), int(StateSelect.default), np.int64)
     root = system.normalized.root
     np.maximum.at(best, root, select)
+    itself, heavy = system.normalized.order == 0, inertial(system, c)
+    as_position = worst.copy()
     np.minimum.at(worst, root, select)
-    best, worst = best[system.variable], worst[system.variable]
+    np.minimum.at(as_position, root[itself], select[itself])
+    # a rate that is to be avoided, such as that of a friction, says nothing about the coordinate of an inertia
+    best, worst = best[system.variable], np.where(heavy, as_position[system.variable], worst[system.variable])
     avoided = np.zeros(system.rows, bool)
     avoided[tied.row[tied.constant & (worst[tied.column] < StateSelect.default)]] = True
     curved = np.zeros(len(system.variable), bool)
     curved[tied.column[~tied.constant & ~avoided[tied.row]]] = True
-    level = 2 + 2 * curved + inertial(system, c)
+    level = 2 + 2 * curved + heavy
     level[liked] = 6
     level = np.where(worst < StateSelect.default, worst, level)
     level = np.where(best > StateSelect.default, best + 10, level)

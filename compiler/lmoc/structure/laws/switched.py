@@ -103,7 +103,7 @@ class _Added:
         """Return the derivatives of some of the variables `of`, NONE for the others."""
         made = np.full(laws.rows, NONE)
         if wanted.any():
-            made[wanted] = self.variables(name, laws, int(wanted.sum()), Kind.UNKNOWN)
+            made[wanted] = self.variables(name, laws, int(wanted.sum()), Kind.UNKNOWN, StateSelect.avoid)
             pair = np.stack([made[wanted], of[wanted]], axis=1)
             self.groups.append(Group(slot(0), slot(1, 1), pair, laws.span, laws.part, ORIGIN))
         return made
