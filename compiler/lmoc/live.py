@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, MutableMapping
 from dataclasses import replace
+from numbers import Real
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -80,7 +81,7 @@ class Live:
             The integration failed; `.time` is the time reached. Where it has no explicit equations, the scene stays
             where it was before the call.
         """
-        if not 0 < dt < math.inf:
+        if not isinstance(dt, Real) or not 0 < dt < math.inf:
             raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s is not possible", expected="seconds, above 0")])
         target = self.time + dt
         if self._smooth is None:

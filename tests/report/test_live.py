@@ -111,6 +111,8 @@ def test_what_is_wrong_is_told(cart):
     live = cart.live()
     with pytest.raises(lmoc.ModelError, match="E0541"):
         live.advance(0.0)
+    with pytest.raises(lmoc.ModelError, match="E0541"):
+        live.advance("soon")
     with pytest.raises(lmoc.ModelError, match="E0622"):
         live.inputs["G"] = 1.0
     with pytest.raises(UnknownNameError, match="did you mean 'phi'"):

@@ -134,3 +134,22 @@ def test_a_platform_on_parallel_cranks_rests_where_all_closures_hold():
         run = dae.simulate(initial=e, stop=0.05)
         assert np.ptp(run["platform.y"]) < 1e-9
         assert e.model.frequencies == pytest.approx([np.sqrt(9.81 / 0.4)] * 2)
+
+
+def test_a_rolling_wheel_moves_with_its_axle():
+    """Lagrange's equations in x and φ with θ̇ = −ẋ/r inserted in the energy: the same mass matrix, symmetric."""
+    found = lmoc.compile(PLANAR / "wheel_with_pendulum.lmo").equations()
+    assert found.coordinates == ("wheel.x", "axle.phi", "wheel.theta") and found.lines()[2] == "ẋ + r·θ̇ = 0"
+    assert all(len(line) < 200 for line in found.lines())
+    names = "wheel.x axle.phi wheel.theta wheel.m wheel.J bar.m bar.l contact.r"
+    x, phi, theta, m, J, mb, length, r = sp.symbols(names)
+    v, w = sp.symbols("der(wheel.x) der(axle.phi)")
+    angle, rate = phi + theta, w - v / r
+    vx, vy = v - length / 2 * sp.sin(angle) * rate, length / 2 * sp.cos(angle) * rate
+    kinetic = (m * v**2 + J * v**2 / r**2 + mb * (vx**2 + vy**2) + mb * length**2 / 12 * rate**2) / 2
+    highest = sp.symbols("der(der(wheel.x)) der(der(axle.phi))")
+    numbers = dict(zip((x, phi, theta, m, J, mb, length, r, v, w), np.linspace(0.3, 1.2, 10).tolist(), strict=True))
+    for k, scale in enumerate((r**2, r)):  # what the listing has multiplied with to clear the denominators
+        ours = [float(found.equations[k].residual.diff(a).subs(numbers)) for a in highest]
+        theirs = [float((scale * kinetic.diff((v, w)[k], b)).subs(numbers)) for b in (v, w)]
+        assert ours == pytest.approx(theirs, rel=1e-12)

@@ -37,6 +37,11 @@ class Kinematics:
         self.interpreter.fill(rates)
         return {z: self._in_jets(self.interpreter.w[r]) for z, r in zip(names, rates, strict=True)}
 
+    @property
+    def parameters(self) -> set[sympy.Symbol]:
+        """Return the symbols of the parameters met so far."""
+        return set(self.interpreter.parameters.variable)
+
     def _in_jets(self, value: sympy.Expr) -> sympy.Expr:
         return value.xreplace(self._velocity)
 

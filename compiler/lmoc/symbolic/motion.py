@@ -136,10 +136,12 @@ def _balanced(interpreter: Interpreter, outline: Outline, values: np.ndarray, fo
 def _candidates(kinematics: Kinematics, laws: PartLaws, ports: list, trial: Trial) -> Iterator[sympy.Expr]:
     """Residuals that may be equations of motion, the likeliest first.
 
-    Virtual power; what a user has written beside the parts (a circuit, a bob that is no part); sums in which the
-    forces between ideal parts cancel.
+    Virtual power, also of coordinates that roll together; what a user has written beside the parts (a circuit, a bob
+    that is no part); sums in which the forces between ideal parts cancel.
     """
-    yield from _virtual_power(kinematics, laws, ports, trial)
+    power, reactions = power_by_coordinate(kinematics, laws, ports)
+    power = _along(power, kinematics, _rolling(kinematics, laws))
+    yield from _virtual_power(power, reactions, trial)
     yield from (laws.residual(i) for i in laws.closed)
     elimination, _, right = laws.solve_relations(balances=True)
     yield from (_total(combination, right) for combination in elimination.conditions)
@@ -190,9 +192,44 @@ def _total(combination: Mapping[int, sympy.Expr], right: Sequence[sympy.Expr]) -
     return sp.Add(*(c * right[j] for j, c in combination.items()))
 
 
-def _virtual_power(kinematics: Kinematics, laws: PartLaws, ports: list, trial: Trial) -> Iterator[sympy.Expr]:
+def _rolling(kinematics: Kinematics, laws: PartLaws) -> dict[sympy.Symbol, sympy.Expr]:
+    """Return the rates of coordinates that roll along with others, ``θ̇ = −ẋ/r``, and the rates of these."""
+    found: dict[sympy.Symbol, sympy.Expr] = {}
+    orders = dict(zip(kinematics.coordinates, kinematics.orders, strict=True))
+    first = [q for q, n in orders.items() if n == 1]
+    rates_of_second = {jet_symbol(q.name, 1) for q, n in orders.items() if n == 2}
+    residuals = [laws.residual(i) for i in laws.closed] if first else []
+    for q in first:
+        rate = jet_symbol(q.name, 1)
+        rows = ((slope(r, rate), r) for r in residuals if r.has(rate))
+        for factor, residual in rows:
+            value = (rate - residual / factor).expand()
+            if factor.free_symbols <= kinematics.parameters and rates_of_second.issuperset(
+                value.free_symbols - kinematics.parameters
+            ):
+                found |= {rate: value, jet_symbol(q.name, 2): kinematics.rate(value)}
+                break
+    return found
+
+
+def _along(
+    power: Sequence[sympy.Expr], kinematics: Kinematics, rolling: Mapping[sympy.Symbol, sympy.Expr]
+) -> list[sympy.Expr]:
+    """Return the power for a unit rate of each coordinate that does not roll along, those that do moving with it."""
+    import sympy as sp
+
+    rates = [jet_symbol(q.name, 1) for q in kinematics.coordinates]
+    own = list(zip(rates, power, strict=True))
+    rolled = [(rolling[rate], p) for rate, p in own if rate in rolling]
+    return [
+        sp.Add(p, *(slope(value, rate) * other for value, other in rolled)).xreplace(rolling)
+        for rate, p in own
+        if rate not in rolling
+    ]
+
+
+def _virtual_power(power: Sequence[sympy.Expr], reactions: set[sympy.Symbol], trial: Trial) -> Iterator[sympy.Expr]:
     """The power of all flows for a unit rate of each coordinate in turn, without those in which a reaction stays."""
-    power, reactions = power_by_coordinate(kinematics, laws, ports)
     for total in power:
         residual = _without(total, reactions, trial)
         if residual is not None:
