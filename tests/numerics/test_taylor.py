@@ -132,3 +132,11 @@ def test_output_within_one_step_that_there_is_no_room_for_at_once(solver, room, 
     assert "taylor" in run.stats["solver"] and run.stats["steps"] < 500
     assert run.complete and len(run.time) == 5001
     assert np.abs(run["x"] - np.cos(run.time)).max() < 3e-8
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6, 1e-8])
+def test_a_step_does_not_lead_from_one_side_of_a_turn_to_the_mirrored_one(rtol):
+    """Where y is the coordinate a long step over the top comes down again with x on the side where it went up."""
+    dae = lmoc.compile(ROOT / "models/hard/h01_cartesian_pendulum.lmo")
+    run, reference = both(dae, rtol=rtol)
+    assert np.abs(run["x"] - reference["x"]).max() < 30 * rtol

@@ -190,10 +190,9 @@ class Loop:
         status = run.step()
         if status not in (Status.OK, Status.STIFF):
             return status
-        if self.problem.guard is not None:
-            judged = self.problem.guard(run.t, run.x)
+        if start is not None:
+            judged = self.judge(start)
             if judged is not Status.OK:
-                self.place = start
                 return judged
         if self.finder is not None:
             found = self.finder.first(run)
@@ -204,6 +203,20 @@ class Loop:
         if self.next <= run.t:
             self.show(run.t)
         return status if self.problem.correction is None else self.correct(status)
+
+    def judge(self, start: tuple[float, np.ndarray]) -> Status:
+        """Have the guard judge the last step; where that is rejected, the run ends at the last good place within it."""
+        run, guard, good = self.run, self.problem.guard, start
+        looks = run.looks if self.problem.correction is None else 1
+        for t in np.linspace(start[0], run.t, looks + 1)[1:].tolist():
+            place = (t, run.x) if t == run.t else (t, run.interpolate(np.array([t]))[0])
+            judged = guard(*place)
+            if judged is not Status.OK:
+                self.place = good
+                self.show(good[0])
+                return judged
+            good = place
+        return Status.OK
 
     def correct(self, status: Status) -> Status:
         """Move the state as the problem's correction says, and go on from there."""

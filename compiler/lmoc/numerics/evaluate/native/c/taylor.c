@@ -1,5 +1,6 @@
 /* Steps along Taylor series: their length, their ends, output within them, many at a time. */
 
+#define LMOC_LOOKS 4    /* places at which coordinates are looked at in a step (`integrate/taylor.py`) */
 #define LMOC_ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
 typedef struct {
   lmoc_call *call;
@@ -81,7 +82,8 @@ typedef struct {
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
 static int lmoc_taylor_keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reached, const double *x) {
   const lmoc_hold *hold = s->hold;
-  for (int64_t pieces = 1; pieces <= hold->pieces; pieces *= 2) {
+  const int64_t least = hold->land ? 1 : LMOC_LOOKS;
+  for (int64_t pieces = least; pieces <= (hold->pieces < least ? least : hold->pieces); pieces *= 2) {
     int lost = 0;
     for (int64_t i = 1; i < pieces && !lost; i++) {
       const double part = h * (double)i / (double)pieces;
