@@ -8,6 +8,7 @@ import pytest
 import lmoc
 from lmoc.ir.program import Solve, walk
 from lmoc.numerics.failures.diagnosis import moving_risks
+from lmoc.numerics.observe.solutions import Solutions
 
 MODELS = Path(__file__).parents[2] / "models"
 BESIDE = """model Beside
@@ -46,3 +47,25 @@ def test_a_block_that_the_motion_needs_is_not_looked_at_again():
         found = moving_risks(dae.simulate(points=11).trajectory.pieces[0].observer.plan)
         unknowns = [step.unknowns.ravel() for step in walk(found.program) if isinstance(step, Solve)]
         assert bool(unknowns and np.isin(found.registers, np.concatenate(unknowns)).any()) == watched
+
+
+def test_variables_behind_closed_loops_do_not_depend_on_the_order_in_which_they_are_read():
+    """The solutions of loops that one variable needs are kept for the next one."""
+    dae = lmoc.compile(MODELS / "classic" / "andrews.lmo")
+    names = ["Theta", "gamma", "phi", "delta", "Omega", "epsilon"]
+    forwards, backwards, alone = (dae.simulate(points=201) for _ in range(3))
+    one = {name: forwards[name] for name in names}
+    two = {name: backwards[name] for name in reversed(names)}
+    every = alone.values(np.concatenate([alone.flat.find(name) for name in names]))
+    for k, name in enumerate(names):
+        assert one[name] == pytest.approx(two[name], abs=1e-12) and one[name] == pytest.approx(every[:, k], abs=1e-12)
+    x = 0.028 * np.cos(one["Theta"] + forwards["beta"]) - 0.007 * np.cos(forwards["beta"])
+    assert x + 0.035 * np.sin(one["gamma"]) == pytest.approx(np.full(201, 0.03635), abs=1e-12)
+
+
+def test_solutions_belong_to_the_arrays_that_they_were_kept_with():
+    times, states, registers = np.arange(3.0), np.zeros((3, 1)), np.array([4, 7])
+    kept, guesses = Solutions(), np.zeros((3, 2))
+    kept.keep(times, states, registers[:1], np.full((3, 1), 5.0))
+    assert kept.fill(times, states, registers, guesses).tolist() == [True, False] and guesses[0].tolist() == [5.0, 0.0]
+    assert not kept.fill(times.copy(), states, registers, guesses).any()

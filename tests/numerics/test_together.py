@@ -10,9 +10,13 @@ from lmoc.numerics.evaluate.together import Together
 from lmoc.numerics.observe.slices import Slice
 
 
-def one_by_one(self, base, signals):
+def one_by_one(self, base, signals, solved):
     """Nothing is found at many times at once."""
-    return lambda times, states, guesses: (np.full((len(times), len(self.out)), np.nan), np.zeros(len(times), bool))
+
+    def evaluate(times, states, guesses):
+        return np.full((len(times), len(self.out)), np.nan), np.zeros(len(times), bool), guesses
+
+    return evaluate
 
 
 @pytest.mark.parametrize("points", [3, 40, 400])
@@ -48,7 +52,8 @@ def test_guesses_that_lead_elsewhere_do_not_count():
     part = Slice(plan, register)
     evaluate = part.bind_together(run.trajectory.pieces[0].observer.base, {})
     states = run.trajectory.pieces[0].table
-    values, good = evaluate(run.time, states, followed[:, None] + 0.02)
+    values, good, solutions = evaluate(run.time, states, followed[:, None] + 0.02)
     assert good.all() and np.abs(values[:, 0] - followed).max() < 1e-12
-    _, good = evaluate(run.time, states, np.full((11, 1), 0.02))
+    assert np.array_equal(solutions, values)
+    _, good, _ = evaluate(run.time, states, np.full((11, 1), 0.02))
     assert not good.any()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import field
 
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
 from lmoc.numerics.observe.slices import Slice, signal_values, slice_of
+from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.distinct import distinct
@@ -64,6 +66,7 @@ class Observer:
     base: np.ndarray
     signals: Mapping[int, Signal]
     path: Path | None = None
+    solutions: Solutions = field(default_factory=Solutions)
 
     @property
     def flat(self) -> FlatDAE:
@@ -91,12 +94,15 @@ class Observer:
         """Return the values (times,) of one register."""
         return self.followed(slice_of(self.plan, np.array([register])))(times, states)[:, 0]
 
-    def followed(self, part: Slice, base: np.ndarray | None = None) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    def followed(
+        self, part: Slice, base: np.ndarray | None = None, lasting: bool = False
+    ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
         """Return ``(times, states) -> values`` of a slice, nonlinear equations followed along the path.
 
         Parameters
         ----------
         base : registers that do not change, where the slice has more of them than the plan
+        lasting : the places do not change any more, so that the solutions there are kept
         """
         base = self.base if base is None else base
         if not part.implicit or self.path is None:
@@ -104,14 +110,17 @@ class Observer:
         path, own = self.path, part.registers[part.unknowns]
         known = path.of(own)
         whole = bool(np.isfinite(known).all())
-        together = part.bind_together(base, self.signals) if whole else None
 
         def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
-            if not len(times) or together is None:
+            if not len(times) or not whole:
                 return one_by_one(times, states)
-            found, good = together(times, states, path.between(known, times))
+            guesses = path.between(known, times)
+            solved = self.solutions.fill(times, states, own, guesses) if lasting else np.zeros(len(own), bool)
+            found, good, solutions = part.bind_together(base, self.signals, solved)(times, states, guesses)
             if not good.all():
                 found[~good] = one_by_one(times[~good], states[~good])
+            elif lasting and not solved.all():
+                self.solutions.keep(times, states, own, solutions)
             return found
 
         def one_by_one(times: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -132,20 +141,27 @@ class Observer:
 
         return values
 
-    def __call__(self, variables: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """Values of variables of the flat model, (times, variables); NaN for what the model leaves open."""
-        return self.prepare(variables)(times, states)
+    def __call__(
+        self, variables: np.ndarray, times: np.ndarray, states: np.ndarray, lasting: bool = False
+    ) -> np.ndarray:
+        """Values of variables of the flat model, (times, variables); NaN for what the model leaves open.
+
+        Parameters
+        ----------
+        lasting : as in `followed`
+        """
+        return self.prepare(variables, lasting)(times, states)
 
     def is_implicit(self, variables: np.ndarray) -> bool:
         """Return whether variables follow from nonlinear blocks, whose solutions are followed along a path."""
         computed = sources(self.plan, variables)[2]
         return slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]).implicit
 
-    def prepare(self, variables: np.ndarray):
+    def prepare(self, variables: np.ndarray, lasting: bool = False):
         """``(times, states) -> (times, variables)`` for repeated use."""
         variables = np.asarray(variables, int)
         constant, inputs, computed = sources(self.plan, variables)
-        part = self.followed(slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]))
+        part = self.followed(slice_of(self.plan, self.plan.reduced.register_of[variables[computed]]), lasting=lasting)
         if len(computed) == len(variables):
             return part
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -14,8 +14,12 @@ from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, pr
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS
 from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.opened import open_blocks
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Formula, Signal, sample
+
+if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.together import Together
 
 _CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
 _KEPT = 100  # registers of the largest slice that is kept with its plan
@@ -28,11 +32,11 @@ class Evaluate(Protocol):
 
 
 class EvaluateTogether(Protocol):
-    """Values of registers at some times, and where they are good, as `Slice.bind_together` returns it."""
+    """Values of registers at some times, where they are good, and solutions, as `Slice.bind_together` returns it."""
 
     def __call__(
         self, times: np.ndarray, states: np.ndarray, guesses: np.ndarray, /
-    ) -> tuple[np.ndarray, np.ndarray]: ...
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 
 
 class Slice:
@@ -67,6 +71,7 @@ class Slice:
         self.samplers = [plan.samplers[k] for k in used]
         blocks = [s.unknowns.ravel() for s in walk(self._program) if isinstance(s, Solve) and not s.linear]
         self.unknowns = np.concatenate([np.zeros(0, int), *blocks])
+        self._togethers: dict[bytes, Together] = {}
         self._bound: np.ndarray | None = None  # the constants that the interpreter has been used with last
 
     @cached_property
@@ -82,25 +87,47 @@ class Slice:
         """Return whether it has nonlinear blocks."""
         return len(self.unknowns) > 0
 
-    def bind_together(self, base: np.ndarray, signals: Mapping[int, Signal]) -> EvaluateTogether:
-        """``(times, states, guesses (times, unknowns)) -> (times, registers)``, and at which times that is good.
+    def bind_together(
+        self, base: np.ndarray, signals: Mapping[int, Signal], solved: np.ndarray | None = None
+    ) -> EvaluateTogether:
+        """``(times, states, guesses (times, unknowns)) -> (times, registers)``, at which times that is good, and the
+        solutions (times, unknowns).
 
         The guesses are for the unknowns of nonlinear blocks; where they lead to no solution nearby, nothing counts.
+
+        Parameters
+        ----------
+        solved : (unknowns,) for which of them the guesses are the solutions
         """
-        from lmoc.numerics.evaluate.together import Together
+        own = base[self.registers]
+        together = self._together(np.zeros(len(self.unknowns), bool) if solved is None else solved)
 
-        own, together = base[self.registers], Together(self._program, len(self.registers))
-
-        def evaluate(times: np.ndarray, states: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def evaluate(
+            times: np.ndarray, states: np.ndarray, guesses: np.ndarray
+        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             result, good = np.empty((len(times), len(self.out))), np.empty(len(times), bool)
+            solutions = np.empty(guesses.shape)
+            together.reset()
             for part in self._chunks(len(times)):
                 w = self._given(own, times[part], states[part], signals)
                 w[self.unknowns] = guesses[part].T
                 good[part] = together.fill(w, times[part])
-                result[part] = w[self.out].T
-            return result, good
+                result[part], solutions[part] = w[self.out].T, w[self.unknowns].T
+            return result, good, solutions
 
         return evaluate
+
+    def _together(self, solved: np.ndarray) -> Together:
+        """Return what fills the registers at many times, where the solutions of some blocks are given."""
+        from lmoc.numerics.evaluate.together import Together
+
+        key = solved.tobytes()
+        if key not in self._togethers:
+            given = np.zeros(len(self.registers), bool)
+            given[self.unknowns[solved]] = True
+            steps = open_blocks(self._program, lambda block: not block.linear and bool(given[block.unknowns].all()))[0]
+            self._togethers[key] = Together(steps, len(self.registers))
+        return self._togethers[key]
 
     def _chunks(self, count: int) -> list[slice]:
         length = max(1, _CHUNK // max(1, len(self.registers)))

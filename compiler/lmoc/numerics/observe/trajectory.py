@@ -217,7 +217,7 @@ class Trajectory:
         """Variables of the flat model by number, (k, m)."""
         variables = np.asarray(variables, int)
         if self.kept is None:
-            return _joined([p.observer(variables, p.time, p.table) for p in self.pieces])
+            return _joined([p.observer(variables, p.time, p.table, lasting=True) for p in self.pieces])
         result = np.empty((len(self.time), len(variables)))
         constant = self.flat.kind[variables] < Kind.INPUT
         result[:, constant] = self.observer.values[variables[constant]]
