@@ -78,6 +78,8 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
     n = len(q)
     if n == 0:
         return Solution(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
+    if n == 1 and matrix[0, 0] > 0.0:
+        return _alone(matrix[0, 0], q[0], lower[0], upper[0], LOWER if side is None else side[0])
     diagonal = np.diag(matrix).copy()
     diagonal[diagonal <= 0.0] = diagonal.max() if diagonal.max() > 0.0 else 1.0
     shift = PROXIMAL * diagonal
@@ -96,6 +98,18 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
             x = np.clip(x, lower, upper)
             return Solution(x, w, side, _determined(matrix, side))
     raise NoSolution(x)
+
+
+def _alone(slope: float, q: float, lower: float, upper: float, side: int) -> Solution:
+    """Solve a problem of one component, which stays on its side where both would do."""
+    zero = -q / slope
+    beyond = (1 if side == FREE else -1) * 2 * (NEGLIGIBLE + ROUNDING) * abs(zero)
+    if lower < upper and lower - beyond <= zero <= upper + beyond and not (side != FREE and zero in (lower, upper)):
+        x, side, w = min(max(zero, lower), upper), FREE, 0.0
+    else:
+        x, side = (lower, LOWER) if zero <= lower + abs(beyond) or lower == upper else (upper, UPPER)
+        w = slope * x + q
+    return Solution(np.array([x]), np.array([w]), np.array([side]), np.ones(1, bool))
 
 
 def _pivot(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides) -> tuple[Array, Sides]:

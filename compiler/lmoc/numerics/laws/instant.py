@@ -94,6 +94,12 @@ class Instant:
     stick: Array
     stored: float
 
+    @cached_property
+    def acceleration(self) -> Array:
+        """(n,) sizes of the levels that the states and the law's own friction make."""
+        held = np.diag(self.delassus) * self.stick
+        return np.abs(self.bias) + np.where(np.isfinite(held), held, 0.0)
+
 
 class Gauge:
     """Evaluates the laws' quantities for one run.

@@ -106,6 +106,8 @@ def settle(
     Contradiction
         No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox.
     """
+    if not candidate.any() and (opening is None or not opening.any()):
+        return _all_open(table, now, sliding)
     try:
         found = _by_pivoting(table, now, mode, candidate, sliding, at_limit, opening)
         if not _slides_backwards(table, now, candidate, found):
@@ -115,6 +117,14 @@ def settle(
             raise
     turned = _by_cones(table, now, candidate, sliding)
     return _by_pivoting(table, now, mode, candidate & (turned == sliding), turned, at_limit, opening)
+
+
+def _all_open(table: Table, now: Instant, sliding: NDArray[np.int64]) -> Settled:
+    """Return the mode in which no law is closed: forces are those of sliding friction."""
+    direction, nobody = np.where(table.complementary, 0, sliding), np.zeros(len(sliding), bool)
+    force = _sliding_forces(table, now, direction)[0]
+    mode = Mode(nobody, direction, nobody, np.zeros(len(sliding)))
+    return Settled(mode, force, now.bias + now.delassus @ force, ~nobody)
 
 
 def _by_pivoting(

@@ -183,16 +183,12 @@ def resisted(gauge: Gauge, now: Instant, closed: Mask) -> Instant:
 
 def _turning(now: Instant) -> Mask:
     """Return whose rates are what the location of a root leaves of zero."""
-    return np.abs(now.rate) <= STILL * now.rate_scale + TURNING * _acceleration(now)
+    return np.abs(now.rate) <= STILL * now.rate_scale + TURNING * now.acceleration
 
 
 def _least_rate(now: Instant) -> Array:
     """Return the rates below which a motion is at rest: rounding of the velocities, and of the time of the event."""
-    return STILL * now.rate_scale + LOCATED * max(1.0, abs(now.t)) * _acceleration(now)
-
-
-def _acceleration(now: Instant) -> Array:
-    return np.abs(now.bias) + np.nan_to_num(np.diag(now.delassus) * now.stick)
+    return STILL * now.rate_scale + LOCATED * max(1.0, abs(now.t)) * now.acceleration
 
 
 # ---------------------------------------------------------------------- impulses
@@ -234,12 +230,18 @@ def _last_bounces(
     if not leaving.any():
         return leaving, -np.inf
     resting = _candidates(table, now, table.impulsive & ~leaving, np.zeros(len(e)))
-    level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger), np.zeros(len(e), int)).level
+    level = _level(table, now, mode, resting, trigger)
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(leaving & (level < 0.0), 2 * now.rate / (-level * (1.0 - e)), np.inf)
         low = now.rate**2 <= -2 * level * lowest
     over = (left < BOUNCES_LEFT) | (leaving & (level < 0.0) & low)
     return over, now.t + float(left[over].max(initial=-np.inf))
+
+
+def _level(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Array:
+    """Return the level quantities to which the forces lead that act while these laws are the candidates."""
+    sliding = _sliding(table, now, candidate, trigger)
+    return settle(table, now, mode, candidate, sliding, np.zeros(len(candidate), int)).level
 
 
 def _thrown_for_nothing(
@@ -253,7 +255,7 @@ def _thrown_for_nothing(
     if not thrown.any():
         return thrown
     resting = _candidates(table, now, touching & ~thrown, least) & ~thrown
-    level = settle(table, now, mode, resting, _sliding(table, now, resting, trigger), np.zeros(len(thrown), int)).level
+    level = _level(table, now, mode, resting, trigger)
     return thrown & (level < 0.0) & (now.rate**2 <= -2 * level * lowest)
 
 
