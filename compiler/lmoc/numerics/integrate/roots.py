@@ -16,6 +16,7 @@ from lmoc.numerics.integrate.base import Integration, Roots
 
 _INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a step, where the functions are looked at
 _BESIDE = 0.01  # the same, beside its ends: where a function turns there, the samples further inside do not tell
+_SHARES = np.array([0.0, _BESIDE, 0.25, 0.5, 0.75, 1.0 - _BESIDE, 1.0])
 _COARSE = 0.02  # of a function's change in a step: what samples may be off by that follow it
 _MOST_SAMPLES = 500  # in a step
 _TIGHT = 4e-16  # of the time: two places that close are one
@@ -97,8 +98,7 @@ class RootFinder:
         holds it follows the load. After a root, the rest of the step is looked at as closely as before it.
         """
         while True:
-            shares = np.concatenate([self._inside[:1], [_BESIDE], self._inside[1:-1], [1 - _BESIDE], self._inside[-1:]])
-            times = begin + shares * (run.t - begin)
+            times = begin + self._shares() * (run.t - begin)
             times[-1] = run.t
             states = run.interpolate(times)
             states[-1] = run.x
@@ -109,6 +109,12 @@ class RootFinder:
             if len(self._inside) > _MOST_SAMPLES or not _unresolved(_even(values), self.signs).any():
                 return times, values
             self._inside = np.linspace(0.0, 1.0, 2 * len(self._inside) - 1)
+
+    def _shares(self) -> np.ndarray:
+        """Return where a step is looked at: at equal distances, and beside its ends."""
+        if self._inside is _INSIDE:
+            return _SHARES
+        return np.concatenate([[0.0, _BESIDE], self._inside[1:-1], [1.0 - _BESIDE, 1.0]])
 
     def _together(
         self, times: np.ndarray, values: np.ndarray, curve: Callable[[np.ndarray], np.ndarray]
