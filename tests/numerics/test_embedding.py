@@ -15,13 +15,16 @@ from lmoc.expression import dag
 SUSPENSION = ROOT / "models/notes/ex05_suspension.lmo"
 LEVER = ROOT / "models/hard/h08_turning_lever.lmo"  # nonlinear constraints
 CHAIN = ROOT / "models/bench/chain.lmo"
+CRANKS = ROOT / "models/planar/three_cranks.lmo"  # constraints that follow from others
+FOUR_BAR = ROOT / "models/planar/four_bar.lmo"
+DRIVE = ROOT / "models/laws/drivetrain.lmo"
 
 
 def copied(thing):
     return pickle.loads(pickle.dumps(thing))
 
 
-@pytest.mark.parametrize("file", [SUSPENSION, LEVER, CHAIN], ids=lambda f: f.stem)
+@pytest.mark.parametrize("file", [SUSPENSION, LEVER, CHAIN, CRANKS, FOUR_BAR, DRIVE], ids=lambda f: f.stem)
 def test_a_copy_of_a_scene_runs_as_the_scene_does(file):
     dae = lmoc.compile(file)
     run = dae.simulate(stop=0.2, points=5)  # the solver's own functions stay behind

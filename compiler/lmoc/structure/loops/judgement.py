@@ -13,6 +13,7 @@ from lmoc.ir.reduced import Guard
 from lmoc.messages.diagnostics import Diagnostic, Label, Report
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.structure.linear.coefficients import UNKNOWN, is_constant
+from lmoc.structure.linear.derived import DerivedParameters
 from lmoc.structure.linear.elimination import Elimination
 from lmoc.structure.linear.substitution import Rows
 from lmoc.structure.linear.vanishing import Missing
@@ -161,11 +162,7 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
     judged = core.judged(work.derived.known, work.derived)
     loops = work.loops
     if core.depends_on_parameters:
-        derived = work.derived
-
-        def holds(values: np.ndarray) -> bool:
-            return core.judged(derived.extended(values), derived) == judged
-
+        holds = partial(_judged_alike, core, work.derived, judged)
         parts = loops.equations.parts(core.source.tolist())
         guards.append(Guard(holds, f"which constraints of {listed(parts) or 'the model'} are redundant"))
     dropped: dict[int, list[int]] = {}
@@ -188,6 +185,10 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
         gone[list(dropped)] = True
         work.groups = [g.take(np.flatnonzero(~gone[g.source])) for g in work.groups]
     return dropped
+
+
+def _judged_alike(core: Constraints, derived: DerivedParameters, judged: list, values: np.ndarray) -> bool:
+    return core.judged(derived.extended(values), derived) == judged
 
 
 def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message: str, **more) -> None:

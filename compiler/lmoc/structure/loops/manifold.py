@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -220,14 +221,17 @@ def _watched(flat: FlatDAE, judged: _Judged) -> Iterator[Check]:
 def _guard(system: EquationSystem, groups: tuple[Rows, ...], judged: _Judged) -> Guard:
     """The assumption that the same constraints follow from others."""
     normalized = system.normalized
-
-    def holds(values: np.ndarray) -> bool:
-        derived = derived_values(normalized.derived, values)
-        other = EquationSystem(replace(normalized, values=values, derived_values=derived))
-        return _Judged.of(other, groups).dropped.keys() == judged.dropped.keys()
-
+    holds = partial(_drops_the_same, normalized, groups, frozenset(judged.dropped))
     parts = Equations(normalized.flat).parts(judged.dropped)
     return Guard(holds, f"the constraints of {listed(parts) or 'the model'} follow from others")
+
+
+def _drops_the_same(
+    normalized: Normalized, groups: tuple[Rows, ...], dropped: frozenset[int], values: np.ndarray
+) -> bool:
+    derived = derived_values(normalized.derived, values)
+    other = EquationSystem(replace(normalized, values=values, derived_values=derived))
+    return _Judged.of(other, groups).dropped.keys() == dropped
 
 
 # --------------------------------------------------------------------- points that satisfy the constraints
@@ -311,8 +315,8 @@ class _Component:
     def _jacobian(self, values: np.ndarray) -> np.ndarray:
         value, result = self._sample(values), np.zeros((len(self.source), len(self.jets)))
         for g, numbers, columns, partials in self.parts:
-            for column, partial in zip(columns, partials, strict=True):
-                entry = evaluate(partial, lambda k, n, g=g: value[n, g.slots[:, k]], self.start.time)
+            for column, slope in zip(columns, partials, strict=True):
+                entry = evaluate(slope, lambda k, n, g=g: value[n, g.slots[:, k]], self.start.time)
                 np.add.at(result, (numbers, column), entry)
         return result
 
