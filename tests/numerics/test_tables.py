@@ -167,6 +167,8 @@ def test_a_motion_that_jumps_has_no_acceleration():
         ("time,u\n0,0\n1,\n", 3, 3, "an empty cell is not a number"),
         ("time,u\n0,0\n\n1\n", 4, 1, "this line has 1 column, the header has 2"),
         ("time,u\n0,0\n1,2,3\n", 3, 1, "this line has 3 columns, the header has 2"),
+        ("time,u,u\n0,0,1\n1,2,3\n", 1, 1, "'u' occurs twice"),
+        ("time,u\n0,0\n1,1_0\n", 3, 3, "'1_0' is not a number"),
         ("time,u\n0,0\n1,nan\n", 3, 3, "nan is not a finite number"),
         ("time,u\ninf,0\n1,1\n", 2, 1, "inf is not a finite number"),
         ("time,u\n0,0\n2,0\n 1, 0\n", 4, 2, "its times decrease: 1 follows 2"),
@@ -214,3 +216,9 @@ def test_a_table_that_is_missing_is_named_like_one_that_is_there(tmp_path: Path)
     with pytest.raises(lmoc.ModelError, match="did you mean 'road.csv'") as wrong:
         lmoc.compile_text(PUSHED).simulate(inputs={"u": tmp_path / "raod.csv"})
     assert wrong.value.diagnostics[0].code == "E0610"
+
+
+def test_columns_beside_those_of_the_input_may_hold_anything(tmp_path: Path):
+    (tmp_path / "push.csv").write_text("place,time,u,day\nhere,0,1,1970-01-01\nthere,4,1,\n")
+    run = lmoc.compile_text(PUSHED).simulate(stop=1, inputs={"u": tmp_path / "push.csv"})
+    assert run["m.v"][-1] == pytest.approx(1.0, rel=1e-9)

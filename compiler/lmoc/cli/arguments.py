@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.support.numbers import parsed_number
 from lmoc.support.records import dataclass
 
 MOST_VALUES = 1000  # of a range
@@ -141,7 +142,7 @@ def initial(given: list) -> str | dict[str, float]:
 
 def number(text: str) -> float:
     try:
-        result = float(text)
+        result = parsed_number(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number") from None
     if not math.isfinite(result):

@@ -11,6 +11,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Source, Span
 from lmoc.numerics.signals import curves
+from lmoc.support.numbers import parsed_number
 from lmoc.support.records import dataclass
 
 _CELL = re.compile(r'\s*("(?:[^"]|"")*"|[^,]*?)\s*(,|$)')  # RFC 4180, within one line
@@ -106,30 +107,33 @@ def read_csv(path: Path, name: str, report: Report) -> Points | None:
     try:
         text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
-        hint = nearest(path.name, (p.name for p in path.parent.iterdir())) if path.parent.is_dir() else ""
+        others = path.parent.iterdir() if path.parent.is_dir() and not path.exists() else ()
+        hint = nearest(path.name, (p.name for p in others))
         reason = getattr(error, "strerror", None) or "it is not text in UTF-8"
         report.error("E0610", f"the table for input '{name}' cannot be read: {path} ({reason})", hint=hint)
         return None
     title, lines = f"the table {path}", _lines(Source(str(path), text))
     header = [_content(cell) for cell in lines[0]] if lines else []
-    others = [h for h in header if h != "time"]
-    column = name if name in header else others[0] if len(others) == 1 else None
-    if "time" not in header or column is None:
+    values = [h for h in header if h != "time"]
+    column = name if name in header else values[0] if len(values) == 1 else ""
+    twice = next((h for h in ("time", column) if header.count(h) > 1), None)
+    if "time" not in header or not column or twice:
         report.error(
             "E0625",
             f"{title} for input '{name}' cannot be used",
             lines[0][0].to(lines[0][-1]) if lines else None,
             expected=f"a header line with columns 'time' and '{name}'",
             found=", ".join(header) or "an empty file",
-            hint="columns are separated by commas" if len(header) == 1 else "",
+            hint="columns are separated by commas" if len(header) == 1 else f"'{twice}' occurs twice" if twice else "",
         )
         return None
-    if not all([_is_row(cells, len(header), title, name, report) for cells in lines[1:]]):
-        return None
     places = {"time": header.index("time"), "value": header.index(column)}
+    needed = tuple(places.values())
+    if not all([_is_row(cells, len(header), needed, title, name, report) for cells in lines[1:]]):
+        return None
     cells = {of: [row[k] for row in lines[1:]] for of, k in places.items()}
-    times, values = (np.array([float(_content(c)) for c in of]) for of in cells.values())
-    return Points(times, values, lambda row, of: cells[of][row], title)
+    times, numbers = (np.array([parsed_number(_content(c)) for c in of]) for of in cells.values())
+    return Points(times, numbers, lambda row, of: cells[of][row], title)
 
 
 def _lines(source: Source) -> list[list[Span]]:
@@ -160,8 +164,8 @@ def _content(cell: Span) -> str:
     return text[1:-1].replace('""', '"').strip() if quoted else text
 
 
-def _is_row(cells: list[Span], width: int, title: str, name: str, report: Report) -> bool:
-    """Return whether a line has as many numbers as the header has names; report the first few mistakes of a file."""
+def _is_row(cells: list[Span], width: int, needed: tuple[int, ...], title: str, name: str, report: Report) -> bool:
+    """Return whether a line has as many cells as the header, numbers where needed; report the first few mistakes."""
     if len(report.errors) >= 3:
         return False
     message = f"{title} for input '{name}' cannot be used"
@@ -169,9 +173,9 @@ def _is_row(cells: list[Span], width: int, title: str, name: str, report: Report
         counted = f"{len(cells)} column{'s' * (len(cells) > 1)}, the header has {width}"
         report.error("E0625", f"{message}: this line has {counted}", cells[0].to(cells[-1]))
         return False
-    for cell in cells:
+    for cell in (cells[k] for k in sorted(needed)):
         try:
-            float(_content(cell))
+            parsed_number(_content(cell))
         except ValueError:
             text = _content(cell)
             shown = f"'{text}'" if text else "an empty cell"
