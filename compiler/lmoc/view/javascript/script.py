@@ -6,7 +6,6 @@ the flat model that something is computed from. What is a number is data, so tha
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,22 +14,9 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
 from lmoc.ir.law import SPRUNG
-from lmoc.ir.program import Apply, Program, Solve, Step, read, walk, written
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.ir.program import Apply, Program, Step, read, written
 from lmoc.numerics.integrate import dop853_table
-from lmoc.numerics.integrate.automatic import (
-    FORGOTTEN,
-    LEAST_FACTOR,
-    LEAST_UNKNOWN,
-    NO_FINER,
-    TRIAL,
-    WORTHWHILE,
-    calibrated,
-    growth,
-)
 from lmoc.numerics.integrate.base import REQUESTED
-from lmoc.numerics.integrate.modes import EIGENVALUES
 from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
@@ -40,8 +26,8 @@ from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import lookout
 from lmoc.numerics.signals.signals import Function, break_times
 from lmoc.numerics.signals.tables import Table
-from lmoc.numerics.sizes import assumed_sizes
 from lmoc.support.records import dataclass
+from lmoc.view.javascript.accuracy import absolute_tolerances, refinement, seeds
 from lmoc.view.javascript.code import Writer
 from lmoc.view.javascript.coordinates import pairs, passage, passed, write_constraints
 from lmoc.view.javascript.events import Programs, write_events
@@ -225,7 +211,7 @@ class _Scene:
             "tables": writer.tables,
             "blocks": len(writer.blocks),
             "watched": watched,
-            "seeds": self._seeds(),
+            "seeds": seeds(self.observer, self.time, self.x),
             "states": plan.states.tolist(),
             "derivatives": plan.derivatives.tolist(),
             "x": _numbers(x),
@@ -234,8 +220,8 @@ class _Scene:
             "begin": self.begin,
             "end": self.stop,
             "rtol": self.rtol,
-            "atol": self._absolute_tolerances().tolist(),
-            "refine": self._refinement() if self.automatic else None,
+            "atol": absolute_tolerances(self.observer, self.time, self.x, self.rtol).tolist(),
+            "refine": refinement(self.observer, self.time, self.x) if self.automatic else None,
             "curves": self._curves(),
             "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
             "checks": checks,
@@ -335,53 +321,6 @@ class _Scene:
         edges = [self.begin, *seen.edges(self.begin, self.stop), self.stop]
         bounds = [(a, seen.longest(a, b)) for a, b in zip(edges, edges[1:]) if b > a]
         return [[a, longest if np.isfinite(longest) else None] for a, longest in bounds]
-
-    # ------------------------------------------------------------------ numbers
-
-    def _absolute_tolerances(self) -> np.ndarray:
-        plan, values = self.plan, self.observer.values
-        found = self.rtol * 1e-3 * assumed_sizes(plan, values, self.x, {})
-        stored = self.flat.find("ledger.stored")
-        if plan.ledger.any() and stored is not None:
-            at_start = self.observer(stored, np.array([self.time]), self.x[None])[0]
-            found[plan.ledger] = np.fmax(found[plan.ledger], self.rtol * np.abs(at_start))
-        return found
-
-    def _refinement(self) -> dict[str, float | None]:
-        """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start."""
-        plan = self.plan
-        added, power = growth(plan)
-        constants = {"trial": TRIAL, "added": added, "power": power, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
-        constants |= {"least": LEAST_FACTOR, "slowest": None, "calibrated": calibrated(plan), "noFiner": NO_FINER}
-        jacobian = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
-        w = self._at_start(plan.program)
-        n = plan.state_count
-        matrix = np.zeros((len(plan.states), len(plan.states)))
-        matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, self.time)
-        if len(plan.states) > EIGENVALUES or not np.isfinite(matrix).all():
-            return constants | {"least": LEAST_UNKNOWN}
-        slowest = -float(np.linalg.eigvals(matrix[:n, :n]).real.max(initial=-np.inf))
-        return constants | {"slowest": min(slowest, sys.float_info.max)}  # nothing remembers anything
-
-    def _at_start(self, program: Program) -> np.ndarray:
-        """Return the registers at the start, where a program has filled its own."""
-        plan, w = self.plan, self.observer.base.copy()
-        w[plan.states] = self.x
-        for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
-            w[register] = self.observer.signals[variable].value(self.time, order)
-        for register, value in self._seeds():
-            w[int(register)] = value
-        Interpreter(program, plan.count).run(w, self.time)
-        return w
-
-    def _seeds(self) -> list[list[float]]:
-        """Return where the unknowns of nonlinear blocks stand at the start: the branch of the run."""
-        unknowns = [s.unknowns.ravel() for s in walk(self.plan.full_program) if isinstance(s, Solve) and not s.linear]
-        if not unknowns:
-            return []
-        registers = np.unique(np.concatenate(unknowns))
-        values = [float(self.observer.register(r, np.array([self.time]), self.x[None])[0]) for r in registers.tolist()]
-        return [[r, v] for r, v in zip(registers.tolist(), values, strict=True) if np.isfinite(v)]
 
 
 def _flat(programs: Programs) -> list[Program]:

@@ -12,6 +12,8 @@ from lmoc.view.scene.picture import Circle, End, Item, Label
 from lmoc.view.scene.strip import THICK
 from lmoc.view.scene.text import width
 
+WALL = 22.0  # px that a wall reaches beyond the last row
+
 
 def rectangle(layout: Layout, half: float, low: float, high: float) -> Corners:
     """Return the corners of a box: `half` to both sides along the line, from `low` to `high` across."""
@@ -62,7 +64,9 @@ def other(layout: Layout, node: int, element: Element, high: float) -> None:
     """Draw a part that has no symbol and one port here: a box, or its own drawing, on a stem."""
     text = layout.names.called(element)
     half = width(text, 13) / 2 + 8
-    at = layout.end(node, 0, high + (THICK if layout.strip.bodies(node) else 0.0))
+    held = layout.strip.held(node)
+    beyond = THICK if layout.strip.bodies(node) else WALL if held is not None and held.symbol == "wall" else 0.0
+    at = layout.end(node, 0, high + beyond)
     made = symbols.box("box", element.name, at, (-half, 14, half, 38), text)
     shapes = made.shapes
     if element.look.drawing:

@@ -174,13 +174,14 @@ def plates(part: str, a: End, b: End, symbol: str, variables: dict | None = None
 
 
 def gearbox(part: str, a: End, b: End, symbol: str, variables: dict | None = None) -> Item:
-    """A transmission on a shaft: a box with two wheels in mesh."""
+    """A transmission on a shaft: a box with two wheels in mesh, or apart where they have play."""
     half = _length(a, b) / 2
+    radius = 6.0 if symbol == "backlash" else 8.0
     shapes = (
         path((0, 0), (half - 20, 0), width=3.0),
         path((half - 20, -20), (half + 20, -20), (half + 20, 20), (half - 20, 20), closed=True, fill="body"),
-        Circle((0, half - 7, 4), 8.0, "paper"),
-        Circle((0, half + 7, -4), 8.0, "paper"),
+        Circle((0, half - 7, 4), radius, "paper"),
+        Circle((0, half + 7, -4), radius, "paper"),
         Path(((0.5, 20, 0), (1, 0, 0)), width=3.0),
     )
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})

@@ -1,0 +1,80 @@
+"""What a page needs to integrate as accurately as the compiler: tolerances, their refinement, where Newton begins."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from lmoc.ir.program import Solve, walk
+from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.integrate.automatic import (
+    FORGOTTEN,
+    LEAST_FACTOR,
+    LEAST_UNKNOWN,
+    NO_FINER,
+    TRIAL,
+    WORTHWHILE,
+    calibrated,
+    growth,
+)
+from lmoc.numerics.integrate.modes import EIGENVALUES
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.sizes import assumed_sizes
+
+
+def absolute_tolerances(observer: Observer, time: float, x: np.ndarray, rtol: float) -> np.ndarray:
+    """Return the absolute tolerance of each state, (n,), for a relative one.
+
+    Parameters
+    ----------
+    time, x : s, and the states there: the start
+    """
+    plan = observer.plan
+    found = rtol * 1e-3 * assumed_sizes(plan, observer.values, x, {})
+    stored = observer.flat.find("ledger.stored")
+    if plan.ledger.any() and stored is not None:
+        at_start = observer(stored, np.array([time]), x[None])[0]
+        found[plan.ledger] = np.fmax(found[plan.ledger], rtol * np.abs(at_start))
+    return found
+
+
+def refinement(observer: Observer, time: float, x: np.ndarray) -> dict[str, float | None]:
+    """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start, 1/s."""
+    plan = observer.plan
+    added, power = growth(plan)
+    constants = {"trial": TRIAL, "added": added, "power": power, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}
+    constants |= {"least": LEAST_FACTOR, "slowest": None, "calibrated": calibrated(plan), "noFiner": NO_FINER}
+    jacobian = Jacobian(plan.program, plan.states, plan.derivatives, plan.count)
+    n = plan.state_count
+    matrix = np.zeros((len(plan.states), len(plan.states)))
+    matrix[jacobian.rows, jacobian.columns] = jacobian.values(_at_start(observer, time, x), time)
+    if len(plan.states) > EIGENVALUES or not np.isfinite(matrix).all():
+        return constants | {"least": LEAST_UNKNOWN}
+    slowest = -float(np.linalg.eigvals(matrix[:n, :n]).real.max(initial=-np.inf))
+    return constants | {"slowest": min(slowest, sys.float_info.max)}  # nothing remembers anything
+
+
+def seeds(observer: Observer, time: float, x: np.ndarray) -> list[list[float]]:
+    """Return [register, value] of the unknowns of nonlinear blocks at the start: the branch of the run."""
+    unknowns = [
+        s.unknowns.ravel() for s in walk(observer.plan.full_program) if isinstance(s, Solve) and not s.linear
+    ]
+    if not unknowns:
+        return []
+    registers = np.unique(np.concatenate(unknowns))
+    values = [float(observer.register(r, np.array([time]), x[None])[0]) for r in registers.tolist()]
+    return [[r, v] for r, v in zip(registers.tolist(), values, strict=True) if np.isfinite(v)]
+
+
+def _at_start(observer: Observer, time: float, x: np.ndarray) -> np.ndarray:
+    """Return the registers at the start, where the right-hand side has filled its own."""
+    plan, w = observer.plan, observer.base.copy()
+    w[plan.states] = x
+    for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
+        w[register] = observer.signals[variable].value(time, order)
+    for register, value in seeds(observer, time, x):
+        w[int(register)] = value
+    Interpreter(plan.program, plan.count).run(w, time)
+    return w
