@@ -10,21 +10,22 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from benchmarks.common import ROOT, save, table
 from lmoc.messages.diagnostics import ModelError, SimulationError
 
-SOLVERS = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
+SOLVERS = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint", "moreau")  # the last one of laws
 SECONDS = 20.0  # of the processor for each scene
 RTOL = 1e-6
 SECTION = """\
 ## Every hard scene by every method
 
-Digits reached and the time of a run, at a tolerance of 1e-6 (`midpoint`: the finest of three steps); beside them the
-largest residual of the equations between positions, and the error of the energy balance, of the worst method that
-comes to the end. A method that is given up since it is too slow has a time alone, with > where it was stopped and ≈
-where it was not begun. Letters stand for what else gave no result. A scene that takes long is run for its beginning.
-The formulations are those of scenes whose closed loops are left after reduction.
+Digits reached and the time of a run, at a tolerance of 1e-6 (`midpoint`, and `moreau` of scenes with laws: the finest
+of three steps); beside them the largest residual of the equations between positions, and the error of the energy
+balance, of the worst method that comes to the end. A method that is given up since it is too slow has a time alone,
+with > where it was stopped and ≈ where it was not begun. Letters stand for what else gave no result. A scene that
+takes long is run for its beginning. The formulations are those of scenes whose closed loops are left after reduction.
 
 {table}
 
@@ -39,22 +40,29 @@ def measure(names: Sequence[str] = ()) -> list[dict]:
     import lmoc
 
     rows = []
-    for folder in ("classic", "hard"):
-        for path in sorted((ROOT / "models" / folder).glob("*.lmo")):
-            if names and path.stem not in names:
-                continue
-            dae = lmoc.compile(path)
-            forms = None if dae.reduced.constraints is None else ("reduced", "projected", "ggl", "index1", "index3")
-            try:
-                chart = dae.chart(SOLVERS, forms, [RTOL], quick=True, seconds=SECONDS if forms is None else 2 * SECONDS)
-            except (ModelError, SimulationError) as error:  # nothing to integrate, or nothing to measure errors by
-                rows.append(_without(path.stem, error))
-                continue
-            finest = {(p.setting.formulation, p.setting.solver): p for p in chart.points}
-            for (form, solver), p in finest.items():
-                rows.append({"scene": path.stem, "form": form, "solver": solver, "error": p.error, "status": p.status,
-                             "seconds": p.seconds, "residual": p.residual, "energy": p.energy})  # fmt: skip
+    for path in scenes():
+        if names and path.stem not in names:
+            continue
+        dae = lmoc.compile(path)
+        solvers = SOLVERS if dae.flat.laws else SOLVERS[:-1]
+        forms = None if dae.reduced.constraints is None else ("reduced", "projected", "ggl", "index1", "index3")
+        try:
+            chart = dae.chart(solvers, forms, [RTOL], quick=True, seconds=SECONDS if forms is None else 2 * SECONDS)
+        except (ModelError, SimulationError) as error:  # nothing to integrate, or nothing to measure errors by
+            rows.append(_without(path.stem, error))
+            continue
+        finest = {(p.setting.formulation, p.setting.solver): p for p in chart.points}
+        for (form, solver), p in finest.items():
+            rows.append({"scene": path.stem, "form": form, "solver": solver, "error": p.error, "status": p.status,
+                         "seconds": p.seconds, "residual": p.residual, "energy": p.energy})  # fmt: skip
     return rows
+
+
+def scenes() -> list[Path]:
+    """Return the classic scenes, and the hard ones with those that have laws, by their names."""
+    models = ROOT / "models"
+    hard = [*(models / "hard").glob("*.lmo"), *(models / "laws").glob("h[0-9]*.lmo")]
+    return [*sorted((models / "classic").glob("*.lmo")), *sorted(hard, key=lambda path: path.stem)]
 
 
 def _without(scene: str, error: ModelError | SimulationError) -> dict:

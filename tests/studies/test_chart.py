@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 import lmoc
 from lmoc.cli.chart import tolerances
@@ -19,6 +20,7 @@ from lmoc.studies.deviation import Signals, deviation
 from lmoc.studies.findings import COLUMNS, seconds_text
 from lmoc.studies.points import Point, Setting
 from lmoc.studies.reference import Reference
+from lmoc.studies.residual import constraint_residual
 
 OSCILLATOR = """model Oscillator "undamped"
   Mass m(m = 1, q(start = 0.1, fixed = true), v(start = 0, fixed = true));
@@ -299,3 +301,9 @@ def test_a_run_that_has_met_its_deadline_is_made_once_more_without(monkeypatch):
 def test_a_span_that_is_none_is_told(wrong):
     with pytest.raises(ModelError, match="E0541"):
         lmoc.compile_text(OSCILLATOR).chart(["dop853"], rtols=[1e-6], quick=True, **wrong)
+
+
+def test_the_equations_that_switch_laws_are_no_constraints():
+    """They hold what decides between open and closed, which is not computed for a mode that is known."""
+    run = lmoc.compile(ROOT / "models" / "laws" / "h06_bungee.lmo").simulate()
+    assert len(run.modes) > 2 and constraint_residual(run) < 1e-12

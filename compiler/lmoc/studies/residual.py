@@ -17,10 +17,12 @@ def constraint_residual(run: Run) -> float:
     """Return the largest |left - right| of the flat model's equations without derivatives, over the run.
 
     Each is relative to the largest sum of the magnitudes of its terms. Equations with values that are not known (forces
-    that are not determined) are left out.
+    that are not determined) are left out, and so are those that switch laws.
     """
-    flat = run.flat
+    flat, switched = run.flat, run.reduced.switched
     groups = [g for g in flat.groups if not any(leaf.value[1] for e in (g.left, g.right) for leaf in slots(e))]
+    if switched is not None:  # which the reduction has added to, to tell closed laws from open ones
+        groups = [g for g in groups if not np.isin(g.slots, switched.closed).any()]
     if not groups or not len(run.time):
         return 0.0
     used = distinct(np.concatenate([g.slots.ravel() for g in groups]))
