@@ -116,3 +116,28 @@ def test_wheel_and_pendulum_keep_what_they_must():
     run = compiled("wheel_with_pendulum").simulate(rtol=1e-10)
     assert np.abs(run["wheel.vx"] + 0.2 * run["wheel.omega"]).max() < 1e-9
     assert np.allclose(run["contact.fn"] > 0, True)
+
+
+def test_a_yoke_on_two_guides_slides_without_a_warning():
+    """It cannot turn, which is what the second guide is for; the crank moves it by x = r cos(theta)."""
+    run = lmoc.compile_text("""model Yoke
+      import Planar.*;
+      inner World world(g = 0);
+      Ground ground;
+      Revolute main(phi(start = 0.6, fixed = true), omega(start = 5, fixed = true)), pin;
+      Bar crank(l = 0.4, m = 1);
+      Body yoke(m = 2, J = 0.5, x(start = 0.33));
+      Prismatic slot(nx = 0, ny = 1, s(start = 0.2));
+      PointOf left, right(rx = 0.5);
+      Guide first, second;
+    equation
+      connect(ground.frame, main.a); connect(main.b, crank.a);
+      connect(yoke.frame, slot.a); connect(slot.b, pin.a); connect(pin.b, crank.b);
+      connect(yoke.frame, left.frame); connect(left.point, first.point);
+      connect(yoke.frame, right.frame); connect(right.point, second.point);
+    end Yoke;""").simulate(stop=1, rtol=1e-9)
+    assert not any(n.code == "W0417" for n in run.notes)
+    theta, omega = run["main.phi"], run["main.omega"]
+    assert run["yoke.x"] == pytest.approx(0.4 * np.cos(theta), abs=1e-12)
+    energy = (0.4**2 / 3 + 2 * (0.4 * np.sin(theta)) ** 2) * omega**2
+    assert energy == pytest.approx(energy[0], rel=1e-7)

@@ -20,7 +20,7 @@ from lmoc.support.distinct import distinct
 def immobile(selection: Selection) -> tuple[np.ndarray, np.ndarray]:
     """Columns of coordinates of inertias that cannot move, and the constraints that hold everything there.
 
-    Linear constraints have been judged before (E0412).
+    Linear constraints have been judged before (E0412). A body that slides along a line without turning moves.
     """
     system, tied, c, d = selection.system, selection.tied, selection.c, selection.d
     nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -42,8 +42,18 @@ def immobile(selection: Selection) -> tuple[np.ndarray, np.ndarray]:
         held[new] = False
         reached = match[between.row[between.of_columns(new)]]
         new = distinct(reached[held[reached]])
-    fixed = np.flatnonzero(held & inertial(system, c))
+    inertias = inertial(system, c)
+    fixed = _of_resting_parts(system, np.flatnonzero(held & inertias), inertias & ~held)
     return (fixed, np.flatnonzero((match >= 0) & held[match])) if len(fixed) else nothing
+
+
+def _of_resting_parts(system: EquationSystem, fixed: np.ndarray, mobile: np.ndarray) -> np.ndarray:
+    """Return the fixed columns of parts none of whose coordinates is mobile; all those of the model itself."""
+    part = system.flat.per_variable(lambda b: b.part, np.int64)
+    column = system.column[system.normalized.root]
+    moving = np.unique(part[(column >= 0) & mobile[column]])
+    own = part[system.variable[fixed]]
+    return fixed[(own == 0) | ~np.isin(own, moving)]
 
 
 def _prescribed(system: EquationSystem) -> np.ndarray:
