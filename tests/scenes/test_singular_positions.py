@@ -242,3 +242,30 @@ def test_a_discrete_event_on_the_way_does_not_hide_a_change_point():
     assert any(n.code == "N0633" for n in run.notes)
     assert run["main.phi"] == pytest.approx(isosceles(run.time), abs=1e-6)
     assert run["late"][-1] == pytest.approx(3.6, abs=1e-9)
+
+
+THROUGH_ITS_CENTRE = """model Wheel "a crank drives a slotted wheel by a pin that passes the wheel's centre"
+  import Planar.*;
+  inner World world(g = 0);
+  Ground ground, beside(x = 1);
+  Revolute main(phi(start = 0.5, fixed = true), omega(start = -2, fixed = true)), axle(phi(start = 1.8)), pin;
+  Bar crank(l = 1, m = 1);
+  Body wheel(m = 1, J = 0.3);
+  Prismatic slot(s(start = 0.5));
+equation
+  connect(ground.frame, main.a); connect(main.b, crank.a);
+  connect(beside.frame, axle.a); connect(axle.b, wheel.frame);
+  connect(wheel.frame, slot.a); connect(slot.b, pin.a); connect(pin.b, crank.b);
+end Wheel;"""
+
+
+@pytest.mark.parametrize("points", [2, 9, 201])
+def test_an_output_at_a_singular_position_is_the_limit(points):
+    """The wheel turns by half the angle of the crank; at 0.25 s its rate is 0/0 in terms of the crank's."""
+    times = np.unique(np.append(np.linspace(0, 2, points), 0.25))
+    run = lmoc.compile_text(THROUGH_ITS_CENTRE).simulate(times=times, rtol=1e-9)
+    assert any(n.code == "N0633" for n in run.notes)
+    assert run["axle.omega"] == pytest.approx(-1.0, abs=1e-7)
+    assert run["axle.phi"] == pytest.approx(np.pi / 2 + 0.25 - run.time, abs=1e-7)
+    assert run["slot.s"] == pytest.approx(2 * np.sin(0.25 - run.time), abs=1e-7)
+    assert run.energy.stored == pytest.approx(run.energy.stored[0], rel=1e-7)

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.events.happenings import Happenings
     from lmoc.numerics.failures.assertions import Assertions
 
+_ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
 _FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
 
 
@@ -370,8 +371,9 @@ class _Run:
                 return self._in_shorter_steps(longest, outcome)
             self.lost, self.longest = loops.reason, self._longest_step
         else:
+            sizes = assumed_sizes(self.stretch.plan, self.task.values, outcome.x, self.task.sizes)
             tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.stretch, outcome.x)
-            way = self.changes.onward(self.stretch, outcome, _FINER * tolerance)
+            way = self.changes.onward(self.stretch, outcome, np.maximum(_FINER * tolerance, _ROUNDING * sizes))
             self.lost = self.changes.reason
         if way is None:
             return replace(outcome, status=Status.SINGULAR)

@@ -16,7 +16,7 @@ from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.formulations.table import STEPPED_IN_C
 from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.integrate.status import Status
-from lmoc.numerics.observe.observer import Observer, Path
+from lmoc.numerics.observe.observer import Aside, Observer, Path
 from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.activity import Lookout
@@ -30,6 +30,7 @@ _WIDER = 2.0  # by which the smallest singular value must be larger with other c
 _NEARER = 3.0  # by which it must be smaller for that to be tried again
 _STALLED = 40  # attempts to come on from one place
 _MANY, _PACE = 100, 1e-8  # continuations after which each has come on by so much of what lies ahead, on average
+_ASIDE = 1e-2  # of a passage: as far from a singular position values there are computed
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
 
 
@@ -217,7 +218,8 @@ class Changes:
         ahead = between.recorder.times
         times = ahead[ahead < begin] if begin < end else ahead  # no other piece follows the last one
         states, solutions = found.at(times)
-        between.observer.path = Path(times, states, watch.unknowns, solutions)
+        aside = None if singular is None else Aside(singular, _ASIDE * width, found.at)
+        between.observer.path = Path(times, states, watch.unknowns, solutions, aside)
         if len(times):
             between.recorder(0, states)
         states, solutions = found.at(np.array([begin]))

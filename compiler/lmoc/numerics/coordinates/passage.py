@@ -21,7 +21,6 @@ from lmoc.support.records import dataclass
 _STAGES, _FEWER = 8, 6  # even, so that none is in the middle
 _ITERATIONS = 40
 _CONVERGED = 0.01  # of the tolerances
-_ROUNDING = 5e-11  # of the state: tolerances are no finer here
 _NEAR = 0.25  # of the way of a block's unknowns: as far from where they were expected they may be found
 _SMOOTH = 1e-6  # of the way: as much as they may miss the polynomial through the others
 _BETWEEN = (0.46, 0.54)  # of the step: between the stages in the middle
@@ -117,7 +116,6 @@ def passage(
     width : s, of the step
     tolerance : (n,) of the state at its end
     """
-    tolerance = np.maximum(tolerance, _ROUNDING * np.abs(place[1]))
     branch = _Branch(system, place, width)
     if not branch.known:
         return None

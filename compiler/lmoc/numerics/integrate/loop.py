@@ -19,7 +19,7 @@ from lmoc.numerics.integrate.status import Status
 _BATCH = 200_000  # numbers collected before they are handed on
 _LOOK = 32  # steps between two looks at the clock …
 _MANY, _QUICK = 4096, 5e-3  # … up to so many where a batch of steps takes less than these seconds
-_STALL = 10_000  # steps after which it is judged whether they get on …
+_STALL, _GUARDED = 10_000, 2_000  # steps after which it is judged whether they get on, of guarded ones the latter …
 _PACE = 1e-8  # … by this part of what lies ahead on average
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
@@ -163,14 +163,15 @@ class Loop:
     def halted(self, done: int) -> Status:
         """Return why the latest steps have hardly got on: a jump of the equations, a singular position; OK else."""
         problem, run = self.problem, self.run
-        if (problem.held is None and problem.guard is None) or done - self.judged[0] < _STALL:
+        guarded = problem.guard is not None
+        if not (guarded or problem.held) or done - self.judged[0] < (_GUARDED if guarded else _STALL):
             return _OK
         (before, at), self.judged = self.judged, (done, run.t)
         if run.t - at >= (done - before) * _PACE * (problem.end - problem.t):
             return _OK
         if problem.held is not None and problem.held(run.t, run.x):
             return Status.CHATTERING
-        status = _OK if problem.guard is None else problem.guard.stuck(Status.CRAWLING)
+        status = problem.guard.stuck(Status.CRAWLING) if guarded else _OK
         return _OK if status is Status.CRAWLING else status
 
     def step_unwatched(self) -> Status:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
-from lmoc.numerics.observe.slices import Slice, signal_values, slice_of
+from lmoc.numerics.observe.slices import Evaluate, Slice, signal_values, slice_of
 from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -25,12 +25,14 @@ class Path:
     ----------
     times, states : s, (times, n)
     unknowns, solutions : registers of unknowns of nonlinear blocks, and their values (times, unknowns)
+    aside : where a singular position lies on the way
     """
 
     times: np.ndarray
     states: np.ndarray
     unknowns: np.ndarray
     solutions: np.ndarray
+    aside: Aside | None = None
 
     def of(self, registers: np.ndarray) -> np.ndarray:
         """Return the solutions (times, registers) of some unknowns; NaN for others."""
@@ -46,6 +48,40 @@ class Path:
         begin, length = self.times[after - 1], self.times[after] - self.times[after - 1]
         share = np.clip((times - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)[:, None]
         return (1.0 - share) * values[after - 1] + share * values[after]
+
+
+@dataclass(frozen=True, eq=False)
+class Aside:
+    """A way over a singular position, where what follows from the states is 0/0: its values are the limit.
+
+    Attributes
+    ----------
+    singular, distance : s, the instant, and how far aside values are computed where one is asked for next to it
+    at : times -> (states, solutions of the blocks)
+    """
+
+    singular: float
+    distance: float
+    at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+    def around(self, values: Evaluate, evaluate: Evaluate, unknowns: np.ndarray, path: Path) -> Evaluate:
+        """Return ``(times, states) -> values`` that interpolates next to the singular position (cubic, symmetric).
+
+        Parameters
+        ----------
+        values, evaluate : the same without that, along the path and from given solutions of `unknowns`
+        """
+
+        def found(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            result = values(times, states)
+            for k in np.flatnonzero(np.abs(times - self.singular) < self.distance / 4).tolist():
+                beside = times[k] + self.distance * np.array([-2.0, -1.0, 1.0, 2.0])
+                states_there, solutions = self.at(beside)
+                seeds = Path(beside, states_there, path.unknowns, solutions).of(unknowns) if len(unknowns) else None
+                result[k] = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0 @ evaluate(beside, states_there, seeds)
+            return result
+
+        return found
 
 
 _KEPT = 100  # variables whose sources are kept with their plan, at most
@@ -104,10 +140,17 @@ class Observer:
         base : registers that do not change, where the slice has more of them than the plan
         lasting : the places do not change any more, so that the solutions there are kept
         """
-        base = self.base if base is None else base
-        if not part.implicit or self.path is None:
+        base, path = self.base if base is None else base, self.path
+        if path is None:
             return part.bind(base, self.signals)
-        path, own = self.path, part.registers[part.unknowns]
+        values = self._along(path, part, base, lasting) if part.implicit else part.bind(base, self.signals)
+        if path.aside is None:
+            return values
+        return path.aside.around(values, part.bind(base, self.signals), part.registers[part.unknowns], path)
+
+    def _along(self, path: Path, part: Slice, base: np.ndarray, lasting: bool) -> Evaluate:
+        """Return a slice's values with nonlinear equations followed along a path; `lasting` as of `followed`."""
+        own = part.registers[part.unknowns]
         known = path.of(own)
         whole = bool(np.isfinite(known).all())
 
