@@ -132,9 +132,9 @@ class Session:
 
         return Lawful(prepared, self._reduced_in_mode, released_in_mode, reduced_at)
 
-    def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray) -> Reduced:
+    def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None) -> Reduced:
         """Return the reduction of one mode; requested states are those of the scene with all laws open."""
-        asked = self.scene.states
+        asked = states or self.scene.states
         try:
             return pipeline.reduce(flat, values, asked, Clock())
         except ModelError as error:

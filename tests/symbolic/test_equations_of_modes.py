@@ -35,7 +35,7 @@ def test_a_string_between_two_masses():
     (both,) = residuals(found, 1)
     loads = "lower_g*lower_m + upper_g*upper_m"
     assert same(both, f"(lower_m + upper_m)*derderupper_q + spring_k*upper_q - ({loads})")
-    assert found.law_lines() == ["string: 0 ≤ f ⟂ q_upper + L - q_lower ≥ 0"]
+    assert found.law_lines() == ["string: 0 ≤ f ⟂ q1 + L - q2 ≥ 0"]
 
 
 def test_friction_sticks_and_slips():
@@ -137,3 +137,14 @@ def test_equations_of_two_strings_hold_along_the_motion_with_their_tensions():
                 assert abs(float(e.subs(numbers))) <= 1e-7 * max(1.0, *terms)
             checked += 1
     assert checked > 10
+
+
+def test_elastic_strings_read_in_the_coordinate_of_the_mass():
+    found = lmoc.compile(ROOT / "models/laws/elastic_string.lmo").equations()
+    assert found.coordinates == ("mass.q",)
+    assert "if q - d0 > 0 and k·q - d0·k > 0; 0 otherwise}" in found.lines()[0]
+
+
+def test_equal_rates_of_a_locked_clutch_are_written_as_a_difference():
+    (_, locked) = lmoc.compile(ROOT / "models/laws/clutch_lock.lmo").equations().modes
+    assert locked.equations.lines()[1] == "θ̇_load - θ̇_driver = 0"

@@ -218,18 +218,35 @@ class Formula:
             return self.style.odd_root(self.sum(value.args[0]), self.number(value.args[1]))
         if isinstance(value, sp.Function) and not isinstance(value, sp.Piecewise):
             return self.style.function(type(value).__name__.lower()) + self._arguments(value)
+        if isinstance(value, (sp.Max, sp.Min)):
+            return self.style.function(type(value).__name__.lower()) + self._arguments(value)
         if isinstance(value, sp.Piecewise):
             return self.style.cases([(self.sum(part), self._condition(c)) for part, c in value.args])
         return self.style.brackets(self._condition(value))
 
     def _condition(self, value: sympy.Basic) -> str:
-        """Relations, in SymPy's words and our names; empty for what always holds."""
+        """Relations in words; empty for what always holds."""
         import sympy as sp
 
         if value == sp.true:
             return ""
-        names = {s: sp.Symbol(self.notation.name(s.name, ASCII)) for s in value.free_symbols}
-        return self.style.words(sp.sstr(value.xreplace(names)))
+        style = self.style if self.style.words("") == "" else ASCII  # formulas inside of words are plain text
+        return self.style.words(Formula(self.notation, style).in_words(value))
+
+    def in_words(self, value: sympy.Basic, inside: bool = False) -> str:
+        """Return a condition as text, ``x > 0 and k*x > 0``; in brackets where it stands inside of another one."""
+        import sympy as sp
+
+        if isinstance(value, sp.core.relational.Relational):
+            return f"{self.sum(value.lhs)} {value.rel_op} {self.sum(value.rhs)}"
+        if isinstance(value, sp.ITE):
+            condition, then, other = value.args
+            value = sp.Or(sp.And(condition, then), sp.And(sp.Not(condition), other))
+        joint = {sp.And: " and ", sp.Or: " or "}.get(type(value))
+        if joint is None:
+            return str(value)
+        text = joint.join(self.in_words(part, True) for part in sorted(value.args, key=sp.default_sort_key))
+        return self.style.brackets(text) if inside else text
 
     def _arguments(self, value: sympy.Function) -> str:
         return self.style.brackets(", ".join(self.sum(a) for a in value.args))

@@ -94,6 +94,8 @@ def sorted_equation(
     leading = next((c for c, f in left if f == jet_symbol(own, order)), left[0][0] if left else sp.S.One)
     if _is_negative(leading):
         left, right = ([(_sign_inside(-c), f) for c, f in side] for side in (left, right))
+    if left and _is_negative(left[0][0]):  # θ̇2 - θ̇1 instead of -θ̇1 + θ̇2
+        left.sort(key=lambda term: _is_negative(term[0]) or term[1] != jet_symbol(own, order))
     return Equation(sp.Symbol(own), order, tuple(left), tuple(right))
 
 

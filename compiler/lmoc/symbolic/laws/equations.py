@@ -105,7 +105,8 @@ class LawText:
         force, (at_least, perp, at_most) = notation.text(self.force, style), _signs(style)
         zero = style.number("0")
         if "e" in formula:
-            rebound = f", e{style.equals}{formula['e']}" if self.quantities["e"] != 0 else ""
+            named = "" if formula["e"] == "e" else f"e{style.equals}"
+            rebound = f", {named}{formula['e']}" if self.quantities["e"] != 0 else ""
             return f"{zero} {at_most} {force}{perp}{formula['motion']} {at_least} {zero}{rebound}"
         if self.kind is LawKind.ONE_WAY:
             return f"{zero} {at_most} {force}{perp}{formula['motion']} {at_least} {zero}"
@@ -243,10 +244,10 @@ def equations_of_modes(
         words = scene.words(closed)
         words |= {scene.names[k]: f"{words[scene.names[k]]} forward" for k in np.flatnonzero(forward).tolist()}
         found.append(OneMode(words, one.since, equations))
-    laws = _laws(scene)
+    laws, own_names = _laws(scene)
     symbols = [law.force for law in laws] + [v for law in laws for v in law.quantities.values()]
     late = list(dict.fromkeys(q for m in found for q in m.equations.coordinates))
-    notation = Notation.of(*symbols, late=late)
+    notation = Notation.of(*symbols, late=late, given=own_names)
     return EquationsOfModes(scene.flat.name, tuple(found), laws, notation, max(0, len(modes) - MOST_MODES))
 
 
@@ -257,7 +258,8 @@ def _all_modes(count: int) -> np.ndarray:
     return (np.arange(2**count)[:, None] >> np.arange(count)) % 2 == 1
 
 
-def _laws(scene: Lawful) -> tuple[LawText, ...]:
+def _laws(scene: Lawful) -> tuple[tuple[LawText, ...], Mapping[str, str]]:
+    """Return the laws in the coordinates of the free scene, and the user's own names for these."""
     import sympy as sp
 
     loose, form = scene.loose()
@@ -280,7 +282,7 @@ def _laws(scene: Lawful) -> tuple[LawText, ...]:
             own["normal"] = _forces(scene)[int(np.flatnonzero(scene.force == g.normal[row])[0])]
         words = mode_word(g, True), mode_word(g, False)
         found.append(LawText(name, g.kind, words, force, own))
-    return tuple(found)
+    return tuple(found), system.own_names
 
 
 def _forces(scene: Lawful) -> list[sympy.Symbol]:

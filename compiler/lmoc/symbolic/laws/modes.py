@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -12,10 +12,11 @@ from lmoc.ir.law import COMPLEMENTARY, SPRUNG, LawKind, Switched, law_count
 from lmoc.ir.mode import law_names, mode_words, with_mode
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import ModelError
 from lmoc.structure.laws.switched import free
 from lmoc.support.records import dataclass
 
-Reduce = Callable[[FlatDAE, np.ndarray], Reduced]
+Reduce = Callable[[FlatDAE, np.ndarray, Sequence[str] | None], Reduced]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,7 @@ class Lawful:
     Attributes
     ----------
     prepared : with the reduction of the switched form, whose states are those of runs
-    reduce : from a flat model and parameter values to its reduction
+    reduce : from a flat model, parameter values and requested states (None for the scene's) to its reduction
     release : from a reduction to that with all coordinates of its closed loops as states
     reduce_at : as `reduce`, in coordinates that serve at a place {name: value}
     """
@@ -91,10 +92,18 @@ class Lawful:
         direction = np.zeros(self.count, int) if direction is None else direction
         flat = with_mode(self.flat, closed, direction)
         values = self.prepared.values
-        return Prepared(flat, self.reduce(flat, values), values)
+        return Prepared(flat, self.reduce(flat, values, None), values)
 
     def loose(self) -> tuple[Prepared, Switched]:
-        """Return the scene with all laws open and their forces as inputs, and where these are."""
+        """Return the scene with all laws open and their forces as inputs, and where these are.
+
+        Its states are those of the mode in which all laws are open, where these can be: places of bodies, no gaps.
+        """
         flat, form = free(self.flat)
         values = np.concatenate([self.prepared.values, np.full(flat.count - self.flat.count, np.nan)])
-        return Prepared(flat, self.reduce(flat, values), values), form
+        states = self.in_mode(np.zeros(self.count, bool)).reduced.state_names
+        try:
+            reduced = self.reduce(flat, values, states)
+        except ModelError:  # they can only be with the laws' forces left out
+            reduced = self.reduce(flat, values, None)
+        return Prepared(flat, reduced, values), form

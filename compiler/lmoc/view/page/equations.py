@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -52,9 +53,9 @@ def _as_written(run: Result) -> Prepared:
     from lmoc.ir.written import as_written
 
     flat, held = as_written(origin, values)
-    return Prepared(flat, _reduced(flat, held), held)
+    return Prepared(flat, _reduced(flat, held, None), held)
 
 
-def _reduced(flat: FlatDAE, values: np.ndarray) -> Reduced:
-    return pipeline.reduce(flat, values, None, pipeline.Clock())
+def _reduced(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None) -> Reduced:
+    return pipeline.reduce(flat, values, states, pipeline.Clock())
 
