@@ -10,6 +10,7 @@ from lmoc.numerics.coordinates.compiled_certificate import Text
 from lmoc.numerics.coordinates.tableau import rank_margin
 from lmoc.numerics.evaluate.native import compiled_later
 from lmoc.numerics.evaluate.native.compiler import find_compiler, load_library
+from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.loop import Loop
 
 SCENES = ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"]
@@ -80,6 +81,19 @@ def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch
     assert all(run.stats[count] == other.stats[count] for count in ("steps", "rejected", "evaluations"))
     for name in dae.states:
         np.testing.assert_allclose(run[name], other[name], rtol=1e-11, atol=1e-11 * np.abs(other[name]).max())
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+@pytest.mark.parametrize("options", [{"solver": "dop853"}, {"solver": "taylor"}, {"formulation": "projected"}])
+def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(options, monkeypatch):
+    monkeypatch.setattr(compiled_later, "kept_library", load_library)
+    dae = lmoc.compile(ROOT / "models/planar/four_bar.lmo")
+    whole = dae.simulate(stop=1, points=500, **options)
+    monkeypatch.setattr(loop, "_BATCH", 40)  # numbers, so that a step has more output than that
+    run = dae.simulate(stop=1, points=500, **options)
+    assert np.array_equal(run.end.x, whole.end.x)
+    for name in dae.states:
+        np.testing.assert_allclose(run[name], whole[name], rtol=0, atol=1e-13 * np.abs(whole[name]).max())
 
 
 def waited_for(text: Text):

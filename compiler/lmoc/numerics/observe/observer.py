@@ -159,6 +159,11 @@ class Observer:
                 return one_by_one(times, states)
             guesses = path.between(known, times)
             solved = self.solutions.fill(times, states, own, guesses) if lasting else np.zeros(len(own), bool)
+            in_c = None if solved.all() else self._solved_in_c(path, own, times, states)
+            if in_c is not None:
+                guesses, solved = in_c, np.ones(len(own), bool)
+                if lasting:
+                    self.solutions.keep(times, states, own, in_c)
             found, good, solutions = part.bind_together(base, self.signals, solved)(times, states, guesses)
             if not good.all():
                 found[~good] = one_by_one(times[~good], states[~good])
@@ -183,6 +188,18 @@ class Observer:
             return found[back[len(before) :]]
 
         return values
+
+    def _solved_in_c(
+        self, path: Path, unknowns: np.ndarray, times: np.ndarray, states: np.ndarray
+    ) -> np.ndarray | None:
+        """Return the solutions (times, unknowns) by the compiled program; None where it has none, or is not there."""
+        from lmoc.numerics.evaluate.native.observed import Compiled
+
+        observed = self.plan.once(Compiled).observed
+        if observed is None or not np.isin(unknowns, observed.unknowns).all():
+            return None
+        guesses = path.between(path.of(observed.unknowns), times)
+        return observed(self.base, times, states, guesses, unknowns)
 
     def __call__(
         self, variables: np.ndarray, times: np.ndarray, states: np.ndarray, lasting: bool = False

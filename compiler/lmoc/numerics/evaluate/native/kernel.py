@@ -176,7 +176,7 @@ class Kernel:
         library = load_library(source.text, source.optimization) if library is None else library
         if library is None:
             raise OSError("no C compiler")
-        self.library = library
+        self.library, self._made_from = library, (program, registers, strict, source)
         self._run = library.lmoc_program
         self._run.restype = ctypes.c_int
         self._run.argtypes = [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
@@ -194,6 +194,10 @@ class Kernel:
         self._factors, self.data = function.factors, Data(function)
         self._calls: dict[bytes, Call] = {}
         self._last = np.zeros(1, np.uintp)  # the call whose solution stands in the registers
+
+    def copy(self) -> Kernel:
+        """Return the same program on other registers."""
+        return Kernel(*self._made_from, self.library)
 
     def forget(self) -> None:
         """Forget the solutions of blocks and the order of pivots: parameters or start are others now.

@@ -11,6 +11,7 @@ import numpy as np
 from lmoc.ir.program import Program
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.native.kernel import Call, Kernel, Source
+from lmoc.numerics.evaluate.native.observed import Compiled
 from lmoc.numerics.evaluate.native.stepper import NativeStepper
 from lmoc.numerics.evaluate.newton import Retries
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
@@ -78,6 +79,7 @@ class NativeSystem(VectorSystem):
             There is no compiler.
         """
         self.kernel = Kernel(plan.program, plan.count, has_branches(plan), source, library)
+        plan.once(Compiled).kernel = self.kernel
         super().__init__(plan)
         self.w = self.kernel.w[: plan.count]
         self._x = np.zeros(len(plan.states) + len(plan.sampled))

@@ -94,13 +94,16 @@ int lmoc_evaluate(lmoc_call *c, double time, const double *x) {
   return 0;
 }
 
-/* For many times: states (count, n) in, some registers (count, chosen) out. */
-void lmoc_many(lmoc_call *c, int64_t count, const double *times, const double *x, int64_t chosen,
-               const int32_t *registers, double *out) {
-  for (int64_t k = 0; k < count; k++, x += c->n, out += chosen) {
-    const int failed = lmoc_evaluate(c, times[k], x);
+/* For many times: states (count, n) and guesses of the unknowns (count, remembered) in, some registers (count, chosen)
+   out, and whether each block has a solution near its guess. */
+void lmoc_many(lmoc_call *c, int64_t count, const double *times, const double *x, const double *guesses,
+               int64_t chosen, const int32_t *registers, double *out, uint8_t *good) {
+  *c->last = 0;
+  for (int64_t k = 0; k < count; k++, x += c->n, guesses += c->remembered, out += chosen) {
+    lmoc_given(c, x);
+    lmoc_restore(c, guesses);
+    good[k] = !lmoc_program(times[k], c->w, c->m, c->tab);
     for (int64_t j = 0; j < chosen; j++) out[j] = c->w[registers[j]];
-    if (failed && c->remembered) lmoc_restore(c, c->solution);
   }
 }
 
