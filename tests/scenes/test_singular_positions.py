@@ -269,3 +269,12 @@ def test_an_output_at_a_singular_position_is_the_limit(points):
     assert run["axle.phi"] == pytest.approx(np.pi / 2 + 0.25 - run.time, abs=1e-7)
     assert run["slot.s"] == pytest.approx(2 * np.sin(0.25 - run.time), abs=1e-7)
     assert run.energy.stored == pytest.approx(run.energy.stored[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi])
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_start_at_a_singular_position_is_told(angle, speed):
+    text = PARALLELOGRAM.replace("omega(start = 1,", f"omega(start = {speed},").replace("up(unit", "away(unit")
+    text = text.replace("start = up", f"start = {angle}").replace("start = -up", f"start = {-angle}")
+    with pytest.raises(lmoc.ModelError, match="E0535.*starts at a singular position"):
+        lmoc.compile_text(text).simulate()

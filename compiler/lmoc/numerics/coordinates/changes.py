@@ -20,7 +20,7 @@ from lmoc.numerics.observe.observer import Aside, Observer, Path
 from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.activity import Lookout
-from lmoc.numerics.start.singular import StartSingular
+from lmoc.numerics.start.singular import BESIDE, BRANCHES, StartSingular, starts_singular
 from lmoc.numerics.task import Stretch, Task
 from lmoc.support.records import dataclass
 
@@ -312,5 +312,8 @@ def singular_start(stretch: Stretch, report: Report) -> StartSingular:
     reduced, variable = stretch.plan.reduced, stretch.watch.lost()
     names, span = ", ".join(reduced.state_names), reduced.flat.declared_at(variable)
     message = f"the coordinates {names} do not determine {reduced.flat.variable_name(variable)} at the start"
-    report.error("E0535", message, span, hint="choose others, by states=[…] (--states) or stateSelect")
+    hint = "choose others, by states=[…] (--states) or stateSelect"
+    if starts_singular(stretch, stretch.watch.accepted.t, stretch.watch.accepted.x):
+        message, hint = f"{BRANCHES}: {message}", BESIDE
+    report.error("E0535", message, span, hint=hint)
     return StartSingular(report.diagnostics, reduced.state_names, span)
