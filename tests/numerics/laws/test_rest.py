@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.laws.rest import held_velocities
+from lmoc.numerics.laws.rest import _held_by_elimination, held_velocities
 
 SLOPE = """model Slope "a block that sticks on a slope"
   Fixed wall; Mass m(m = 1.3, g = 9.81*sin(0.3), q(start = 0.7, fixed = true), v(start = 0, fixed = true));
@@ -30,6 +30,16 @@ equation
 initial equation
   frame.q = 0.7; frame.v = 0;
 end Frame;"""
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_forms_in_pairs_hold_what_elimination_says(seed):
+    dice = np.random.default_rng(seed)
+    forms, count = np.zeros((int(dice.integers(1, 12)), 8)), int(dice.integers(1, 3))
+    for row in forms:
+        row[dice.choice(8, size=min(count, 1 + int(dice.integers(0, 2))), replace=False)] = dice.choice([-2, -1, 1, 3])
+    forms[0, :2] = 1.0, 1e-17  # rounding
+    assert held_velocities(forms).tolist() == _held_by_elimination(np.where(np.abs(forms) > 1e-9, forms, 0)).tolist()
 
 
 def test_velocities_vanish_where_the_forms_leave_no_other_choice():
