@@ -89,6 +89,7 @@ class Update:
             *(np.where(v == NONE, NONE, register[v]) for v in (form.closed, form.push, form.direction, slip))
         )
         self._delassus: tuple[bytes, Array] | None = None
+        self._inverse: tuple[Array, NDArray[np.bool_], Array, Array] | None = None
         self._build(np.flatnonzero(limits >= 0))
 
     def _build(self, sliding: NDArray[np.int64]) -> None:
@@ -123,14 +124,16 @@ class Update:
         places, n, own = self.places, self.laws, self.scene.base(base, signals)
         delassus = self._delassus_of(own, signals)
         held = base[places.closed]
+        matrix, inverse = self._inverse_of(delassus, held > 0.5)
         direction, slip = (np.where(r >= 0, base[r], 0.0) for r in (places.direction, places.slip))
-        matrix = np.where(held[:, None] > 0.5, delassus, np.eye(n))
-        try:
-            inverse = np.linalg.inv(matrix)
-        except np.linalg.LinAlgError:  # closed laws that depend on each other: no force is determined
-            inverse = np.full((n, n), np.nan)
         known = own[self.scene.functions.parameters[:-n]]
-        return np.concatenate([known, held, base[places.push], direction, slip, inverse.T.ravel(), matrix.T.ravel()])
+        return np.concatenate([known, held, base[places.push], direction, slip, inverse, matrix])
+
+    def _inverse_of(self, delassus: Array, closed: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Return A and its inverse, by columns: the one in the mode before, or that of the block of closed laws."""
+        if self._inverse is None or self._inverse[0] is not delassus or (self._inverse[1] != closed).any():
+            self._inverse = delassus, closed, *inverted(delassus, closed)
+        return self._inverse[2:]
 
     def _delassus_of(self, base: Array, signals: Mapping[int, Signal]) -> Array:
         """Return the matrix (laws, laws) by which the levels depend on the forces, with these parameters."""
@@ -145,6 +148,22 @@ class Update:
         bound = BoundFunction(function, np.arange(self.size), scene.functions.samplers, len(scene.plan.states))
         bound.prepare(self.parameters(base, signals), signals)
         return bound.many
+
+
+def inverted(delassus: Array, closed: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return A and its inverse, by columns: rows of W for closed laws, of the unit matrix for open ones.
+
+    The inverse is NaN where closed laws depend on each other: no force is determined.
+    """
+    n, own = len(closed), np.flatnonzero(closed)
+    matrix, inverse = np.where(closed[:, None], delassus, np.eye(n)), np.eye(n)
+    try:
+        block = np.linalg.inv(delassus[np.ix_(own, own)])
+        inverse[np.ix_(own, np.flatnonzero(~closed))] = -block @ delassus[np.ix_(own, np.flatnonzero(~closed))]
+        inverse[np.ix_(own, own)] = block
+    except np.linalg.LinAlgError:
+        inverse[:] = np.nan
+    return matrix.T.ravel(), inverse.T.ravel()
 
 
 class UpdatedSystem(System):
