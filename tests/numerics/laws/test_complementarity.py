@@ -60,3 +60,34 @@ def test_a_body_pressed_between_fixed_ones_has_no_solution():
 
 def test_no_laws_are_no_problem():
     assert solve(np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0)).x.shape == (0,)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_problem_that_falls_into_several(seed):
+    """The same as the whole, with its components in any order and its sides begun anywhere."""
+    dice = np.random.default_rng(seed)
+    sizes = dice.integers(1, 5, size=9)
+    n = int(sizes.sum())
+    matrix, at = np.zeros((n, n)), 0
+    for size in sizes.tolist():
+        rows = dice.normal(size=(size, size + 1))
+        matrix[at : at + size, at : at + size] = rows @ rows.T
+        at += size
+    order = dice.permutation(n)
+    matrix, q = matrix[np.ix_(order, order)], dice.normal(size=n)
+    lower, upper = np.where(dice.random(n) < 0.5, 0.0, -0.5), np.where(dice.random(n) < 0.5, np.inf, 0.5)
+    found = solve(matrix, q, lower, upper, dice.integers(-1, 2, size=n))
+    w = matrix @ found.x + q
+    assert (found.x >= lower - 1e-12).all() and (found.x <= upper + 1e-12).all()
+    assert found.unique.all() and found.w == pytest.approx(w, abs=1e-9)
+    inside = (found.x > lower + 1e-9) & (found.x < upper - 1e-9)
+    assert np.abs(w[inside]).max(initial=0) < 1e-9
+    assert (w[found.x <= lower + 1e-9] >= -1e-9).all() and (w[found.x >= upper - 1e-9] <= 1e-9).all()
+
+
+def test_which_part_of_a_problem_has_no_solution():
+    matrix, q = np.eye(14), np.zeros(14)
+    matrix[5, 5], q[5] = 0.0, -1.0
+    with pytest.raises(NoSolution) as failed:
+        solve(matrix, q, np.zeros(14), np.full(14, np.inf))
+    assert np.flatnonzero(failed.value.x).tolist() == [5]

@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lmoc.numerics.laws.coupling import groups
 from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
@@ -30,6 +31,7 @@ Sides = NDArray[np.int64]
 LOWER, FREE, UPPER = -1, 0, 1
 PROXIMAL = 1e-6  # ε, as a share of the diagonal
 MOST_PROXIMAL = 8  # steps; the error falls by ε in each, so that a solvable problem takes two or three
+APART_FROM = 12  # components from which on it is looked whether a problem falls into several
 PATIENCE = 8  # block exchanges without fewer violations before components are exchanged one at a time
 DEPENDENT = 1e-11  # singular values below this share of the largest one are those of dependent constraints
 NEGLIGIBLE = 1e-11  # violations below this share of the terms they are the sum of count as none …
@@ -80,6 +82,10 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
         return Solution(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
     if n == 1 and matrix[0, 0] > 0.0:
         return _alone(matrix[0, 0], q[0], lower[0], upper[0], LOWER if side is None else side[0])
+    if n >= APART_FROM:
+        apart = groups((matrix != 0.0) | (matrix != 0.0).T)
+        if len(apart) > 1:
+            return _one_by_one(matrix, q, lower, upper, np.full(n, LOWER) if side is None else side, apart)
     diagonal = np.diag(matrix).copy()
     diagonal[diagonal <= 0.0] = diagonal.max() if diagonal.max() > 0.0 else 1.0
     shift = PROXIMAL * diagonal
@@ -98,6 +104,23 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
             x = np.clip(x, lower, upper)
             return Solution(x, w, side, _determined(matrix, side))
     raise NoSolution(x)
+
+
+def _one_by_one(
+    matrix: Array, q: Array, lower: Array, upper: Array, side: Sides, apart: list[NDArray[np.int64]]
+) -> Solution:
+    """Solve a problem that falls into several, each for the components of a group."""
+    n = len(q)
+    x, w, sides, unique = np.zeros(n), np.zeros(n), np.full(n, LOWER), np.ones(n, bool)
+    for own in apart:
+        try:
+            found = solve(matrix[np.ix_(own, own)], q[own], lower[own], upper[own], side[own])
+        except NoSolution as failed:
+            x[:] = 0.0
+            x[own] = failed.x
+            raise NoSolution(x) from None
+        x[own], w[own], sides[own], unique[own] = found.x, found.w, found.side, found.unique
+    return Solution(x, w, sides, unique)
 
 
 def _alone(slope: float, q: float, lower: float, upper: float, side: int) -> Solution:

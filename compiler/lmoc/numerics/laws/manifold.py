@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.laws.complementarity import Array
+from lmoc.numerics.laws.complementarity import APART_FROM, Array
 from lmoc.numerics.laws.contradiction import Contradiction
+from lmoc.numerics.laws.coupling import groups
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 
 MOST_NEWTON = 12
@@ -49,6 +50,16 @@ def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
 
 def correction(matrix: Array, right: Array) -> Array:
     """Return dx with matrix·dx = right and as few entries as independent rows (Gauss-Jordan, full pivoting)."""
+    touched = matrix != 0.0
+    dx = np.zeros(matrix.shape[1])
+    apart = groups(touched @ touched.T) if len(matrix) >= APART_FROM else [np.arange(len(matrix))]
+    for rows in apart:
+        columns = np.flatnonzero(touched[rows].any(axis=0))
+        dx[columns] = _corrected(matrix[np.ix_(rows, columns)], right[rows])
+    return dx
+
+
+def _corrected(matrix: Array, right: Array) -> Array:
     rows, columns = matrix.shape
     work = np.concatenate([matrix, right[:, None]], axis=1)
     scale = np.abs(matrix).max(axis=1, initial=0.0)
@@ -60,7 +71,8 @@ def correction(matrix: Array, right: Array) -> Array:
         if share[row, column] <= DEPENDENT:
             break
         work[row] /= work[row, column]
-        others = np.arange(rows) != row
+        others = np.flatnonzero(work[:, column])
+        others = others[others != row]
         work[others] -= np.outer(work[others, column], work[row])
         left[row] = False
         chosen.append((row, column))

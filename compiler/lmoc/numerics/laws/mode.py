@@ -213,14 +213,16 @@ def _forces(
     n = len(stuck)
     active = np.flatnonzero(stuck)
     constant, share = _sliding_forces(table, now, direction)
-    spread = np.eye(n)[:, active] + share[:, active]  # all forces from those that are sought
-    matrix = now.delassus[active] @ spread
+    matrix = now.delassus[np.ix_(active, active)]
+    if share.any():
+        matrix = matrix + now.delassus[active] @ share[:, active]
     q = now.bias[active] + now.delassus[active] @ constant
     with solving(active, "no forces keep them"):
         found = solve(matrix, q, bounds[0, active], bounds[1, active], side[active])
-    sides, unique = np.full(n, LOWER), np.ones(n, bool)
+    sides, unique, force = np.full(n, LOWER), np.ones(n, bool), constant + share[:, active] @ found.x
     sides[active], unique[active] = found.side, found.unique
-    return constant + spread @ found.x, sides, unique
+    force[active] += found.x
+    return force, sides, unique
 
 
 def _bounds(table: Table, candidate: Mask, limit: Array, pinned: NDArray[np.int64]) -> Array:
@@ -250,7 +252,8 @@ def _implied(
     friction = closed & ~table.complementary
     groups = closed & table.complementary, friction & (side == FREE), friction & (side != FREE), resting
     order = np.concatenate([np.flatnonzero(g) for g in groups])
-    matrix = (now.delassus @ (np.eye(len(closed)) + share))[np.ix_(order, order)]
+    whole = now.delassus + now.delassus @ share if share.any() else now.delassus
+    matrix = whole[np.ix_(order, order)]
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     work = matrix / np.outer(scale, scale)
     implied = np.zeros(len(closed), bool)
@@ -260,7 +263,8 @@ def _implied(
             continue
         if resting[law]:  # it begins to move, and holds nothing
             continue
-        work[k + 1 :] -= np.outer(work[k + 1 :, k] / work[k, k], work[k])
+        others = k + 1 + np.flatnonzero(work[k + 1 :, k])
+        work[others] -= np.outer(work[others, k] / work[k, k], work[k])
     return implied
 
 
