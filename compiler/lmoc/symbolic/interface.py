@@ -90,7 +90,7 @@ def linearize(
     at : where: a moment of a run or {name: value} of states and inputs; by default the equilibrium
     symbolic : matrices in symbols; otherwise in numbers, for a scene of any size
     inputs : constant values of the inputs at the equilibrium, {name: value}
-    outputs : names of variables; by default the scene's outputs, else its states
+    outputs : names of variables; by default the scene's outputs, else its states, rates without a name left out
     released : gives the reduction in all coordinates of closed loops, for those in symbols
 
     Raises
@@ -107,7 +107,8 @@ def linearize(
         check_output(reduced, name)
     if symbolic:
         return _linearize_in_symbols(prepared, at, inputs or {}, outputs, released)
-    shown = list(outputs if outputs is not None else prepared.outputs or reduced.state_names)
+    named = [name for name in reduced.state_names if reduced.flat.find(name) is not None]
+    shown = list(outputs if outputs is not None else prepared.outputs or named)
     system = NumericSystem(reduced, values, [variable(reduced, name) for name in shown])
     point = _numeric_point(prepared, system, at, inputs or {})
     time = at.time if isinstance(at, Moment) else 0.0
