@@ -64,7 +64,7 @@ def test_the_method_is_not_left_where_few_steps_lie_behind_those_of_the_trial(da
     run = dae.simulate(stop=40, rtol=1e-7)
     assert automatic.TRIAL < run.stats["steps"] < automatic.TRIAL + automatic.OVERRUN and not judged
     dae.simulate(stop=40, rtol=1e-7, max_step=0.3)
-    assert len(judged) == 1
+    assert len(set(judged)) == 1
 
 
 def test_a_limit_of_steps_holds_where_few_lie_ahead(dae):

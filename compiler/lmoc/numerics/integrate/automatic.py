@@ -99,7 +99,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
 def _begin(way: _Way) -> Outcome:
     """Make the first steps: along a Taylor series where one costs no compilation, else with DOP853."""
     system, first = way.problem.system, TRIAL
-    if is_better(system):
+    if is_better(system, way.problem.rtol):
         if system.n <= _LOOKED_AT:
             outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
             if outcome.status not in _GIVEN_UP:
@@ -122,7 +122,7 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
             return way.go("dop853", factor * _calibration(problem)), text, factor
         mean, ahead = (outcome.time - begun) / (steps - made), problem.end - outcome.time
         modes = Modes(problem, outcome)
-        series = is_better(problem.system, ahead / mean) and not _is_stiff(modes, ahead, _series_patience(problem))
+        series = _suits_series(problem, modes, mean, ahead)
         stiff = not series and _is_stiff(modes, ahead, problem.patience)
         if stiff and problem.system.plan.once(is_linear):  # so it is everywhere
             outcome.status = Status.STIFF
@@ -138,6 +138,12 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
         outcome = _go_on(way, factor, series, block, _SHORT * mean)
         if outcome.status is not Status.TOO_MANY_STEPS or way.is_exhausted:
             return outcome, text, factor
+
+
+def _suits_series(problem: Problem, modes: Modes, mean: float, ahead: float) -> bool:
+    """Return whether a Taylor series does what lies ahead faster than DOP853 and, where it is stiff, than BDF."""
+    rtol = problem.rtol * _refinement(problem, modes, mean, False)
+    return is_better(problem.system, rtol, ahead / mean) and not _is_stiff(modes, ahead, _series_patience(problem))
 
 
 def _since(way: _Way, factor: float, ahead: float, series: bool) -> str:
