@@ -10,9 +10,11 @@ from oracles.by_hand import Scene, oscillator
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.numerics.events.happenings import Happenings
 from lmoc.numerics.integrate import base
 from lmoc.numerics.integrate.choice import table
 from lmoc.numerics.integrate.sundials import sundials
+from lmoc.numerics.one_piece import PieceSolver
 from lmoc.numerics.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
 from lmoc.numerics.simulate import simulate
 
@@ -284,6 +286,29 @@ def test_an_interrupted_run_keeps_what_it_has(solver):
     assert 0 < stopped.value.time <= 5 and len(partial.time) > 200
     assert partial["q"] == pytest.approx(0.1 * np.cos(5 * partial.time), abs=1e-5)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("place", [(Happenings, "roots"), (Happenings, "after"), (PieceSolver, "_problem")])
+def test_a_run_that_is_interrupted_outside_of_the_integration_keeps_what_it_has(place, monkeypatch):
+    """Where events follow each other closely, a signal comes at an event more often than between two."""
+    scene = lmoc.compile_text("""
+        model Often Real x(start = 0, fixed = true); discrete Integer n(start = 0, fixed = true);
+        equation der(x) = 1; when sample(0, 0.01) then n = pre(n) + 1; end when; end Often;""")
+    work, calls = getattr(*place), []
+
+    def interrupted(*arguments):
+        calls.append(arguments)
+        if len(calls) == 40:
+            raise KeyboardInterrupt
+        return work(*arguments)
+
+    monkeypatch.setattr(*place, interrupted)
+    with pytest.raises(RunInterrupted, match="it was interrupted") as stopped:
+        scene.simulate(stop=100, points=100_001)
+    partial = stopped.value.partial
+    assert stopped.value.time == pytest.approx(0.4, abs=0.02)
+    assert stopped.value.time - 0.011 < partial.time[-1] <= stopped.value.time
+    np.testing.assert_allclose(partial["x"], partial.time, atol=1e-12)
 
 
 @every_solver

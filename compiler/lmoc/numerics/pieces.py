@@ -130,7 +130,7 @@ class _Run:
 
     def _to_the_end(self, x: np.ndarray) -> Outcome:
         """Go from piece to piece until the end of the run, or until it fails."""
-        outcome = self._integrate(x, self.stretch.begin)
+        outcome = self._piece_from(x)
         while True:
             if outcome.status is Status.COORDINATES:
                 outcome = self._with_other_coordinates(outcome)
@@ -143,7 +143,16 @@ class _Run:
                 return replace(outcome, status=Status.INTERRUPTED)
             if x is None:
                 return outcome if self.ended is None else replace(outcome, status=self.ended)
-            outcome = self._integrate(x, self.stretch.begin)
+            outcome = self._piece_from(x)
+
+    def _piece_from(self, x: np.ndarray) -> Outcome:
+        """Integrate the current piece; where it is interrupted outside of the integration, nothing of it is left."""
+        begin = self.stretch.begin
+        try:
+            return self._integrate(x, begin)
+        except KeyboardInterrupt:
+            self.stretch.recorder.forget_after(begin)
+            return Outcome(begin, x, 0, Status.INTERRUPTED)
 
     def _joined(self, outcome: Outcome, started: float) -> Trajectory:
         """Return the pieces so far as one trajectory, with statistics and notes."""

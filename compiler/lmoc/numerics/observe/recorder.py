@@ -65,6 +65,10 @@ class Recorder:
         if self.reached and _is_same(self.times[self.reached - 1], time):
             self.reached -= 1
 
+    def forget_after(self, time: float) -> None:
+        """Forget all output times later than this one."""
+        self.reached = min(self.reached, int(np.searchsorted(self.times, time, "right")))
+
     def taken(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the output times so far, and what is kept of them."""
         whole = self.reached == len(self.times)
