@@ -98,7 +98,25 @@ def lesson(rows: Sequence[dict]) -> str:
         f"unknowns cost {min(plain):.0f} to {max(plain):.0f} times as much time; dummy derivatives, which all scenes "
         f"allow, cost {min(dummy):.0f} to {max(dummy):.0f} times as much as the reduced scene."
     )
-    return text if not failed else f"{text} {len(failed)} scenes ({', '.join(failed)}) have index 3 and stop at once."
+    if failed:
+        text += f" {len(failed)} scenes ({', '.join(failed)}) have index 3 and stop at once."
+    slower = _slower_in_ida(rows)
+    if slower:
+        text += (
+            f" In IDA itself the reduced form takes longer than dummy derivatives in {', '.join(slower)}: its Newton "
+            "matrix is that of a right-hand side with blocks that are solved inside."
+        )
+    return text
+
+
+def _slower_in_ida(rows: Sequence[dict]) -> list[str]:
+    """Return the scenes that IDA integrates faster with dummy derivatives than reduced."""
+    seconds = {(r["scene"], r["form"]): r["seconds"] for r in rows if r["solver"] == "ida" and not r["status"]}
+    return [
+        scene
+        for scene in dict.fromkeys(r["scene"] for r in rows)
+        if seconds.get((scene, "dummy derivatives"), math.inf) < seconds.get((scene, "reduced"), 0.0)
+    ]
 
 
 def draw(rows: Sequence[dict], path: Path) -> None:
