@@ -241,11 +241,7 @@ _PINOCCHIO = {
 def sympy_lagrange(scene: Scene, rtol: float) -> Call:
     """Equations of Lagrange that `sympy.physics.mechanics` derives, as NumPy functions, with SciPy's DOP853."""
     if scene.name not in _SYMPY:
-        raise NotExpressed(
-            "not written for SymPy, which derives 40 such masses in 4 s and 100 in half a minute"
-            if "string" in scene.name
-            else "not written for SymPy"
-        )
+        raise NotExpressed("no Lagrangian is written for it")
     rhs = scene.once("sympy", lambda: _lagrange(*_SYMPY[scene.name]()))
     return solved_by_scipy(rhs, scene, rtol)
 
