@@ -1,4 +1,4 @@
-"""Of two positions in a ratio far from 1 the larger one is the coordinate; forces do not take part."""
+"""Of two positions in a ratio far from 1 the larger one is the coordinate; forces are compared with forces alone."""
 
 from pathlib import Path
 
@@ -43,3 +43,18 @@ def test_ratios_of_a_scene_with_laws_are_judged_for_other_parameters():
     )
     other = free.simulate(times=[0.0, 0.2], rtol=1e-9)
     assert run.modes == [(0.0, {"pulley": "slack"})] and run["q"] == pytest.approx(other["mass.q"], abs=1e-8)
+
+
+FLOOR = """
+model Floor import Planar.*; inner World world;
+  Contact floor(nx = cos(1.5707963267948966), ny = 1, d = -9); PointOf corner(rx = -0.4, ry = 0.27);
+  Bar bar(l = 0.9, m = 0.7, x(start = 0.5), y(start = -0.9), theta(start = 1.4));
+equation connect(bar.a, corner.frame); connect(corner.point, floor.point); end Floor;
+"""
+
+
+def test_a_floor_that_is_level_up_to_rounding():
+    """The horizontal force of the floor is the vertical one, times 6e-17: that is not the other one by a quotient."""
+    run = lmoc.compile_text(FLOOR).simulate(stop=1, points=11, rtol=1e-9)
+    np.testing.assert_allclose(run["bar.y"], -0.9 - 9.81 * run.time**2 / 2, atol=1e-9)
+    np.testing.assert_allclose(run["bar.theta"], 1.4, atol=1e-9)

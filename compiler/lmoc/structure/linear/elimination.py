@@ -104,9 +104,14 @@ class Elimination:
         return np.append(score, 0)
 
     @cached_property
-    def _position(self) -> np.ndarray:
-        """Mask of the variables that may be lengths or angles."""
-        return np.append(self.flat.per_variable(_is_position, bool), True)
+    def _measure(self) -> np.ndarray:
+        """What variables are measured in: 0 of positions, a number of their own for other units, -1 where unknown."""
+        units: dict[str, int] = {}
+
+        def measure(b: Block) -> int:
+            return 0 if _is_position(b) else units.setdefault(b.unit, len(units) + 1) if b.unit else -1
+
+        return np.append(self.flat.per_variable(measure, INDEX), 0)
 
     def marked(self, mark: Callable[[Block], bool]) -> np.ndarray:
         """The roots that stand for variables of marked blocks; a mask over flat variables and the constant 0."""
@@ -165,13 +170,14 @@ class Elimination:
     def _ratios(self, g: Rows, form: Form) -> np.ndarray:
         """The magnitudes of the first variable over the second in rows of two; 1 elsewhere.
 
-        Of positions: that a force is a billion times the length that it follows from is a matter of units.
+        Of what has one unit: that a force is a billion times the length that it follows from is a matter of units.
         """
         factor = form.link(0)[1]
         ratio = np.ones(len(g.source))
         if len(form.leaves) < 2 or factor is ONE or not slots(factor):
             return ratio
-        alike = np.flatnonzero(self._position[self._end(g, form, 0)] & self._position[self._end(g, form, 1)])
+        first, second = (self._measure[self._end(g, form, leaf)] for leaf in (0, 1))
+        alike = np.flatnonzero((first == second) & (first >= 0))
         if not len(alike):
             return ratio
         ratio[alike], same = ratios(factor, g.slots[alike], self.derived)
