@@ -145,3 +145,25 @@ def test_a_place_that_is_no_state_of_rest_is_refused(driven):
     with pytest.raises(lmoc.ModelError, match="state of rest"):
         dae.linearize(at={"motor.phi": 0.5}, symbolic=True)
     assert not dae.linearize(at={"motor.phi": 0.5}).at_rest
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_loops_held_by_a_torque(driven, seed):
+    """Other lengths, masses and places; the torque that holds the crank there follows from the numeric model."""
+    dae, _ = driven
+    generator = np.random.default_rng(seed)
+    sizes = dict(zip("abcd", (0.3, 0.9, 0.8, 1.0) * generator.uniform(0.9, 1.1, 4), strict=True))
+    masses = {
+        f"{bar}.m": m for bar, m in zip(("crank", "coupler", "rocker"), generator.uniform(0.5, 3, 3), strict=True)
+    }
+    parameters = {**sizes, **masses}
+    place = {"motor.phi": float(generator.uniform(-3, 3)), "motor.omega": 0.0}
+    free = dae.linearize(at=place | {"M": 0.0}, parameters=parameters)
+    held = {"M": float(-free.drift[1] / free.B[1, 0])}
+    outputs = ["coupler.theta", "rocker.omega", "rocker.b.x"]
+    ours, theirs = (
+        dae.linearize(at=place, inputs=held, symbolic=s, outputs=outputs, parameters=parameters) for s in (True, False)
+    )
+    for name in "ABCD":
+        expected = getattr(theirs, name)
+        assert evaluated(getattr(ours, name), ours) == pytest.approx(expected, rel=1e-8, abs=1e-8)

@@ -153,3 +153,15 @@ def test_a_rolling_wheel_moves_with_its_axle():
         ours = [float(found.equations[k].residual.diff(a).subs(numbers)) for a in highest]
         theirs = [float((scale * kinetic.diff((v, w)[k], b)).subs(numbers)) for b in (v, w)]
         assert ours == pytest.approx(theirs, rel=1e-12)
+
+
+def test_a_scissor_lift_has_one_state_of_rest_on_its_branch():
+    """Beyond the position with both bars upright the search would go on another branch."""
+    (rest,) = lmoc.compile(PLANAR / "scissor_lift.lmo").equilibria()
+    assert float(rest["hinge.phi"]) == pytest.approx(0.48322821, abs=1e-7)
+    assert rest.stability == "unstable"  # the constant force of the cylinder gains on the load as it rises
+
+
+def test_a_mechanism_that_nothing_moves_rests_anywhere():
+    (rest,) = lmoc.compile(ROOT / "models/hard/h04_slider_crank.lmo").equilibria()
+    assert [x.name for x in rest.free] == ["main.phi"]

@@ -179,6 +179,10 @@ class NumericSystem:
             if not np.isfinite(self.rates(at, share * u, time)).all():
                 break
 
+    def dependent(self) -> np.ndarray:
+        """Return the coordinates that implicit equations gave where the programs have run last."""
+        return np.zeros(0) if self.pose is None else self._w[self.pose.registers].copy()
+
     def can_start_at(self, x: np.ndarray, u: np.ndarray) -> bool:
         """Return whether a run can start at a place on the branch that is followed from the scene's start.
 
@@ -193,8 +197,8 @@ class NumericSystem:
         except (ModelError, SimulationError):
             return False
         self.approach(x, u)
-        registers = self.pose.registers
-        apart = found.of(self.reduced.registers.variable[registers])[0] - self._w[registers]
+        variables = self.reduced.registers.variable[self.pose.registers]
+        apart = found.of(variables)[0] - self.dependent()
         return bool(np.abs(np.sin(apart / 2)).max(initial=0.0) < 1e-6)  # of lengths, too; angles may differ by turns
 
     def rest(self, u: np.ndarray, start: np.ndarray | None = None) -> np.ndarray | None:

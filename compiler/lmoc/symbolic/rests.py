@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.equilibria import Equilibria, Equilibrium
 from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
 from lmoc.symbolic.search import Rest, largest_rows, rests, values_at
@@ -20,7 +21,12 @@ from lmoc.symbolic.system import coordinates_of, time_stands_in_it
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.symbolic.linearize import LinearModel
+
+NO_DERIVATIVE = "E0663"
 STARTS = 40  # of Newton's method with several coordinates
+NO_RATE = 1e-9  # rad/s² or m/s², of a mechanism that nothing moves
+MOST_TURN = 0.5  # of the slope of a dependent coordinate between two points of a walk
 WALK = 720  # points along one coordinate, each way
 REACH = 10.0  # m, how far along a coordinate that is no angle
 
@@ -99,6 +105,10 @@ class _AtRest:
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         return self.system.matrices(self.state(y), self.u)[1][np.ix_(self.targets, self.places)]
 
+    def branch(self) -> np.ndarray:
+        """Return the coordinates that the implicit equations gave where the rates were asked for last."""
+        return self.system.dependent()
+
     def start(self) -> float:
         """Go to where the scene starts; the place there."""
         x = self.system.pose.states
@@ -111,17 +121,24 @@ def _along(still: _AtRest) -> tuple[list[Rest], str]:
     turning = bool(still.turning[0])
     reach = np.linspace(0, 2 * np.pi, WALK) if turning else REACH * np.sinh(np.linspace(0, 12, WALK)) / np.sinh(12)
     found: list[float] = []
+    largest = 0.0
     for way in (1.0, -1.0):
         begin = still.start()
         last, before = begin, still.rates(np.array([begin]))[0]
+        branch, slope = still.branch(), None
         for far in reach[1:]:
             y = begin + way * far
             value = still.rates(np.array([y]))[0]
-            if not np.isfinite(value):
+            here = still.branch()
+            steeper = (here - branch) / (y - last)
+            if not np.isfinite(value) or slope is not None and _turns(slope, steeper):
                 break
             if before == 0 or np.signbit(value) != np.signbit(before):
-                found.append(last if before == 0 else _refined(still, last, y, before))
-            last, before = y, value
+                found += [last] if before == 0 else _refined(still, last, y, before, value)
+            last, before, branch, slope = y, value, here, steeper
+            largest = max(largest, abs(value))
+    if found and largest <= NO_RATE:
+        return [Rest(np.zeros(1), (0,), np.ones((1, 1)))], f"no acceleration at {WALK} points along the coordinate"
     unique: list[float] = []
     for y in sorted(found, key=abs):
         apart = [y - other for other in unique]
@@ -133,15 +150,23 @@ def _along(still: _AtRest) -> tuple[list[Rest], str]:
     return [Rest(np.array([y]), (), np.zeros((1, 0))) for y in sorted(unique)], how
 
 
-def _refined(still: _AtRest, low: float, high: float, below: float) -> float:
-    """A zero between two places by bisection."""
+def _turns(slope: np.ndarray, steeper: np.ndarray) -> bool:
+    """Return whether the dependent coordinates leave their branch: their slope jumps between two steps."""
+    size = 1.0 + np.minimum(np.abs(slope), np.abs(steeper)).max(initial=0.0)
+    return bool(np.abs(steeper - slope).max(initial=0.0) > MOST_TURN * size)
+
+
+def _refined(still: _AtRest, low: float, high: float, below: float, above: float) -> list[float]:
+    """A zero between two places by bisection; none where the rate has a pole there."""
     for _ in range(60):
         middle = 0.5 * (low + high)
         if np.signbit(still.rates(np.array([middle]))[0]) == np.signbit(below):
             low = middle
         else:
             high = middle
-    return 0.5 * (low + high)
+    middle = 0.5 * (low + high)
+    least = min(abs(below), abs(above))
+    return [middle] if abs(still.rates(np.array([middle]))[0]) <= least else []
 
 
 def _finished(
@@ -152,10 +177,20 @@ def _finished(
     at = dict.fromkeys(symbols, _floats([0.0])[0]) | values_at(rest, places)
     x = still.state(np.where(np.isin(np.arange(len(places)), rest.free), 0.0, rest.at))
     point = dict(zip(system.states, x.tolist(), strict=True)) | dict(zip(system.inputs, u.tolist(), strict=True))
-    model = linearize_numerically(reduced, values, point, ())
+    model = linear_model_at(reduced, values, point)
     given = dict(zip(_symbols(system.inputs), _floats(u), strict=True))
     free = tuple(places[i] for i in rest.free)
     return Equilibrium(at, free, how=how, model=model, nonlinear=True, inputs=given)
+
+
+def linear_model_at(reduced: Reduced, values: np.ndarray, point: Mapping[str, float]) -> LinearModel | None:
+    """Return the linear model about a state of rest; None where something has no derivative there."""
+    try:
+        return linearize_numerically(reduced, values, point, ())
+    except ModelError as error:
+        if {d.code for d in error.diagnostics} != {NO_DERIVATIVE}:
+            raise
+        return None
 
 
 def _symbols(names: list[str]) -> list[sympy.Symbol]:

@@ -33,10 +33,11 @@ from lmoc.symbolic.laws.statics import (
     choices,
     holds,
 )
-from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
+from lmoc.symbolic.numeric import NumericSystem, contains_time
 from lmoc.symbolic.places import Point
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.resting_loops import rests_of_loops
+from lmoc.symbolic.rests import linear_model_at
 from lmoc.symbolic.system import MOST_OPERATIONS, refuse, symbolic_system, time_stands_in_it
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import with_all_values
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
 MOST_TRIED = 256  # modes of a nonlinear scene, or of one without values, which are tried one after the other
 HOW = "the static complementarity problem of its laws"
 NO_VALUE = "E0662"
-NO_DERIVATIVE = "E0663"
 SAMPLES = 720  # along a coordinate that friction may hold
 REACH = 10.0  # m, on both sides
 
@@ -271,12 +271,7 @@ def _rests_of_loops(
         given = {sp.Symbol(name): exactly(value) for name, value in inputs.items()}
         free = tuple(x for x, value in one.values.items() if value == x)
         still = {sp.Symbol(name): sp.S.Zero for name in released.reduced.state_names}
-        try:
-            model = linearize_numerically(there, mode.values, point, ())
-        except ModelError as error:
-            if {d.code for d in error.diagnostics} != {NO_DERIVATIVE}:
-                raise
-            model = None
+        model = linear_model_at(there, mode.values, point)
         rest = Equilibrium(still | dict(one.values), free, (), how, model, nonlinear=True, inputs=given)
         yield released, _with_laws(scene, released, rest, choice)
 
