@@ -22,6 +22,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # every structure that a stage hands on is checked, in child processes too
 os.environ["LMOC_CHECK"] = "1"
 
+# one thread of the BLAS in tests that call the package, as in the command; several processes run them at a time
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 SPRING = """\
 model Oscillator "A mass on a spring"
   parameter Real k(unit = "N/m") = 8 "stiffness";

@@ -128,3 +128,12 @@ def test_a_signal_at_any_moment_ends_quietly(folder, number):
         if "Traceback" in said:  # Python itself was still starting: nothing of lmoc had been run
             assert "lmoc/" not in said
     assert not list(folder.glob("lmoc-*.txt"))
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted as Linux lists them")
+@pytest.mark.parametrize("said, threads", [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2), ({"OMP_NUM_THREADS": "2"}, 2)])
+def test_the_command_has_one_thread_of_the_blas_unless_told_otherwise(said: dict[str, str], threads: int):
+    around = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    count = "import lmoc.__main__, os, numpy.linalg; print(len(os.listdir('/proc/self/task')))"
+    run = subprocess.run([sys.executable, "-c", count], env={**around, **said}, capture_output=True, text=True)
+    assert run.stdout.strip() == str(min(threads, len(os.sched_getaffinity(0)))), run.stderr
