@@ -86,6 +86,28 @@ def test_samples_come_at_their_instants() -> None:
     assert result["held"] == pytest.approx(held, abs=1e-12)
 
 
+@pytest.mark.parametrize("solver", ["dop853", "cvode", "gauss"])
+def test_a_sample_is_not_lost_where_a_state_event_comes_at_the_same_instant(solver: str) -> None:
+    """Roots at the ticks themselves, to the last bit or next to it; an impact among them."""
+    result = run(
+        """model S Real x(start = 0, fixed = true); Integer n(start = 0), c, b(start = 0), k(start = 0);
+          Mass m(m = 1, q(start = 1, fixed = true), v(start = -2, fixed = true)); Fixed wall; Stop stop(L = 0, e = 0.5);
+        equation
+          der(x) = 1;
+          c = integer(4*x);
+          connect(wall.flange, stop.a);
+          connect(stop.b, m.flange);
+          when sample(0.25, 0.25) then n = pre(n) + 1; end when;
+          when change(c) then b = pre(b) + 1; end when;
+          when m.v > 0 then k = pre(k) + 1; end when;
+        end S;""",
+        stop=1.1,
+        solver=solver,
+    )
+    assert [result[v][-1] for v in "nbk"] == [4, 4, 1]
+    assert result["m.q"][-1] == pytest.approx(0.6, abs=1e-9)
+
+
 def test_conditions_in_time_alone_are_exact() -> None:
     result = run(
         """model T parameter Real d = 0.1;

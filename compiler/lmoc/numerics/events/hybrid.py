@@ -257,17 +257,19 @@ class Hybrid:
         machine, events = self.machine, self.layout.events
         held, base = machine.v[self._told].copy(), machine.base.copy()
         machine.time = t
+        due = t >= self.next - near_to(t)  # also where something else has ended the piece at the same instant
+        instant = self.next if due else t
 
         def begin() -> None:
-            if kind == "time":
-                ring(machine, t)
-            elif kind == "terminal":
+            if due:
+                ring(machine, instant)
+            if kind == "terminal":
                 self._flag(events.terminal, 1.0)
-            elif change is not None:
+            if change is not None:
                 change()
 
         happened = self._guarded(lambda: machine.event(t, x, begin), t)
-        self.next = next_time(machine, t)
+        self.next = next_time(machine, instant)
         lost = self._energy(t, x, happened)
         behind = self.step(t, happened.x, base, machine.base)
         self._tell(t, kind, happened, held, lost)
