@@ -23,7 +23,7 @@ def certified_looks(scene: str, monkeypatch) -> list[tuple]:
 
     def recorded(self, place):
         if self._bounds is not None:
-            begin = self.accepted.matrix * self._factor
+            begin = self.accepted.matrix * self._sizes.factor
             seen.append((self._bounds, place, begin, self.constraints.watched, ~self.barred))
         return judge(self, place)
 

@@ -15,6 +15,7 @@ from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate, Text
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, lowered_entries, reads_of_entries
+from lmoc.numerics.coordinates.equilibration import GROWN
 from lmoc.numerics.coordinates.judge import Judge, Judged, Step
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import AGAIN, NORMAL, ROUNDING, Tableau
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 # of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
 # within a step
 UNEXPLAINED = 0.5
-GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
 NEIGHBOURS = 0.02  # in equilibrated form, about radians: solutions nearer than that are so at singular places alone
 _WORTHWHILE = 50  # steps after which casadi's function is made
 _SQUARINGS = 2  # of the inverse, with which the bound of the smallest singular value is within a tenth for eight rows

@@ -38,3 +38,21 @@ class Place:
     def margin(self) -> float:
         """The smallest singular value of the scaled matrix."""
         return rank_margin(self.scaled)
+
+    def unexplained(self, later: Place, watched: np.ndarray) -> np.ndarray:
+        """Return how far the dependent coordinates have come to a later place, apart from what their velocities tell.
+
+        Parameters
+        ----------
+        watched : rows of the tableau
+
+        Returns
+        -------
+        (watched,) array
+            Magnitudes; empty where the coordinates are not known.
+        """
+        if not len(self.coordinates):
+            return np.zeros(0)
+        way, rows = later.coordinates - self.coordinates, len(self.matrix)
+        told = -(self.found.plain + later.found.plain) / 2 @ way[rows:]
+        return np.nan_to_num(np.abs(way[watched] - told))

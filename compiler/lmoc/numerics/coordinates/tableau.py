@@ -16,6 +16,7 @@ from lmoc.support.records import dataclass
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
+_NO_PIVOT = 1e-12  # in equilibrated form: smaller entries are rounding errors of what has been eliminated
 _NORMALIZATIONS, AGAIN, NORMAL = 30, 6, 1e-2
 ROUNDING = 1e-12  # entries below this share of their row have never been there
 SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
@@ -89,6 +90,49 @@ def exchanged(found: Tableau, barred: np.ndarray) -> list[tuple[int, int]]:
         table[i], table[:, j] = row, -column / pivot
         table[i, j] = 1.0 / pivot
     return exchanges
+
+
+def states_after(exchanges: list[tuple[int, int]], watched: np.ndarray, rows: int, columns: int) -> list[int]:
+    """Return the columns that are states after some exchanges.
+
+    Parameters
+    ----------
+    exchanges : (row of the tableau, state), as from `exchanged`
+    watched : (watched,) rows of the tableau
+    rows, columns : numbers of the constraint matrix's rows and columns; the states are its last columns
+    """
+    held, dependent = list(range(rows, columns)), watched.tolist()
+    for i, j in exchanges:
+        dependent[i], held[j] = held[j], dependent[i]
+    return held
+
+
+def states_by_pivots(matrix: np.ndarray) -> list[int]:
+    """Return the states left where the dependent coordinates are chosen anew, by elimination with full pivoting.
+
+    Parameters
+    ----------
+    matrix : (rows, rows + states), equilibrated
+
+    Returns
+    -------
+    list
+        Columns; empty where the rows depend on each other, or where the choice is the present one.
+    """
+    rows, a = len(matrix), matrix.copy()
+    chosen: list[int] = []
+    left = list(range(rows))
+    for _ in range(rows):
+        block = np.abs(a[left])
+        block[:, chosen] = 0.0
+        i, j = np.unravel_index(int(np.argmax(block)), block.shape)
+        if not block[i, j] > _NO_PIVOT:
+            return []
+        r = left.pop(int(i))
+        chosen.append(int(j))
+        a[left] -= np.outer(a[left, j] / a[r, j], a[r])
+    held = [k for k in range(matrix.shape[1]) if k not in chosen]
+    return held if held != list(range(rows, matrix.shape[1])) else []
 
 
 def vanishes(matrix: np.ndarray) -> bool:

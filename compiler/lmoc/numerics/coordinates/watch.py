@@ -9,18 +9,20 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.certificate import GROWN, NEIGHBOURS, UNEXPLAINED, Certifier, Scales, recipe_of
+from lmoc.numerics.coordinates.certificate import NEIGHBOURS, UNEXPLAINED, Certifier, Scales, recipe_of
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
 from lmoc.numerics.coordinates.entries import Unscaled, entries_of
+from lmoc.numerics.coordinates.equilibration import Equilibration
 from lmoc.numerics.coordinates.judge import Judged
 from lmoc.numerics.coordinates.passage import Passage
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import (
     SHARE,
-    equilibrated,
     exchanged,
     rank_margin,
     scaled,
+    states_after,
+    states_by_pivots,
     stays_regular,
     tableau,
     vanishes,
@@ -70,13 +72,10 @@ class CoordinateWatch:
         self._entries = entries_of(system, base, self.constraints)
         own = self.constraints
         self._place = own.row.astype(int) * len(own.variable) + own.column
-        self._recent: tuple[np.ndarray, float] | None = None  # scaled matrix of the last look, and `Place.least` of it
+        # scaled matrix of the last look, `Place.least` of it, and the factors of both
+        self._recent: tuple[np.ndarray, float, tuple[np.ndarray, np.ndarray]] | None = None
         self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
-        self._size, self._bound = np.zeros((2, own.rows, len(own.variable)))
-        self._scales: tuple[np.ndarray, np.ndarray] | None = None
-        self._columns: np.ndarray | None = None  # factors of the columns, the last ones
-        self._factor = self._size  # of each entry, from these
-        self._ranges = np.ones(len(own.variable))  # largest share of each coordinate in an equation, for the tableau
+        self._sizes = Equilibration(own.rows, len(own.variable))
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
@@ -99,13 +98,13 @@ class CoordinateWatch:
                 (self.constraints.variable, before.constraints.variable),
             )
         )
-        self._size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
+        self._sizes.size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
 
     @property
     def sizes(self) -> np.ndarray:
         """Return the largest magnitude that each entry of the constraint matrix has had."""
         told = self._certifier is not None and self._certifier.place is not None
-        return self._certifier.sizes(self._size) if told else self._size
+        return self._certifier.sizes(self._sizes.size) if told else self._sizes.size
 
     def begin(self, t: float, x: np.ndarray) -> Status:
         """Judge the place where the piece begins; its coordinates are compared with what they are there."""
@@ -143,20 +142,20 @@ class CoordinateWatch:
     def enter(self, most: int) -> int | None:
         """Return what judges up to `most` steps in C; None where the next is to be judged here."""
         self._find_certifier()
-        if self._certifier is None or self._scales is None:
+        if self._certifier is None or self._sizes.scales is None:
             return None
         self._begin_certifier()
-        judged = Judged(self.limit, _SURE, *self._scales, self.barred)
+        judged = Judged(self.limit, _SURE, *self._sizes.scales, self.barred)
         return self._certifier.enter(judged, self.unknowns, most)
 
     def leave(self, t: float, x: np.ndarray) -> None:
         """Take the steps judged in C for accepted."""
         places, scales = self._certifier.left()
         if scales is not None:
-            self._size = self._certifier.sizes(self._size)
-            self._take(scales)
+            self._sizes.size = self._certifier.sizes(self._sizes.size)
+            self._sizes.take(scales)
         self._places += places
-        self.accepted = self.last = self._certifier.stand(places, self._factor, self._ranges)
+        self.accepted = self.last = self._certifier.stand(places, self._sizes.factor, self._sizes.ranges)
         self.lost_rank = False
 
     def stuck(self, status: Status) -> Status:
@@ -174,17 +173,17 @@ class CoordinateWatch:
         """
         place = self.accepted if self.passed_a_singular_place or self.lost_rank else self.last
         if place.found.sign == 0.0:
-            held = self._by_pivots(place.matrix)
+            held = states_by_pivots(self._sizes.scaled(place.matrix))
             return [held] if held else []
-        exchanges = exchanged(place.found, self.barred)
+        own, exchanges = self.constraints, exchanged(place.found, self.barred)
         some = [exchanges, exchanges[:1]] if len(exchanges) > 1 else [exchanges] if exchanges else []
-        return [self._states(e) for e in some]
+        return [states_after(e, own.watched, own.rows, len(own.variable)) for e in some]
 
     def bar(self, refused: Collection[int]) -> None:
         """Take note of flat variables that cannot be states."""
         self.barred = self.barred | np.isin(self.constraints.variable[self.constraints.watched], list(refused))
         if self._certifier is not None and self._certifier.place is not None:
-            self._size, self._certifier.place = self.sizes, None
+            self._sizes.size, self._certifier.place = self.sizes, None
 
     @property
     def passed_a_singular_place(self) -> bool:
@@ -229,7 +228,7 @@ class CoordinateWatch:
         def margin(t: float) -> float:
             states, solutions = found.at(np.array([t]))
             self.system.prepare(with_solutions(base, self.unknowns, solutions[0]), signals)
-            return rank_margin(self._scaled(self._matrix(t, states[0])))
+            return rank_margin(self._sizes.scaled(self._matrix(t, states[0])))
 
         last = len(found.times) - 1
         k = int(np.argmin([margin(t) for t in found.times.tolist()]))
@@ -262,18 +261,18 @@ class CoordinateWatch:
 
     def _look(self, t: float, x: np.ndarray) -> Place:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
-        certifier, self._bounds = self._certifier, None
+        certifier, sizes, self._bounds = self._certifier, self._sizes, None
         solutions, coordinates, own = np.zeros(0), np.zeros(0), self.constraints
-        if certifier is None or self._scales is None:
+        if certifier is None or sizes.scales is None:
             matrix = self._matrix(t, x)
-            self._grow(np.abs(matrix))
-            even, made = self._scaled(matrix), self._unscaled
+            sizes.grow(np.abs(matrix))
+            even, made = sizes.scaled(matrix), self._unscaled
             if made is None:
-                found = tableau(matrix, own.watched, self._ranges)
+                found = tableau(matrix, own.watched, sizes.ranges)
             else:
-                found = scaled(*made, own.watched, self._ranges)
-            self._recent = even, self._least(even)
-            least = self._recent[1]
+                found = scaled(*made, own.watched, sizes.ranges)
+            least = self._least(even)
+            self._recent = even, least, sizes.scales
         else:
             self._begin_certifier()
             bounds = certifier(t, x)
@@ -283,11 +282,12 @@ class CoordinateWatch:
                 bounds = certifier(t, x)
             matrix, found = certifier.found()
             if bounds[-1] <= 0.0:
-                self._bounds, even, least = bounds, matrix * self._factor, bounds[2]
+                self._bounds, even, least = bounds, matrix * sizes.factor, bounds[2]
             else:  # some have no value
-                self._size, self._scales, certifier.place = certifier.sizes(self._size), None, None
-                even, least = self._scaled(matrix), 0.0
-                found = scaled(found.plain, found.sign, own.watched, self._ranges)
+                sizes.replace(certifier.sizes(sizes.size))
+                certifier.place = None
+                even, least = sizes.scaled(matrix), 0.0
+                found = scaled(found.plain, found.sign, own.watched, sizes.ranges)
             if not least > _SURE:
                 least = rank_margin(even)
         if len(self.unknowns):
@@ -305,8 +305,9 @@ class CoordinateWatch:
     def _begin_certifier(self) -> None:
         """Have the certifier stand at the last place accepted."""
         if self._certifier.place is not self.accepted:
-            short = NEIGHBOURS * self._scales[1][self.constraints.watched]
-            scales = Scales(self._factor, self._size, self._bound, self._ranges, self.barred, short)
+            own = self._sizes
+            short = NEIGHBOURS * own.scales[1][self.constraints.watched]
+            scales = Scales(own.factor, own.size, own.bound, own.ranges, self.barred, short)
             self._certifier.begin(self.accepted, scales)
 
     def _rescale(self) -> None:
@@ -314,52 +315,28 @@ class CoordinateWatch:
 
         Its smallest singular value shrinks by no more than the factors of a row and of a column together.
         """
-        (rows, columns), place = self._scales, self.accepted
-        self._size, self._scales = self._certifier.sizes(self._size), None
-        now = self._factors()
+        sizes, place = self._sizes, self.accepted
+        rows, columns = sizes.scales
+        sizes.replace(self._certifier.sizes(sizes.size))
+        now = sizes.factors()
         shrunk = float((now[0] / rows).min() * (now[1] / columns).min())
-        found = scaled(place.found.plain, place.found.sign, self.constraints.watched, self._ranges)
+        found = scaled(place.found.plain, place.found.sign, self.constraints.watched, sizes.ranges)
         self.accepted = replace(
-            place, found=found, scaled=place.matrix * self._factor, least=place.least * min(1.0, shrunk)
+            place, found=found, scaled=place.matrix * sizes.factor, least=place.least * min(1.0, shrunk)
         )
-
-    def _grow(self, size: np.ndarray) -> None:
-        """Take note of the sizes of entries; they are equilibrated again where they have grown by much."""
-        if not (size <= self._size).all():
-            with np.errstate(invalid="ignore"):
-                self._size = np.fmax(self._size, size)
-            if self._scales is not None and not (size <= self._bound).all():
-                self._scales = None
 
     def _least(self, even: np.ndarray) -> float:
         """A lower bound of the smallest singular value, which changes by no more than the matrix does (Weyl)."""
-        if self._recent is not None:
+        if self._recent is not None and self._recent[2] is self._sizes.scales:
             change = (even - self._recent[0]).ravel()
             least = self._recent[1] - math.sqrt(float(change @ change))
             if least > _SURE:
                 return least
         return rank_margin(even)
 
-    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        if self._scales is None:
-            self._take(equilibrated(self._size, self._columns))
-        return self._scales
-
-    def _take(self, scales: tuple[np.ndarray, np.ndarray]) -> None:
-        """Compare entries with these factors of the rows and columns from now on."""
-        self._scales, self._columns, self._bound, self._recent = scales, scales[1], GROWN * self._size, None
-        row = self._size.max(axis=1, keepdims=True)
-        ranges = (self._size / np.where(row > 0, row, 1.0)).max(axis=0)
-        self._ranges = np.where(ranges > 0, ranges, 1.0)
-        self._factor = scales[0][:, None] * scales[1]
-
-    def _scaled(self, matrix: np.ndarray) -> np.ndarray:
-        self._factors()
-        return matrix * self._factor
-
     def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
         """Return whether the constraints keep their rank between two places, judged in between if necessary."""
-        change = self._scaled(second.matrix - first.matrix)
+        change = self._sizes.scaled(second.matrix - first.matrix)
         if stays_regular(change, first.least + second.least) or (
             first.least + second.least < first.margin + second.margin
             and stays_regular(change, first.margin + second.margin)
@@ -380,34 +357,26 @@ class CoordinateWatch:
         over to another solution. What is unexplained by velocities becomes less with every half of a step, a jump does
         not.
         """
-        first, second = self.accepted, place
-        before = self._unexplained(first, second)
-        way = np.abs(second.coordinates - first.coordinates)[self.constraints.watched] if len(before) else before
+        first, second, watched = self.accepted, place, self.constraints.watched
+        before = first.unexplained(second, watched)
+        way = np.abs(second.coordinates - first.coordinates)[watched] if len(before) else before
         row = int(np.argmax(before - UNEXPLAINED * way)) if len(before) else 0
         if not len(before) or not before[row] > UNEXPLAINED * way[row] + _ROUNDING:
             return True
-        if before[row] < NEIGHBOURS * self._factors()[1][self.constraints.watched[row]]:
+        if before[row] < NEIGHBOURS * self._sizes.factors()[1][watched[row]]:
             return True
         most = last = before[row]
         for _ in range(_HALVINGS):
             self._looked_inside = True
             middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
             halves = (first, middle), (middle, second)
-            first, second = max(halves, key=lambda half: self._unexplained(*half)[row])
-            last = self._unexplained(first, second)[row]
+            first, second = max(halves, key=lambda half: half[0].unexplained(half[1], watched)[row])
+            last = first.unexplained(second, watched)[row]
             most = max(most, last)  # a prescribed motion that turns round within the step has hardly come on in all
         if last <= _AT_ONCE * most + _ROUNDING:
             return True
         self.singular = (first.t + second.t) / 2
         return False
-
-    def _unexplained(self, first: Place, second: Place) -> np.ndarray:
-        """(watched,) way of the dependent coordinates but for what their velocities tell; empty where not known."""
-        if not len(first.coordinates):
-            return np.zeros(0)
-        way, rows = second.coordinates - first.coordinates, self.constraints.rows
-        told = -(first.found.plain + second.found.plain) / 2 @ way[rows:]
-        return np.nan_to_num(np.abs(way[self.constraints.watched] - told))
 
     def _comes_near(self, place: Place) -> bool:
         """Return whether the constraints are about to depend on each other, and when."""
@@ -420,33 +389,6 @@ class CoordinateWatch:
         return True
 
     def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
-        rows, columns = self._size.shape
+        rows, columns = self._sizes.size.shape
         entries, self._unscaled = self._entries(t, x)
         return np.bincount(self._place, entries, rows * columns).reshape(rows, columns)
-
-    def _states(self, exchanges: list[tuple[int, int]]) -> list[int]:
-        """The columns that are states after some exchanges."""
-        own = self.constraints
-        rows = own.rows
-        held, dependent = list(range(rows, len(own.variable))), own.watched.tolist()
-        for i, j in exchanges:
-            dependent[i], held[j] = held[j], dependent[i]
-        return held
-
-    def _by_pivots(self, matrix: np.ndarray) -> list[int]:
-        """The states left where the dependent coordinates are chosen again, by elimination with full pivoting."""
-        rows = len(matrix)
-        a = self._scaled(matrix)
-        chosen: list[int] = []
-        left = list(range(rows))
-        for _ in range(rows):
-            block = np.abs(a[left])
-            block[:, chosen] = 0.0
-            i, j = np.unravel_index(int(np.argmax(block)), block.shape)
-            if not block[i, j] > 1e-12:
-                return []
-            r = left.pop(int(i))
-            chosen.append(int(j))
-            a[left] -= np.outer(a[left, j] / a[r, j], a[r])
-        held = [k for k in range(matrix.shape[1]) if k not in chosen]
-        return held if held != list(range(rows, matrix.shape[1])) else []
