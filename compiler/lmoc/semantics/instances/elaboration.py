@@ -34,8 +34,8 @@ from lmoc.semantics.instances.instance import (
 from lmoc.semantics.instances.known import ElementValues, KnownValues
 from lmoc.semantics.instances.records import record_fields
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.long_sums import LongSums
-from lmoc.semantics.values.reference import length
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Budget, Exhausted, Wrong, check_size
 from lmoc.syntax import tree

@@ -16,7 +16,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.values.reference import length
+from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.semantics.wrong import Wrong, check_size

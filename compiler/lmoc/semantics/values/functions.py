@@ -16,7 +16,7 @@ from lmoc.semantics.instances.records import argument_fields, leaf_fields
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
-from lmoc.semantics.values.reference import length
+from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_check import has_unit
 from lmoc.semantics.values.value import Arrays, Value

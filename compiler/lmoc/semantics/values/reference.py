@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -319,38 +318,6 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
             return found
     hint = nearest(ref.parts[-1].name, _variables(context, False))
     raise Wrong("E0301", f"'{found.name}' is a class, not a variable", ref.span, hint=hint)
-
-
-class DimensionType(NamedTuple):
-    """A type whose values count along a dimension: an enumeration, or Boolean (10.5).
-
-    `first` is the number of its first value.
-    """
-
-    name: str
-    length: int
-    first: int
-
-
-def dimension_type(context: Context, expression: tree.Expression) -> DimensionType | None:
-    """The enumeration, or Boolean, that an expression names; None where it is a value."""
-    if not isinstance(expression, tree.Ref) or any(part.subscripts for part in expression.parts):
-        return None
-    if not expression.absolute and expression.parts[0].name in context.names:
-        return None
-    try:
-        base = resolve(context.scope.find_class(expression)).base
-    except Wrong:
-        return None  # no class: it is said where its value is needed
-    if not isinstance(base, Builtin) or not base.literals and base.name != "Boolean":
-        return None
-    return DimensionType(base.name, len(base.literals) or 2, 1 if base.literals else 0)
-
-
-def length(context: Context, size: tree.Expression, what: str) -> int:
-    """The number of elements along a dimension that is declared with this size."""
-    literals = dimension_type(context, size)
-    return literals.length if literals else context.whole(context.value(size), size.span, what)
 
 
 def _inside(found: Scope | Builtin, part: tree.RefPart) -> Member | Scope | Builtin | Value:
