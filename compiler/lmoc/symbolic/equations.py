@@ -14,6 +14,7 @@ from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.notation import Formula, Notation, in_words, plain_text
+from lmoc.symbolic.powers import in_powers
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation, with_few_minus_signs
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
 from lmoc.symbolic.system import jet_symbol, no_symbols, symbolic_system
@@ -190,7 +191,7 @@ class EquationsOfMotion:
             rest = {k: v.xreplace(zero) if k in shift else v for k, v in shift.items()}
             residual = e.residual.xreplace(rest)
             if any(v != 0 for v in constant.values()):
-                residual = _in_powers(residual, moving)
+                residual = in_powers(residual, moving)
             coordinate = sp.Symbol(rename[e.coordinate.name])
             late = [rename.get(n, n) for n in self.notation.late]
             coordinates = [sp.Symbol(rename[n]) for n in self.coordinates]
@@ -206,50 +207,6 @@ _UNDETERMINED = "not determined, because of a redundant loop:"
 
 def _formulas(lines: list[str]) -> str:
     return "\n".join(f"<p><math display='block'>{line}</math></p>" for line in lines)
-
-
-def _in_powers(residual: sympy.Expr, moving: list[sympy.Symbol]) -> sympy.Expr:
-    """A polynomial in what moves with its constants put together, those that cancel left out; others as they are."""
-    import sympy as sp
-
-    if not moving or not residual.is_polynomial(*moving):
-        return residual
-    residual, roots = _with_root_symbols(residual)
-    total = sp.S.Zero
-    for powers, coefficient in sp.Poly(residual, *moving).terms():
-        for root, (n, radicand) in roots.items():
-            coefficient = sp.rem(coefficient, root**n - radicand, root)
-        coefficient = sp.factor_terms(sp.cancel(coefficient))
-        for root, (n, radicand) in roots.items():
-            coefficient = coefficient.xreplace({root**k: _root(radicand, n, k) for k in range(1, n)})
-        total += coefficient * sp.Mul(*(x**n for x, n in zip(moving, powers, strict=True)))
-    return total
-
-
-def _with_root_symbols(value: sympy.Expr) -> tuple[sympy.Expr, dict[sympy.Symbol, tuple[int, sympy.Expr]]]:
-    """An expression with a symbol for each root in it, and {symbol: (degree, radicand)}."""
-    import sympy as sp
-
-    roots = {}
-    for power in [p for p in value.atoms(sp.Pow) if p.exp.is_Rational and p.exp.p == 1 and p.exp.q > 1]:
-        symbol, n, radicand = sp.Dummy(), int(power.exp.q), power.base
-        if radicand.func is sp.Abs and n % 2 and value.has(sp.sign(radicand.args[0])):
-            radicand = radicand.args[0]
-            value = value.subs(power, symbol / sp.sign(radicand))  # sign(v)·|v|^(1/3)
-        else:
-            value = value.xreplace({power: symbol})
-        roots[symbol] = n, radicand
-    return value, roots
-
-
-def _root(radicand: sympy.Expr, n: int, power: int) -> sympy.Expr:
-    """A power of the real n-th root."""
-    import sympy as sp
-
-    if n % 2 == 0 or radicand.func is sp.Abs:
-        return radicand ** sp.Rational(power, n)
-    size = sp.Abs(radicand) ** sp.Rational(power, n)
-    return size if power % 2 == 0 else sp.sign(radicand) * size
 
 
 def _delta(name: str) -> str:
