@@ -109,6 +109,50 @@ def pairs(dae: lmoc.DAE) -> list[tuple[str, str]]:
     return [(system.states[q].name, system.states[v].name) for q, v in system.coordinates if v >= 0]
 
 
+def test_a_lever_is_a_bar_with_the_forces_of_the_notes_at_its_points():
+    dae, found = bodies("ex10_lever_and_mass")
+    lever = next(b for b in found.balances if b.body.name == "body")
+    near, far = sorted(lever.points, key=lambda p: p.arm)
+    assert (near.arm, far.arm) == (0.25, 0.75)
+    drawn = [{(sp.expand(f.label), f.sense) for f in p.forces} for p in (near, far)]
+    wanted = [{(sp.expand(in_own_symbols(dae, found, t)), -1)} for t in ("k2*(l*theta/4 - q)", "3*c2*l*v_theta/4")]
+    assert drawn == wanted
+    items = dae.draw(free_body=True).picture.items
+    bar = next(i for i in items if i.symbol == "lever")
+    assert not any(i.symbol == "disk" for i in items)
+    assert [i.part for i in items if i.symbol == "reaction"] == ["lever"]
+    (_, _, top), (_, _, bottom) = bar.shapes[0].vertices
+    joints = sorted(i.ends[0].y - bar.ends[0].y for i in items if i.symbol == "joint")
+    assert (top, joints) == (0.0, [0.0, pytest.approx(bottom / 3), bottom])
+
+
+@pytest.mark.parametrize("file", ["notes/s9_lever_large_angles", "hard/h08_turning_lever", "notes/ex10_lever_and_mass"])
+def test_moments_of_the_forces_at_a_levers_points_are_its_torque(file):
+    dae = lmoc.compile(NOTES.parent / f"{file}.lmo")
+    prepared = dae.prepare()
+    graph = whole(prepared.flat, prepared.values)
+    found = free_bodies(prepared.reduced, prepared.values, graph)
+    run = dae.simulate(stop=0.3)
+    numbers = _numbers(found, prepared, graph, run, len(run.time) - 1)
+    balance = next(b for b in found.balances if b.points)
+    angle = 0.0 if balance.points[0].small else numbers.angle(balance)
+    moments = [p.arm * np.cos(angle) * f.sense * numbers.of(balance, f) for p in balance.points for f in p.forces]
+    torque = sum(f.sense * numbers.of(balance, f) for f in balance.forces if f.part == "lever")
+    assert sum(moments) == pytest.approx(torque, rel=1e-9)
+    assert abs(torque) > 1e-3
+
+
+def test_what_a_mass_owes_to_the_turning_of_its_lever_is_no_force():
+    """``q = l·sin θ`` has an acceleration with ``θ̇²``: a part of ``m·q̈``, not of the forces."""
+    dae = lmoc.compile(NOTES.parent / "hard/h08_turning_lever.lmo")
+    prepared = dae.prepare()
+    found = free_bodies(prepared.reduced, prepared.values, whole(prepared.flat, prepared.values))
+    for name in ("mass1", "mass2"):
+        balance = next(b for b in found.balances if b.body.name == name)
+        assert [f.part for f in balance.forces] == [name, "lever"]
+        assert not any(base_of(s.name)[1] for f in balance.forces for s in f.label.free_symbols)
+
+
 @pytest.mark.parametrize("name", ["ex02_spring_mass_damper", "ex05_suspension", "ex08_cable_around_cylinder"])
 def test_numbers_add_up_to_mass_times_acceleration(name):
     dae, found = bodies(name)

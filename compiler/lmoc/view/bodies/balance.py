@@ -7,7 +7,7 @@ balance of a point without mass gives it by the motion alone: a spring's force a
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,7 @@ from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import Interpreter
 from lmoc.view.bodies.local import LocalForms
 from lmoc.view.scene.elements import Element, Graph, Port
+from lmoc.view.scene.levers import tips
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.strip import BODIES
 
@@ -36,6 +37,7 @@ TENSION = frozenset(
     bearing-friction ratchet""".split()
 )
 MOST_OPERATIONS = 16  # in a formula beside an arrow
+LEVERS = ("lever", "arm")
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,26 @@ class Force:
 
 
 @dataclass(frozen=True)
+class Loaded:
+    """A point of a lever at which forces act.
+
+    Attributes
+    ----------
+    lever : the part
+    arm : from the pivot, m, negative on its other side
+    node : of the point
+    small : the sine of the angle is taken as the angle
+    forces : on the lever, along the coordinate of the point
+    """
+
+    lever: str
+    arm: float
+    node: int
+    small: bool
+    forces: tuple[Force, ...]
+
+
+@dataclass(frozen=True)
 class Balance:
     """A body with all forces on it: ``inertia = Σ force.value``.
 
@@ -72,6 +94,7 @@ class Balance:
     inertia : mass times acceleration, in jets of the scene's coordinates
     mass : the factor of the acceleration alone
     turns : it turns
+    points : where forces act on the levers that turn with it; `forces` has their torques
     """
 
     body: Element
@@ -80,6 +103,12 @@ class Balance:
     mass: sympy.Expr
     forces: tuple[Force, ...]
     turns: bool
+    points: tuple[Loaded, ...] = ()
+
+    def groups(self) -> Iterator[tuple[int, tuple[Force, ...]]]:
+        """Yield the nodes at which forces act, with the forces there: the body's own first."""
+        yield self.port.node, self.forces
+        yield from ((point.node, point.forces) for point in self.points)
 
     @property
     def residual(self) -> sympy.Expr:
@@ -105,7 +134,8 @@ class FreeBodies:
 
     def notation(self) -> Notation:
         """Return the names of everything that occurs."""
-        expressions = [e for b in self.balances for e in (b.mass, *(f.label for f in b.forces))]
+        labels = [f.label for b in self.balances for _, forces in b.groups() for f in forces]
+        expressions = [*(b.mass for b in self.balances), *labels]
         return Notation.of(*expressions, late=self.late, given=self.own)
 
 
@@ -140,7 +170,7 @@ def free_bodies(
         if element.symbol not in BODIES or element.ports[0].domain not in ("line", "shaft"):
             continue
         if cut_out is None or element.name in cut_out:
-            found.append(_balance(element, at[element.ports[0].node], laws, forms))
+            found.append(_balance(element, at, laws, forms))
     late = *(u.name for u in outline.inputs), *(q.name for q in kinematics.coordinates)
     return FreeBodies(tuple(found), late, {**_own_flows(found, graph), **outline.own_names})
 
@@ -148,7 +178,8 @@ def free_bodies(
 def _own_flows(balances: list[Balance], graph: Graph) -> dict[str, str]:
     """The model's own names for the forces that stand as symbols, and for the bodies' coordinates."""
     names = Names(graph)
-    symbols = {base_of(s.name)[0] for b in balances for f in b.forces for s in f.label.free_symbols}
+    forces = [f for b in balances for _, forces in b.groups() for f in forces]
+    symbols = {base_of(s.name)[0] for f in forces for s in f.label.free_symbols}
     found = {}
     for name in symbols:
         variables = graph.flat.find(name)
@@ -233,29 +264,76 @@ def _is_long(value: sympy.Expr) -> bool:
     return value.has(sp.Piecewise) or any(sp.count_ops(t) > MOST_OPERATIONS for t in sp.Add.make_args(value))
 
 
-def _balance(body: Element, around: list[tuple[Element, Port]], laws: _Laws, forms: LocalForms) -> Balance:
+def _balance(body: Element, at: Mapping[int, list[tuple[Element, Port]]], laws: _Laws, forms: LocalForms) -> Balance:
+    """Return the balance of a body; `at` has the ports at each node."""
     import sympy as sp
 
     port, graph = body.ports[0], forms.graph
-    own = sp.expand(laws.flow(body, port))
-    inertial = [t for t in sp.Add.make_args(own) if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
-    forces = [_weight(body, -t, graph) for t in sp.Add.make_args(own) if t not in inertial and t != 0]
+    around = [(e, p) for e, p in at[port.node] if (e.name, p.name) != (body.name, port.name)]
+    inertial, rest = _own_terms(body, port, laws, graph)
+    forces = [_weight(body, -t, graph) for t in rest]
     for element, other in around:
-        if element.name == body.name and other.name == port.name:
-            continue
         if element.symbol in BODIES:  # two bodies at one place share what acts there
-            more = sp.expand(laws.flow(element, other))
-            inertial += [t for t in sp.Add.make_args(more) if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
-            rest = [t for t in sp.Add.make_args(more) if t not in inertial and t != 0]
+            more, rest = _own_terms(element, other, laws, graph)
+            inertial += more
             forces += [_weight(element, -t, graph) for t in rest]
-            continue
-        forces += _forces(element, other, laws, forms, port)
-    name = "J" if port.domain == "shaft" else "m"
-    mass = laws.parameter(graph, body, name)
+        else:
+            forces += _forces(element, other, laws, forms, port)
+    mass = laws.parameter(graph, body, _inertia_name(port))
     inertia = sp.Add(*inertial)
     if mass is None:
         mass = slope(inertia, next(iter(sorted(inertia.free_symbols, key=str))))
-    return Balance(body, port, inertia, mass, tuple(forces), port.domain == "shaft")
+    turns = port.domain == "shaft"
+    levers = [(e, hinge) for e, hinge in around if turns and e.symbol in LEVERS]
+    points = [p for e, hinge in levers for p in _points(e, hinge, at, laws, forms, port)]
+    return Balance(body, port, inertia, mass, tuple(forces), turns, tuple(points))
+
+
+def _inertia_name(port: Port) -> str:
+    return "J" if port.domain == "shaft" else "m"
+
+
+def _own_terms(body: Element, port: Port, laws: _Laws, graph: Graph) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
+    """The terms of a body's own flow: those of its inertia, and the others.
+
+    Inertia is mass times acceleration. It has terms of velocities alone where the coordinate is not the scene's.
+    """
+    import sympy as sp
+
+    own = sp.expand(laws.flow(body, port))
+    mass = laws.parameter(graph, body, _inertia_name(port))
+    if mass is not None:
+        kinematics = laws.laws.kinematics
+        inertia = sp.expand(mass * kinematics.rate(kinematics.rate(kinematics.value(port.potentials[0]))))
+        rest = sp.expand(own - inertia)
+        if not any(base_of(s.name)[1] >= 2 for s in rest.free_symbols):
+            return [inertia], [t for t in sp.Add.make_args(rest) if t != 0]
+    terms = [t for t in sp.Add.make_args(own) if t != 0]
+    inertial = [t for t in terms if any(base_of(s.name)[1] >= 2 for s in t.free_symbols)]
+    return inertial, [t for t in terms if t not in inertial]
+
+
+def _points(
+    lever: Element,
+    hinge: Port,
+    at: Mapping[int, list[tuple[Element, Port]]],
+    laws: _Laws,
+    forms: LocalForms,
+    body: Port,
+) -> list[Loaded]:
+    """The forces at the ends of a lever that is held by its hinge; where a body is, their sum."""
+    found = []
+    small = forms.graph.value(lever, "smallAngle", 0.0) == 1
+    for tip in tips(lever, forms.graph):
+        own = next(p for p in lever.ports if p.node == tip.node and p.name != hinge.name)
+        others = [(e, p) for e, p in at[tip.node] if e.name != lever.name]
+        if any(e.symbol in BODIES for e, _ in others):
+            value = forms.written(laws.flow(lever, own), lever, body)
+            forces = [Force(lever.name, value, *_positive(value))]
+        else:
+            forces = [f for e, p in others for f in _forces(e, p, laws, forms, body)]
+        found.append(Loaded(lever.name, tip.length, tip.node, small, tuple(forces)))
+    return found
 
 
 def _forces(element: Element, port: Port, laws: _Laws, forms: LocalForms, body: Port) -> list[Force]:

@@ -103,22 +103,28 @@ def _numbers(bodies: FreeBodies, prepared: Prepared, graph: Graph, run: Trajecto
     """All forces at one output time."""
     value = _Values(prepared, graph, run, at)
     table: dict[int, float] = {}  # by identity of the force
+    turning: set[int] = set()
     for balance in bodies.balances:
-        for part in dict.fromkeys(f.part for f in balance.forces):
-            own = [f for f in balance.forces if f.part == part]
-            table |= {id(f): v for f, v in zip(own, value.forces(balance, own))}
+        for node, forces in balance.groups():
+            for part in dict.fromkeys(f.part for f in forces):
+                own = [f for f in forces if f.part == part]
+                table |= {id(f): v for f, v in zip(own, value.forces(balance, node, own))}
+        turning |= {id(f) for f in balance.forces if balance.turns}
 
     def largest(turns: bool) -> float:
-        sizes = [abs(table[id(f)]) for b in bodies.balances if b.turns == turns for f in b.forces]
+        sizes = [abs(v) for key, v in table.items() if (key in turning) == turns]
         return max((s for s in sizes if np.isfinite(s)), default=0.0)
 
     force, torque = largest(False), largest(True)
 
     def of(balance: Balance, f: Force) -> float:
         value = table[id(f)]
-        return 0.0 if abs(value) < ROUNDING * (torque if balance.turns else force) else value
+        return 0.0 if abs(value) < ROUNDING * (torque if id(f) in turning else force) else value
 
-    return Numbers(of, force, torque)
+    def angle(balance: Balance) -> float:
+        return float(run[graph.name(balance.port)][at])
+
+    return Numbers(of, force, torque, angle)
 
 
 class _Values:
@@ -127,22 +133,24 @@ class _Values:
     def __init__(self, prepared: Prepared, graph: Graph, run: Trajectory, at: int) -> None:
         self.prepared, self.graph, self.run, self.at = prepared, graph, run, at
 
-    def forces(self, balance: Balance, forces: list[Force]) -> list[float]:
-        """The forces of one part; where one is not known by itself, it is what the others leave of the whole."""
+    def forces(self, balance: Balance, node: int, forces: list[Force]) -> list[float]:
+        """The forces of one part at a node; one not known by itself is what the others leave of the whole."""
         known = [self._of(f.label) for f in forces]
         missing = [k for k, v in enumerate(known) if v is None]
-        total = self._total(balance, forces[0].part) if len(missing) == 1 else None
+        total = self._total(balance, node, forces[0].part) if len(missing) == 1 else None
         if total is not None:
             rest = sum(f.sense * v for f, v in zip(forces, known) if v is not None)
             known[missing[0]] = (total - rest) * forces[missing[0]].sense
         return [float("nan") if v is None else v for v in known]
 
-    def _total(self, balance: Balance, part: str) -> float | None:
-        """The force of a part on a body as the run has it."""
+    def _total(self, balance: Balance, node: int, part: str) -> float | None:
+        """The force of a part on a body, or on a lever of it, as the run has it."""
         flat = self.prepared.flat
+        if part in {p.lever for p in balance.points if p.node == node}:
+            return None  # it is on the lever itself
         for element in self.graph.elements:
             for port in element.ports:
-                if element.name == part and port.node == balance.port.node and part != balance.body.name:
+                if element.name == part and port.node == node and part != balance.body.name:
                     return -float(self.run[flat.variable_name(port.flows[0])][self.at])
         return None
 

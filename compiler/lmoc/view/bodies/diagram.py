@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from lmoc.support.records import dataclass
 from lmoc.symbolic.notation import Formula, Notation, join_terms
 from lmoc.view.bodies.balance import Balance, Force, FreeBodies
+from lmoc.view.bodies.lever import Writing, draw_bar
 from lmoc.view.bodies.writing import MARKED
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block, packed
@@ -39,11 +40,13 @@ class Numbers:
     ----------
     of : from a force to its value along the arrow, N or N·m
     largest, largest_torque : of all of them
+    angle : of a body that turns, rad
     """
 
     of: Callable[[Balance, Force], float]
     largest: float
     largest_torque: float
+    angle: Callable[[Balance], float]
 
 
 def draw_bodies(
@@ -58,7 +61,7 @@ def draw_bodies(
     notation = bodies.notation()
     blocks = []
     for balance in bodies.balances:
-        drawing = _Diagram(balance, notation, style, directions.get(balance.port.node, RIGHT), numbers)
+        drawing = _Diagram(balance, notation, style, directions, numbers)
         blocks.append(drawing.block())
     return packed(blocks, WIDTH, 40.0)
 
@@ -91,17 +94,24 @@ def dotted(symbol: str) -> str:
 
 class _Diagram:
     def __init__(
-        self, balance: Balance, notation: Notation, style: Style, direction: Direction, numbers: Numbers | None
+        self,
+        balance: Balance,
+        notation: Notation,
+        style: Style,
+        directions: Mapping[int, Direction],
+        numbers: Numbers | None,
     ) -> None:
         self.balance, self.notation, self.style, self.numbers = balance, notation, style, numbers
         self.formula = Formula(notation, MARKED)
-        self.direction = direction
+        self.directions, self.direction = directions, directions.get(balance.port.node, RIGHT)
         self.items: list[Item] = []
         self.name = style.names.part(balance.body, "J" if balance.turns else "m")
         self.coordinate = style.coordinates.get(balance.port.node, "q")
 
     def block(self) -> Block:
-        if self.balance.turns:
+        if self.balance.points:
+            self.items += draw_bar(self.balance, self.directions, self._writing(), self._angle_now())
+        elif self.balance.turns:
             self._turning()
         elif self.direction == RIGHT:
             self._level()
@@ -115,14 +125,14 @@ class _Diagram:
 
     # ------------------------------------------------------------------ arrows
 
-    def _text(self, force: Force) -> str:
+    def _text(self, force: Force, unit: str = "") -> str:
         negative = bool(force.label.as_coeff_Mul()[0] < 0)
         text = term_text(self.balance, force, -force.label if negative else force.label, self.formula)
         text = MARKED.sign + text if negative else text
         if self.numbers is None:
             return text
         value = self.numbers.of(self.balance, force)
-        unit = "N·m" if self.balance.turns else "N"
+        unit = unit or ("N·m" if self.balance.turns else "N")
         return f"{text} = {value:.4g} {unit}".replace("= -", "= −") if isfinite(value) else f"{text} = ?"
 
     def _length(self, force: Force) -> float:
@@ -213,16 +223,36 @@ class _Diagram:
         spread: Sequence[float] = {1: (90,), 2: (180, 0), 3: (150, 30, 270), 4: (150, 30, 210, 330)}.get(n, ())
         return spread[k] if spread else 90 + 360 * k / n
 
+    def _span(self, force: Force) -> float:
+        """Half of what the arrow of a torque spans, degrees; negative where it points the other way."""
+        if self.numbers is None:
+            return 26.0
+        value, largest = self.numbers.of(self.balance, force), self.numbers.largest_torque
+        return 40.0 * value / largest if isfinite(value) and largest > 0 else 0.0
+
     def _torque(self, force: Force, middle: float) -> None:
-        span, sense, r = 26.0, float(force.sense), RADIUS + 11
-        if self.numbers is not None:
-            value, largest = self.numbers.of(self.balance, force), self.numbers.largest_torque
-            share = value / largest if isfinite(value) and largest > 0 else 0.0
-            span, sense = 40.0 * abs(share), sense * (1.0 if share >= 0 else -1.0)
-        if span > 0:
-            a, b = radians(middle - sense * span), radians(middle + sense * span)
+        span, r = force.sense * self._span(force), RADIUS + 11
+        if span:
+            a, b = radians(middle - span), radians(middle + span)
             self.items.append(symbols.turning_arrow("torque", force.part, End(0, 0), r, a, b, "force"))
         t = radians(middle)
         anchor = "start" if cos(t) > 0.3 else "end" if cos(t) < -0.3 else "middle"
         x, y = (r + 9) * cos(t), -(r + 13) * sin(t)
         self.items.append(symbols.label(self._text(force), End(0, 0), x, y, anchor, force.part, "force"))
+
+    # ------------------------------------------------------------------ levers
+
+    def _writing(self) -> Writing:
+        def torque(force: Force) -> str:
+            return self._text(force, "N·m")
+
+        def force(force: Force) -> str:
+            return self._text(force, "N")
+
+        def turning(force: Force) -> float:
+            return radians(2 * self._span(force))
+
+        return Writing(force, torque, self._length, turning, self.name, self.coordinate)
+
+    def _angle_now(self) -> float | None:
+        return None if self.numbers is None else self.numbers.angle(self.balance)

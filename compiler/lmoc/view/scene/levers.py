@@ -8,7 +8,7 @@ from math import isfinite
 from lmoc.support.records import dataclass
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
-from lmoc.view.scene.elements import Element
+from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.picture import End, Item, Label, Move, Path, Turn
 from lmoc.view.scene.ropes import Hanging
 from lmoc.view.scene.strip import BODIES, DOWN, GROUP, RIGHT, UP, Direction, Strip
@@ -27,9 +27,8 @@ class Tip:
     node: int
 
 
-def tips(element: Element, hanging: Hanging) -> list[Tip]:
+def tips(element: Element, graph: Graph) -> list[Tip]:
     """Return the ends of a lever, an arm or a beam."""
-    graph = hanging.style.names.graph
     found = []
     for port, name in (("a", "l1"), ("b", "l2"), ("flange", "l")):
         own = element.port(port)
@@ -41,7 +40,7 @@ def tips(element: Element, hanging: Hanging) -> list[Tip]:
 
 def draw_lever(element: Element, shaft: Turning | None, hanging: Hanging) -> Block:
     """Return a lever with everything at its ends; upright, unless something there has weight."""
-    ends = tips(element, hanging)
+    ends = tips(element, hanging.style.names.graph)
     strips = [hanging.strips.get(t.node) for t in ends]
     level = element.symbol == "beam" or any(s is not None and hanging.weights(s) for s in strips)
     return _level(element, shaft, ends, hanging) if level else _upright(element, shaft, ends, hanging)
