@@ -240,6 +240,53 @@ def test_a_run_that_changes_over_to_c_gives_what_it_would_have_given(tmp_path, m
         np.testing.assert_allclose(first[name], later[name], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("model", ["planar/four_bar"])
+def test_ida_gets_the_same_from_c_and_from_python(model, monkeypatch):
+    dae = lmoc.compile(f"models/{model}.lmo")
+    options = {"solver": "ida", "stop": 0.2, "points": 11, "rtol": 1e-7}
+    dae.simulate(**options)
+    asked: list[bool] = []
+
+    def none(system, order, implicit=False):
+        asked.append(implicit)
+
+    in_c = dae.simulate(**options)
+    monkeypatch.setattr(NativeSystem, "callback", none)
+    in_python = dae.simulate(**options)
+    assert in_c.stats["evaluations"] == in_python.stats["evaluations"]
+    if in_python.stats["evaluation"] == "C":
+        assert asked == [True]
+    for name in dae.states:
+        np.testing.assert_allclose(in_c[name], in_python[name], rtol=1e-9, atol=1e-12)
+
+
+def test_a_jacobian_that_is_requested_again_and_again_is_compiled(tmp_path, monkeypatch):
+    import time
+
+    dae = lmoc.compile("models/classic/slider_crank.lmo")
+    c, numpy = native(dae, energy=False)
+    run = dae.simulate(points=2, stop=1e-3, energy=False)
+    x = np.array([run[c.plan.reduced.register_name(int(r))][0] for r in c.plan.states])
+    expected, found = np.empty((2, len(c.pattern()[1])))
+    numpy.jacobian_values(0.0, x, expected)
+    monkeypatch.setenv("LMOC_CACHE", str(tmp_path))  # no Jacobian is compiled yet
+    deadline, calls = time.monotonic() + 60, 0
+    while not (c._slopes is not None and c._slopes.ready):
+        c.jacobian_values(0.0, x, found)
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
+        calls += 1
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    c.jacobian_values(0.0, x, found)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
+    assert c.jacobians == calls + 1
+    another, _ = native(dae, energy=False)  # finds it in the cache
+    for _ in range(3):
+        another.jacobian_values(0.0, x, found)
+    assert another._slopes is not None and another._slopes.ready
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
+
+
 def test_literal_numbers_and_tables_give_the_same(monkeypatch):
     from lmoc.numerics.evaluate.native import c_program
 

@@ -177,8 +177,13 @@ class System(ABC):
         """Return the index-1 form with the unknowns of large blocks as algebraic variables; None without any."""
         return None
 
-    def callback(self, order: np.ndarray | None):
-        """Return the right-hand side as a compiled SUNDIALS callback with its data, states in a new order, or None."""
+    def callback(self, order: np.ndarray | None, implicit: bool = False):
+        """Return f as a compiled callback of CVODE with its data, states in a new order, or None.
+
+        Parameters
+        ----------
+        implicit : x' - f, as a callback of IDA
+        """
         return None
 
     def in_c(self) -> InC | None:

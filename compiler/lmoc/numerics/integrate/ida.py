@@ -42,7 +42,8 @@ class Ida(Multistep):
         self.mass = self.arrange(mass)
         y, yp = self._consistent(y)
         given = self.given(y, self.arrange(atol), self._fill)
-        self.session = ida.IdaSession(given, self._residual, yp, self.mass > 0)
+        compiled = None if self.opened is not None else problem.system.callback(self.order, implicit=True)
+        self.session = ida.IdaSession(given, compiled or self._residual, yp, self.mass > 0)
 
     def _whole(self, x: np.ndarray) -> np.ndarray:
         """The states with the algebraic variables that belong to them."""

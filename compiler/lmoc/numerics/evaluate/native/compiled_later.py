@@ -94,9 +94,9 @@ class CompiledLater(System):
     def opened(self):
         return self.current.opened()
 
-    def callback(self, order: np.ndarray | None):
+    def callback(self, order: np.ndarray | None, implicit: bool = False):
         self.take_over()
-        return self.current.callback(order)
+        return self.current.callback(order, implicit)
 
     def determinants(self) -> np.ndarray:
         return self.current.determinants()

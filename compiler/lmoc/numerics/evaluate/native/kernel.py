@@ -288,11 +288,11 @@ class Kernel:
         """Mark the last solution of nonlinear blocks as one to go back to where the way from a later one fails."""
         self._mark(ctypes.byref(call))
 
-    def callback(self, call: Call):
-        """The right-hand side as SUNDIALS calls it, and what to hand it as user data."""
+    def callback(self, call: Call, implicit: bool):
+        """The right-hand side as CVODE calls it, or y' - f as IDA does; and what to hand it as user data."""
         call.data = ctypes.cast(sundials.load().N_VGetArrayPointer, ctypes.c_void_p).value
-        rhs = sundials.RHS(ctypes.cast(self.library.lmoc_rhs, ctypes.c_void_p).value)
-        return rhs, ctypes.byref(call)
+        kind, name = (sundials.RESIDUAL, "lmoc_residual") if implicit else (sundials.RHS, "lmoc_rhs")
+        return kind(self.address(name)), ctypes.byref(call)
 
 
 def _guess(step: Solve) -> np.ndarray:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from lmoc.numerics.evaluate.native.slopes import Slopes
 
 
-# Evaluations of the Jacobian after which it is looked for in the cache, and after which it is compiled. Numpy takes 5.8 ms
-# for that of Andrews' mechanism and C 11 µs; its text takes 9 ms, the compiler 1.2 s.
+# Evaluations of the Jacobian after which it is looked for in the cache, and after which it is compiled. For that of
+# Andrews' mechanism numpy takes 5.8 ms and C 11 µs; its text takes 9 ms, the compiler 1.2 s.
 _LOOKED_FOR, _COMPILED = 2, 10
 _SLOPE_ROWS = 5_000  # of a program with so many rows at the most
 
@@ -176,11 +176,11 @@ class NativeSystem(VectorSystem):
     def mark(self) -> None:
         self.kernel.mark(self._own)
 
-    def callback(self, order: np.ndarray | None):
-        """The right-hand side as SUNDIALS calls it, for states in a new order; None if inputs are asked from Python."""
+    def callback(self, order: np.ndarray | None, implicit: bool = False):
+        """As SUNDIALS calls it, for states in a new order; None if inputs are asked from Python."""
         if self.samplers:
             return None
-        return self.kernel.callback(self._call(np.arange(self.n) if order is None else order))
+        return self.kernel.callback(self._call(np.arange(self.n) if order is None else order), implicit)
 
     def in_c(self) -> InC | None:
         if self.samplers:

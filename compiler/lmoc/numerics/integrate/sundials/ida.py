@@ -1,4 +1,4 @@
-"""IDA (Hindmarsh et al. 2005) on a Python residual F(t, y, y') = 0."""
+"""IDA (Hindmarsh et al. 2005) on a compiled or a Python residual F(t, y, y') = 0."""
 
 from __future__ import annotations
 
@@ -20,15 +20,20 @@ class IdaSession(Session):
     counters = "Steps", "ResEvals", "JacEvals"
     no_value = -8, -9, -12
 
-    def __init__(self, given: Given, residual: Residual, yp: np.ndarray, differential: np.ndarray) -> None:
+    def __init__(
+        self, given: Given, residual: Residual | tuple[object, object], yp: np.ndarray, differential: np.ndarray
+    ) -> None:
         """
         Parameters
         ----------
+        residual : a Python function, or a compiled one (`sundials.RESIDUAL`) and the pointer to hand it as user data
         yp : (n,) y' at the start, consistent with y
         differential : (n,) which components have derivatives in F; the others stay out of the error test
         """
         self.yp, self.differential = np.array(yp, float), differential.astype(float)
-        self.residual = sun.RESIDUAL(self.callback(residual))  # kept alive as long as IDA may call it
+        # callbacks are kept alive as long as IDA may call them
+        compiled = residual if isinstance(residual, tuple) else (sun.RESIDUAL(self.callback(residual)), None)
+        self.residual, self.data = compiled
         super().__init__(given)
 
     def create(self) -> c_void_p:
@@ -36,6 +41,7 @@ class IdaSession(Session):
         memory = c_void_p(lib.IDACreate(self.context))
         self.rate = self.vector(self.yp)
         lib.IDAInit(memory, self.residual, self.given.t, self.state, self.rate)
+        lib.IDASetUserData(memory, self.data)
         lib.IDASVtolerances(memory, self.given.rtol, self.tolerance)
         if not self.differential.all():
             lib.IDASetId(memory, self.vector(self.differential))

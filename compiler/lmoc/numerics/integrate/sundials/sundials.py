@@ -73,6 +73,7 @@ _SIGNATURES: dict[str, tuple] = {
     "IDACreate": (c_void_p, c_void_p),
     "IDAInit": (c_int, c_void_p, RESIDUAL, c_double, c_void_p, c_void_p),
     "IDASVtolerances": (c_int, c_void_p, c_double, c_void_p),
+    "IDASetUserData": (c_int, c_void_p, c_void_p),
     "IDASetMaxNumSteps": (c_int, c_void_p, c_long),
     "IDASetMinStep": (c_int, c_void_p, c_double),
     "IDASetStopTime": (c_int, c_void_p, c_double),

@@ -116,6 +116,16 @@ int lmoc_rhs(double time, void *y, void *ydot, void *user) {
   return check == 0 ? 0 : 1;  /* NaN or infinity: a step that CVODE tries again, smaller */
 }
 
+/* y' - f(t, y), as IDA calls it. */
+int lmoc_residual(double time, void *y, void *rate, void *residual, void *user) {
+  lmoc_call *c = user;
+  const double *p = c->data(rate);
+  double *r = c->data(residual);
+  if (lmoc_rhs(time, y, residual, user)) return 1;
+  for (int64_t i = 0; i < c->n; i++) r[i] = p[i] - r[i];
+  return 0;
+}
+
 static void lmoc_derivatives(lmoc_call *c, double time, const double *x, double *f) {
   const int failed = lmoc_evaluate(c, time, x);
   for (int64_t i = 0; i < c->n; i++) f[i] = failed ? NAN : c->w[c->derivatives[i]];
