@@ -300,21 +300,7 @@ class Hybrid:
         except Unsettled as unsettled:
             raise self._unsettled(unsettled, t) from None
         except NotAState as wrong:
-            raise Stopped(Status.UNSETTLED, self._cannot_be_set(wrong)) from None
-
-    def _cannot_be_set(self, wrong: NotAState) -> str:
-        """Return why a `reinit` has failed, with its line."""
-        layout, names = self.layout, self.layout.plan.reduced.state_names
-        name = layout.flat.variable_name(wrong.variable)
-        span = next(r.span for r in layout.events.reinits if wrong.variable in r.target)
-        followed = [names[k] for k in wrong.followed.tolist()]
-        if len(followed) == 1:
-            why = f"no value of the state {followed[0]} leads there"
-        elif followed:
-            why = f"it follows from {len(followed)} states: {', '.join(followed)}"
-        else:
-            why = f"it follows from no state; states are {', '.join(names)}" if names else "there are no states"
-        return f"'{name}' cannot be given a new value by reinit ({span.source.name}, line {span.line}): {why}"
+            raise Stopped(Status.UNSETTLED, wrong.reason(self.layout)) from None
 
     # --------------------------------------------------------------------- what is reported
 

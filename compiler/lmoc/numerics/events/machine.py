@@ -49,6 +49,20 @@ class NotAState(Exception):
         super().__init__()
         self.variable, self.followed = variable, followed
 
+    def reason(self, layout: EventLayout) -> str:
+        """Return why the `reinit` has failed, with its line."""
+        names = layout.plan.reduced.state_names
+        name = layout.flat.variable_name(self.variable)
+        span = next(r.span for r in layout.events.reinits if self.variable in r.target)
+        followed = [names[k] for k in self.followed.tolist()]
+        if len(followed) == 1:
+            why = f"no value of the state {followed[0]} leads there"
+        elif followed:
+            why = f"it follows from {len(followed)} states: {', '.join(followed)}"
+        else:
+            why = f"it follows from no state; states are {', '.join(names)}" if names else "there are no states"
+        return f"'{name}' cannot be given a new value by reinit ({span.source.name}, line {span.line}): {why}"
+
 
 @dataclass(frozen=True, eq=False)
 class Happened:

@@ -54,8 +54,6 @@ class _Closures(ctypes.Structure):
     ]
 
 
-
-
 def landing(plan: Plan, base: np.ndarray, scale: np.ndarray) -> Landing | None:
     """Return the closures of a plan in C; None where they cannot be compiled.
 
