@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.failures.chatter import chatters, jumps
+from lmoc.numerics.failures.chatter import FRICTION_HINT, chatters, jumps
 from lmoc.numerics.formulations.table import ONE_STEP
 from lmoc.numerics.integrate import choice
 from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Roots
 from lmoc.numerics.integrate.standing import standing
+from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.options import MOREAU
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import Lookout, lookout
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.laws.step_length import Stepped
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
+_SLOW = (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS)
 _MULTISTEP = frozenset({"cvode", "adams", "ida"})
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
@@ -145,6 +147,13 @@ class PieceSolver:
         if not found:
             return ""
         return chatters(found, stretch.observer, stretch.system, (t, x), span.end - span.start)
+
+    def why_slow(self, stretch: Stretch, outcome: Outcome) -> str:
+        """Return why a run with ever shorter steps cannot go on, where a jump of an equation is the reason; else ""."""
+        if outcome.status not in _SLOW:
+            return ""
+        jump = self.holding_jump(stretch, outcome.time, outcome.x)
+        return f"{jump} ({FRICTION_HINT})" if jump else ""
 
     def _problem(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Problem:
         """Return what the integrator is given for a piece."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,6 @@ from lmoc.numerics.coordinates.change import (
     Place,
     all_unknowns,
     block_unknowns,
-    continued,
     registers_at,
     with_solutions,
 )
@@ -31,7 +30,6 @@ from lmoc.numerics.failures.account import (
     note_coordinates,
     registers_at_end,
 )
-from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.integrate.status import Status, Stopped
@@ -44,14 +42,12 @@ from lmoc.numerics.options import MOREAU, WHOLE_RUN
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.steps import stepping_inputs
 from lmoc.numerics.sizes import assumed_sizes
-from lmoc.numerics.start.initialization import initial_state, seed_blocks
-from lmoc.numerics.start.targets import targets
+from lmoc.numerics.start.first_states import first_states
 from lmoc.numerics.task import Stretch, Task
 from lmoc.numerics.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes, Way
-    from lmoc.numerics.coordinates.watch import CoordinateWatch
     from lmoc.numerics.events.happenings import Happenings
     from lmoc.numerics.failures.assertions import Assertions
 
@@ -107,7 +103,6 @@ class _Run:
         self.before_terminal: tuple[Piece, np.ndarray] | None = None
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
-        self.watch: CoordinateWatch | None = None  # over the last choice of coordinates
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
         self.assertions: Assertions | None = None  # as they are watched; None where none are
@@ -123,7 +118,7 @@ class _Run:
             if self.assertions is not None and self.assertions.failed is not None:
                 raise failure(self.assertions.reason(), outcome.time, run)
             sizes = self.tolerances.sizes(self.stretch)
-            known = self._known_reason(outcome)
+            known = self.lost or self.solver.why_slow(self.stretch, outcome)
             text = explanation(self.stretch, outcome, self.task.span, self.pieces, sizes, known)
             raise failure(text, outcome.time, run)
         return run_checks(run, self.assertions is not None)
@@ -188,18 +183,7 @@ class _Run:
         stretch, report, span = self.stretch, self.report, self.task.span
         plan, observer, system = stretch.plan, stretch.observer, stretch.system
         signals = self.task.signals
-        if isinstance(initial, Place):
-            states = partial(initial.states, plan)
-        elif isinstance(initial, End):
-            states = partial(continued, plan, initial)
-        else:
-            wanted = targets(plan, observer.values, initial, report)
-            report.check()
-            seed_blocks(plan, stretch.base, wanted)
-
-            def states(base: np.ndarray) -> np.ndarray:
-                return initial_state(plan, base, signals, observer.values, span.start, wanted, report, self.impacts)
-
+        states = first_states(observer, span.start, stretch.base, initial, report, self.impacts)
         steps = bool(stepping_inputs(plan, signals))
         if plan.reduced.switched is None and plan.reduced.flat.events is None and not steps:
             x = states(stretch.base)
@@ -209,6 +193,10 @@ class _Run:
         system.prepare(self.stretch.base, self.stretch.observer.signals)
         check_start(self.stretch, span.start, x, report)
         self.stretch.recorder.record_start(self.stretch.begin, x)
+        if observer.flat.checks and self.task.options.solver not in (MOREAU, *WHOLE_RUN):
+            from lmoc.numerics.failures.assertions import Assertions
+
+            self.assertions = Assertions(observer.flat) or None
         return x
 
     # ------------------------------------------------------------------ events
@@ -282,7 +270,7 @@ class _Run:
             return self._march(x, begin)
         end = task.span.end if now is None else now.until
         roots = None if now is None else now.roots(begin, x)
-        watched = self._watched_assertions()
+        watched = self.assertions
         if watched is not None:
             if not watched.begin(self.stretch, begin, x):
                 return Outcome(begin, x, 0, Status.ASSERTION)
@@ -309,18 +297,6 @@ class _Run:
                 outcome.status = Status.COORDINATES
         return outcome
 
-    def _watched_assertions(self) -> Assertions | None:
-        """Return the assertions that are watched on the way; None where there are none."""
-        checks = self.stretch.observer.flat.checks
-        if self.assertions is None and self.pieces or not checks or self.task.options.solver in WHOLE_RUN:
-            return self.assertions
-        if self.assertions is None:
-            from lmoc.numerics.failures.assertions import Assertions
-
-            made = Assertions(self.stretch.observer.flat)
-            self.assertions = made or None
-        return self.assertions
-
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
         """Go to the end by steps of equal length, in which impulses of the laws take the place of events."""
         old, now = self.stretch, self.happenings
@@ -331,14 +307,6 @@ class _Run:
         found = self.solver.march(self.stretch, x, now.steps)
         now.records += found.steps.records
         return found.outcome
-
-    def _known_reason(self, outcome: Outcome) -> str:
-        """Return why the run cannot go on, where that is known better than from the status; else nothing."""
-        slow = outcome.status in (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS)
-        if self.lost or not slow:
-            return self.lost
-        jump = self.solver.holding_jump(self.stretch, outcome.time, outcome.x)
-        return f"{jump} ({FRICTION_HINT})" if jump else ""
 
     @property
     def _went_over(self) -> bool:
@@ -357,18 +325,7 @@ class _Run:
         stretch = self.stretch
         if stretch.plan.reduced.constraints is None or stretch.watch is not None or not len(x):
             return Status.OK
-        from lmoc.numerics.coordinates.changes import singular_start
-        from lmoc.numerics.coordinates.watch import CoordinateWatch
-
-        stretch.watch = CoordinateWatch(stretch.system, stretch.base)
-        if self.watch is not None:
-            stretch.watch.inherit(self.watch)
-        self.watch = stretch.watch
-        self.changes.bar(stretch)
-        status = stretch.watch.begin(begin, x)
-        if status is not Status.OK and not self.pieces and not stretch.watch.determines:
-            raise singular_start(stretch, self.report)
-        return status
+        return self.changes.watch_over(stretch, begin, x, first=not self.pieces)
 
     def _with_other_coordinates(self, outcome: Outcome) -> Outcome:
         """Go on from where the coordinates have ceased to be good."""

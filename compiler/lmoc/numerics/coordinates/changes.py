@@ -93,6 +93,7 @@ class Changes:
         self.passed: list[float] = []
         self.together: float | None = None
         self.returned: float | None = None
+        self._watch: CoordinateWatch | None = None  # over the last choice of coordinates
         self._minimal: tuple[Plan, System] | None = None  # what it has been in before
         self._times: list[float] = []  # of changes of coordinates
         self._tried: set[tuple[float, tuple[str, ...]]] = set()  # coordinates, and since when
@@ -102,9 +103,28 @@ class Changes:
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
         self._continued: deque[float] = deque(maxlen=_MANY)  # s, where it has gone on in another way
 
-    def bar(self, stretch: Stretch) -> None:
-        """Tell a piece which variables cannot be states."""
-        stretch.watch.bar(self._refused)
+    def watch_over(self, stretch: Stretch, t: float, x: np.ndarray, first: bool) -> Status:
+        """Watch the coordinates of a piece from its beginning; return how they are judged there.
+
+        Parameters
+        ----------
+        t, x : s, (n,)
+        first : whether the run begins there
+
+        Raises
+        ------
+        StartSingular
+            The run begins where nothing tells how it goes on.
+        """
+        stretch.watch = watch = CoordinateWatch(stretch.system, stretch.base)
+        if self._watch is not None:
+            watch.inherit(self._watch)
+        self._watch = watch
+        watch.bar(self._refused)
+        status = watch.begin(t, x)
+        if status is not Status.OK and first and not watch.determines:
+            raise _singular_start(stretch, self.task.report)
+        return status
 
     def onward(self, stretch: Stretch, outcome: Outcome, tolerance: np.ndarray) -> Way | None:
         """Return how to go on from where an integration has ended; None where no coordinates serve.
@@ -256,7 +276,7 @@ class Changes:
 
     def _candidates(self, stretch: Stretch) -> Iterator[tuple[set[int], list[str]]]:
         reduced = stretch.plan.reduced
-        self.bar(stretch)
+        stretch.watch.bar(self._refused)
         for columns in stretch.watch.better():
             variables = reduced.constraints.variable[columns].tolist()
             yield set(variables), [reduced.flat.variable_name(v) for v in variables]
@@ -307,7 +327,7 @@ def _margin(system: System, base: np.ndarray, t: float, x: np.ndarray) -> float:
     return watch.accepted.margin if watch.begin(t, x) is Status.OK else 0.0
 
 
-def singular_start(stretch: Stretch, report: Report) -> StartSingular:
+def _singular_start(stretch: Stretch, report: Report) -> StartSingular:
     """Return the error where the coordinates do not serve at the start."""
     reduced, variable = stretch.plan.reduced, stretch.watch.lost()
     names, span = ", ".join(reduced.state_names), reduced.flat.declared_at(variable)

@@ -1,0 +1,49 @@
+"""The states with which a run begins, from what is asked of its start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.coordinates.change import Place, continued
+from lmoc.numerics.observe.event import Event
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.trajectory import End
+from lmoc.numerics.start.initialization import initial_state, seed_blocks
+from lmoc.numerics.start.targets import targets
+
+
+def first_states(
+    observer: Observer,
+    time: float,
+    base: np.ndarray,
+    initial: Mapping[str, float] | End | Place,
+    report: Report,
+    impacts: list[Event],
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function of base registers that gives the states (n,).
+
+    Parameters
+    ----------
+    time : s
+    base : registers of the piece, in which the unknowns of nonlinear blocks get their first guess
+    initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
+    impacts : takes records of velocities that contradict each other at the start
+
+    Raises
+    ------
+    ModelError
+        The values asked for are wrong; what has no solution is reported by the function returned.
+    """
+    plan, values, signals = observer.plan, observer.values, observer.signals
+    if isinstance(initial, Place):
+        return partial(initial.states, plan)
+    if isinstance(initial, End):
+        return partial(continued, plan, initial)
+    wanted = targets(plan, values, initial, report)
+    report.check()
+    seed_blocks(plan, base, wanted)
+    return lambda now: initial_state(plan, now, signals, values, time, wanted, report, impacts)
