@@ -65,6 +65,10 @@ def simulate(
     from lmoc.cli.progress import Progress
     from lmoc.cli.scene import compiled, recalled_or_compiled
 
+    if arguments.quiet:
+        import logging
+
+        logging.getLogger("lmoc").setLevel(logging.ERROR)
     with Progress(not arguments.quiet) as progress:
         dae = (compiled if assumptions else recalled_or_compiled)(arguments, progress)
         if check is not None:

@@ -31,6 +31,7 @@ from lmoc.numerics.failures.account import (
     registers_at_end,
 )
 from lmoc.numerics.failures.checks import run_checks
+from lmoc.numerics.failures.flood import Flood
 from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import Event
@@ -103,6 +104,7 @@ class _Run:
         self.before_terminal: tuple[Piece, np.ndarray] | None = None
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.happenings: Happenings | None = None
+        self.flood: Flood | None = None  # with happenings
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
         self.assertions: Assertions | None = None  # as they are watched; None where none are
@@ -209,6 +211,7 @@ class _Run:
         span = task.span.start, task.span.end
         self.happenings = Happenings(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
         self.changes.happens = self.happenings.happen_on
+        self.flood = Flood(task.span.end, self.happenings.places, self.report, task.progress)
 
         def begun(base: np.ndarray) -> np.ndarray:
             x = states(base)
@@ -248,6 +251,7 @@ class _Run:
             return None
         if x is None:
             return None
+        self.flood.count(time, self.happenings.records)
         stretch.recorder.take_back(time)
         self.pieces.append(stretch.piece())
         if self.happenings.is_over:

@@ -140,6 +140,12 @@ NUMERICS: dict[str, Entry] = {
         "which `--step` sets. Without `--step` the steps have been halved five times, which has not been enough: the\n"
         "scene may bounce in such a way that small differences grow.",
     ),
+    "W0556": Entry(
+        "a flood of events",
+        "Thousands of events have happened in a small part of the run. Each one ends a step of the integrator, so\n"
+        "that the run may take hours. The number of those still ahead is estimated from how fast the latest have\n"
+        "followed each other. The warning comes while the run goes on; it can be interrupted, and keeps what it has.",
+    ),
     "W0553": Entry(
         "the energy balance does not close",
         "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"

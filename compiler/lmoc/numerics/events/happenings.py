@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.hybrid import Hybrid, Starter
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.integrate.base import Outcome, Roots
@@ -123,6 +125,16 @@ class Happenings:
     def crossing(self) -> np.ndarray | None:
         """Return what keeps relations that have just changed from changing back by rounding."""
         return None if self.hybrid is None else self.hybrid.machine.crossing
+
+    @property
+    def places(self) -> dict[str, Place | None]:
+        """Where the conditions are written, and the discrete variables declared, that events are recorded by."""
+        if self.hybrid is None:
+            return {}
+        events, flat = self.hybrid.layout.events, self.plan.reduced.flat
+        own = (b for b in flat.blocks if b.kind == Kind.DISCRETE and not b.protected and b.size)
+        declared = {flat.variable_name(b.offset): b.span for b in own}
+        return declared | {r.text: r.span for r in events.relations} | {w.text: w.span for w in events.whens}
 
     def _with_discrete(self, base: np.ndarray) -> np.ndarray:
         base = base.copy()
