@@ -154,6 +154,43 @@ def test_mechanisms_of_the_plane_are_to_scale_and_move_with_their_variables():
         assert -frame.sin == pytest.approx((run["rod.b.y"] - run["rod.a.y"])[k], abs=1e-6)
 
 
+SLACK = """
+model Slack
+  import Planar.*;
+  inner World world;
+  Anchor hook, other(x = 1);
+  PointMass ball(m = 1, x(start = {x}, fixed = true), y(start = {y}, fixed = true), vx(fixed = true), vy(fixed = true));
+  {string}
+equation
+  connect(hook.point, string.a);
+  connect(string.b, ball.point);
+end Slack;
+"""
+
+
+@pytest.mark.parametrize("x, y", [(0.8, 0), (0.7, 0.5), (0, -0.9), (-0.6, -0.3)])
+@pytest.mark.parametrize("string", ["Cable string(L = 1);", "ElasticCable string(d0 = 1, k = 50);"])
+def test_a_slack_string_of_the_plane_hangs(x, y, string):
+    item = of(drawn(SLACK.format(x=x, y=y, string=string)), "string")
+    straight, frame = item.frame().length, item.frame()
+    scale = straight / hypot(x, y)
+    assert item.slack == pytest.approx(scale * (1 - hypot(x, y)))
+    places = [frame.place(v) for v in item.drawn[0].vertices]
+    ends = [(e.x, e.y) for e in item.ends]
+    assert [places[0], places[-1]] == [pytest.approx(e) for e in ends]
+    length = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(places, places[1:]))
+    assert length == pytest.approx(scale, rel=0.12)  # a parabola: nearly as long as the string
+    if x:
+        chord = [ends[0][1] + k / 24 * (ends[1][1] - ends[0][1]) for k in range(25)]
+        assert all(below[1] > y for below, y in zip(places[1:-1], chord[1:-1]))
+
+
+@pytest.mark.parametrize("string", ["Cable string(L = 0.8);", "ElasticCable string(d0 = 0.8, k = 50);"])
+def test_a_taut_string_of_the_plane_is_straight(string):
+    item = of(drawn(SLACK.format(x=0.8, y=0, string=string)), "string")
+    assert item.drawn == item.shapes and len(item.shapes[0].vertices) in (2, 15)
+
+
 def test_a_pulley_hangs_from_the_rope_of_another():
     found = drawn("""model M
       Fixed ceiling; Pulley upper, lower; Mass m1(m = 3, g = 9.81), m2(m = 1, g = 9.81), m3(m = 1, g = 9.81);

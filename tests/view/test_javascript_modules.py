@@ -1,6 +1,7 @@
 """The modules of the page by themselves, run by node against closed forms."""
 
 import json
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from lmoc.numerics.signals.curves import fit
 from lmoc.view.javascript.script import method
 from lmoc.view.page import join
 from lmoc.view.page.join import joined
+from lmoc.view.scene import symbols
+from lmoc.view.scene.picture import End
 
 pytestmark = needs_node
 
@@ -187,3 +190,14 @@ def test_a_slack_string_is_as_long_as_it_is():
     length, down, taut, upright = run_script(joined("sag.js") + body)
     assert length == pytest.approx(85, abs=0.5) and down > 20 and taut == ""
     assert float(upright.split("Q")[1].split()[0]) < 10  # to the left
+
+
+@pytest.mark.parametrize("x, y", [(80, 0), (60, 40), (0, 70), (-50, -30), (-20, 90)])
+def test_the_page_hangs_a_slack_string_where_the_still_picture_does(x, y):
+    item = replace(symbols.string("string", End(10, 20), End(10 + x, 20 + y)), slack=15.0)
+    frame, (shape,) = item.frame(), item.drawn
+    text = run_script(joined("sag.js") + f"console.log(JSON.stringify(sagging({json.dumps(asdict(frame))}, 15)));")
+    control = [float(v) for v in text.split("Q")[1].split()[:2]]
+    ends = [(e.x, e.y) for e in item.ends]
+    half = [(a + 2 * c + b) / 4 for a, c, b in zip(ends[0], control, ends[1])]
+    assert frame.place(shape.vertices[len(shape.vertices) // 2]) == pytest.approx(half, abs=0.02)

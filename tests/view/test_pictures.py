@@ -17,6 +17,7 @@ from lmoc.view.scene.block import shape_corners
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import Label, Picture
+from lmoc.view.scene.picture import Path as Outline
 from lmoc.view.scene.placing import points_of
 from lmoc.view.scene.schematic import style_of
 from lmoc.view.scene.strips import draw_strip
@@ -55,6 +56,52 @@ def overlap(a, b) -> float:
 def test_no_label_overlaps_another(path):
     found = [(a, b) for (a, x), (b, y) in combinations(labels(picture(path)), 2) if overlap(x, y) > 0.5]
     assert found == []
+
+
+BENCH = [MODELS / "bench" / f"{name}.lmo" for name in ("lattice", "chain", "drivetrain")]
+ON_LINES = [p for p in SCENES if p.parent.name != "planar"]
+
+
+@pytest.mark.parametrize("path", [*ON_LINES, *BENCH], ids=lambda p: p.stem)
+def test_no_box_overlaps_another(path):
+    boxes = [
+        (item.part, shape_corners(shape, frame))
+        for item, shape, frame in picture(path).placed()
+        if item.symbol in ("box", "mass") and isinstance(shape, Outline) and shape.closed
+    ]
+    assert [(a, b) for (a, x), (b, y) in combinations(boxes, 2) if overlap(x, y) > 0.5] == []
+
+
+def test_boxes_under_points_of_a_line_have_room_beside_each_other(tmp_path):
+    path = tmp_path / "scene.lmo"
+    path.write_text("""
+model Thing
+  Flange flange;
+equation
+  flange.f = 3*flange.q;
+end Thing;
+model Scene
+  Fixed wall;
+  Mass mass(m = 1);
+  Spring s1(k = 1), s2(k = 1), s3(k = 1);
+  Thing aRatherLongNameOfAPart, anotherRatherLongName;
+equation
+  connect(wall.flange, s1.a);
+  connect(s1.b, aRatherLongNameOfAPart.flange);
+  connect(s1.b, s2.a);
+  connect(s2.b, anotherRatherLongName.flange);
+  connect(s2.b, s3.a);
+  connect(s3.b, mass.flange);
+end Scene;
+""")
+    test_no_box_overlaps_another(path)
+    assert sum(i.symbol == "box" for i in picture(path).items) == 2
+
+
+def test_what_stands_at_a_part_that_is_shown_is_shown():
+    """The mass in the middle of a lattice is pushed: it is drawn, though the array is cut."""
+    at = {item.part for item in picture(BENCH[0]).items if item.symbol == "mass"}
+    assert at == {"mass[1,1]", "mass[1,2]", "mass[15,15]", "mass[30,30]"}
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)

@@ -92,11 +92,11 @@ def _kept(n: int) -> np.ndarray:
 def _enclosed(
     flat: FlatDAE, part: Part, kept: np.ndarray, elements: Sequence[Element], first: np.ndarray
 ) -> np.ndarray:
-    """Positions of hidden elements whose ports are all at parts that are shown."""
+    """Positions of hidden elements that stand at parts that are shown."""
     hidden = np.setdiff1d(np.arange(size(part)), kept)
     if not len(hidden):
         return hidden
-    links = {port.node for e in elements if len(e.ports) > 1 for port in e.ports}
+    links = {port.node for e in elements for port in e.ports}
     walls = {port.node for e in elements if e.symbol in ("wall", "fixed-shaft") for port in e.ports}
     seen = np.zeros(flat.count, bool)
     seen[list(links - walls)] = True

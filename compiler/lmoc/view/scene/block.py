@@ -35,7 +35,7 @@ def united(corners: Iterable[Corners]) -> Corners:
 
 def corners_of(items: Iterable[Item]) -> Corners:
     """Return the rectangle around some items."""
-    return united(shape_corners(shape, item.frame()) for item in items for shape in item.shapes)
+    return united(shape_corners(shape, item.frame()) for item in items for shape in item.drawn)
 
 
 def shifted(item: Item, dx: float, dy: float) -> Item:

@@ -6,7 +6,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import End, Item, Point
 from lmoc.view.scene.rows import Rows, Segment, lay_out
-from lmoc.view.scene.strip import IN_LINE, PITCH, PUSHED, Direction, Strip, Style
+from lmoc.view.scene.strip import BODIES, HELD, IN_LINE, PITCH, PUSHED, Direction, Strip, Style
 from lmoc.view.scene.text import escaped, width
 
 MARK = 9.0  # px, radius of a mark where a row goes on
@@ -61,8 +61,13 @@ class Layout:
         if self.strip.shaft:
             return max(8.0, *self._arrows(node))
         if not self.strip.bodies(node):
-            return 4.0 if self.strip.held(node) else 2.0
+            return max(4.0 if self.strip.held(node) else 2.0, *self._boxes(node))
         return 19.0 if self.upright else max(22.0, width(self.title(node), 13) / 2 + 9)
+
+    def _boxes(self, node: int) -> list[float]:
+        """Return half of what the boxes need that stand at a node of a line for parts without a symbol."""
+        named = [e for e in self.strip.on[node] if e.symbol not in (*BODIES, *HELD, *PUSHED) and not e.look.drawing]
+        return [0.0, *(width(self.names.called(e), 13) / 2 + 8 for e in named)]
 
     def _arrows(self, node: int) -> list[float]:
         """Return the room that the arrows about a shaft need beside a disk: that of its angle, and those of torques."""

@@ -16,12 +16,15 @@ To move a picture: find the ends (`End.at`) and the angle (`Turn.at`) for the va
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from math import atan2, cos, hypot, sin
 
 from lmoc.support.records import dataclass
 
 Point = tuple[float, float]
+LEAST_SLACK = 0.3  # px of slack that can be seen
+PIECES = 24  # of a curve
+
 Vertex = tuple[float, float, float]  # (f, x, y): in the item's frame at (f·distance of the ends + x, y)
 
 
@@ -169,6 +172,7 @@ class Item:
     shapes : in the item's frame
     turn : for items with one end
     variables : names a reader may ask for: the coordinate of a body, the force in a spring
+    slack : px by which a string is longer than the way between its ends as drawn: then it hangs in a curve (`drawn`)
     """
 
     symbol: str
@@ -177,6 +181,27 @@ class Item:
     shapes: tuple[Shape, ...]
     turn: Turn = Turn()
     variables: Mapping[str, str] = field(default_factory=dict)
+    slack: float = 0.0
+
+    @property
+    def drawn(self) -> tuple[Shape, ...]:
+        """Return the shapes as they are drawn where nothing has moved: a slack string hangs."""
+        if not self.slack > LEAST_SLACK or len(self.ends) != 2:
+            return self.shapes
+        frame = self.frame()
+        return tuple(_hung(s, frame, self.slack) if isinstance(s, Path) else s for s in self.shapes)
+
+    @property
+    def halfway(self) -> End:
+        """Return the point between its two ends, on the string where one hangs."""
+        end = middle(*self.ends)
+        if not self.slack > LEAST_SLACK:
+            return end
+        shape, frame = self.drawn[0], self.frame()
+        if not isinstance(shape, Path):
+            return end
+        x, y = frame.place(shape.vertices[len(shape.vertices) // 2])
+        return End(x, y, end.moves)
 
     def frame(self, change: Callable[[Move], float] | None = None, turned: float = 0.0) -> Frame:
         """Return the frame for the moves of its ends, and the change of the variable of its turn."""
@@ -188,6 +213,21 @@ class Item:
         length = hypot(x2 - x, y2 - y)
         angle = atan2(y2 - y, x2 - x)
         return Frame(x, y, length, cos(angle), sin(angle))
+
+
+def _hung(path: Path, frame: Frame, slack: float) -> Path:
+    """Return a string between the ends of a frame that is `slack` px longer than their distance.
+
+    It is a parabola that sags by the root of 3/8 of both lengths' product; hung upright, it bulges to the side. The
+    page that moves draws the same (`assets/sag.js`).
+    """
+    depth = min((0.375 * frame.length * slack) ** 0.5, 0.45 * frame.length + 6.0)
+    size = hypot(frame.sin**2, frame.cos) or 1.0
+    dx, dy = -depth * frame.sin**2 / size, depth * abs(frame.cos) / size
+    along, across = dx * frame.cos + dy * frame.sin, dy * frame.cos - dx * frame.sin
+    steps = [k / PIECES for k in range(PIECES + 1)]
+    vertices = tuple((t, 4 * t * (1 - t) * along, 4 * t * (1 - t) * across) for t in steps)
+    return replace(path, vertices=vertices)
 
 
 @dataclass(frozen=True)
@@ -214,5 +254,5 @@ class Picture:
         """All shapes with their items, and the frames they stand in as drawn."""
         for item in self.items:
             frame = item.frame()
-            for shape in item.shapes:
+            for shape in item.drawn:
                 yield item, shape, frame

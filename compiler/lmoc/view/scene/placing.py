@@ -57,7 +57,7 @@ def _label(wish: Wish, dx: float, dy: float, distance: float) -> Label:
 def points_of(item: Item) -> Iterable[Point]:
     """Return points of the lines of an item, close to each other."""
     frame = item.frame()
-    for shape in item.shapes:
+    for shape in item.drawn:
         if isinstance(shape, Circle):
             x, y = frame.place(shape.centre)
             yield x, y

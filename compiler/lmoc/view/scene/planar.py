@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from math import atan2, cos, hypot, isfinite, pi, sin
 
@@ -18,6 +18,7 @@ from lmoc.view.scene.text import width
 MOST_LABELS = 60
 EXTENT = 380.0  # px of the longer side
 DOMAINS = ("point", "frame")
+STRINGS = ("string", "elastic-string")
 
 
 @dataclass
@@ -104,21 +105,28 @@ class Plane:
         """A spring, a damper, a rod, a string between two points."""
         a, b = self.end(ports[0]), self.end(ports[1])
         kind = element.symbol
-        makers = {"spring": symbols.spring, "damper": symbols.damper, "string": symbols.string}
+        makers = {"spring": symbols.spring, "damper": symbols.damper}
         force = {"force": f"{element.name}.f"} if self.graph.variable(element, "f") is not None else {}
-        if kind in ("string", "elastic-string"):
+        if kind in STRINGS:
             force |= self.names.slack(element.name)
-        if kind == "spring-damper":
+        if kind in STRINGS:
+            made = symbols.string(element.name, a, b, kind)
+            self.items.append(replace(made, variables=force, slack=self.scale * self._slack(force)))
+        elif kind == "spring-damper":
             self.items.append(replace(symbols.spring_damper(element.name, a, b), variables=force))
-        elif kind == "elastic-string":
-            self.items.append(replace(symbols.string(element.name, a, b, kind), variables=force))
         elif kind == "rod":
             self.items.append(replace(symbols.line("rod", element.name, a, b, 3.0), variables=force))
         else:
             self.items.append(replace(makers[kind](element.name, a, b), variables=force))
         text = self.names.part(element, "k", "c") if kind != "rod" else self.names.part(element, "L")
         if kind != "string":
-            self.wishes.append(Wish(text, middle(a, b), element.name, 12.0))
+            self.wishes.append(Wish(text, self.items[-1].halfway, element.name, 12.0))
+
+    def _slack(self, variables: Mapping[str, str]) -> float:
+        """By how much a string is longer than the way between its ends, m; 0 where that is not known."""
+        found = -self.value(variables["stretch"]) if "stretch" in variables else 0.0
+        found = self.value(variables["slack"]) if "slack" in variables else found
+        return found if isfinite(found) else 0.0
 
     def bar(self, element: Element, ports: Sequence[Port]) -> None:
         """A bar from one frame to another."""

@@ -48,7 +48,7 @@ def item_svg(item: Item) -> str:
     frame = item.frame()
     named = f' data-part="{escape(item.part)}"' if item.part else ""
     tip = f"<title>{escape(item.part)}</title>" if item.part else ""
-    shapes = "".join(_shape(s, frame) for s in item.shapes)
+    shapes = "".join(_shape(s, frame) for s in item.drawn)
     return f'<g class="{escape(item.symbol)}"{named}>{tip}{shapes}</g>'
 
 
