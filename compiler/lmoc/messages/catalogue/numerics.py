@@ -126,7 +126,7 @@ NUMERICS: dict[str, Entry] = {
     "W0551": Entry(
         "an assertion of level warning does not hold",
         "An assertion of the model with `AssertionLevel.warning` is violated; the message is the model's own, with\n"
-        "the first time at which it does not hold, and for how long it does not in all.",
+        "the first time at which it is violated, and for how long in all.",
     ),
     "N0555": Entry(
         "the estimated error of time stepping",
