@@ -10,8 +10,9 @@ import numpy as np
 from lmoc.numerics.evaluate.native.c_code import Unsupported
 from lmoc.numerics.evaluate.native.c_text import c_text
 from lmoc.numerics.evaluate.native.kernel import Call, Data, Source, source_of
-from lmoc.numerics.evaluate.native.series import LENGTH, constant_registers, generate_series
+from lmoc.numerics.evaluate.native.series import LENGTH, generate_series
 from lmoc.numerics.evaluate.native.system import NativeSystem, has_branches
+from lmoc.numerics.evaluate.recurrences import constant_registers
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
