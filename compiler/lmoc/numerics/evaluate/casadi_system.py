@@ -7,7 +7,8 @@ knows the last solution.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 
 import numpy as np
@@ -35,33 +36,37 @@ def _operations() -> dict:
 
 def lower_shape(shape: Expr, columns, time):
     """A shape with casadi values in its slots; ``columns(k)`` gives that of column k."""
+    values: dict[int, object] = {}
+    with exactly():
+        for node in postorder(shape):
+            values[id(node)] = lower_node(node, [values[id(a)] for a in node.args], columns, time)
+    return values[id(shape)]
+
+
+@contextmanager
+def exactly() -> Iterator[None]:
+    """Have casadi make neither 1 of x/x nor x of sqrt(x)^2, where the other evaluators find that there is no value."""
     import casadi as ca
 
-    # casadi would make 1 of x/x and x of sqrt(x)^2, where the other evaluators find that there is no value
     ca.GlobalOptions.setSimplificationOnTheFly(False)
     try:
-        return _lower_nodes(shape, columns, time)
+        yield
     finally:
         ca.GlobalOptions.setSimplificationOnTheFly(True)
 
 
-def _lower_nodes(shape: Expr, columns, time):
-    table = _operations()
-    values: dict[int, object] = {}
-    for node in postorder(shape):
-        if node.op == "const":
-            value = _constant(node.value)
-        elif node.op == "slot":
-            value = columns(node.value[0])
-        elif node.op == "time":
-            value = time
-        elif node.op == "pow" and node.args[1].op == "const" and node.args[1].value in (2.0, 3.0):
-            base = values[id(node.args[0])]  # as in C: the library's pow costs twenty times as much
-            value = base * base if node.args[1].value == 2.0 else base * base * base
-        else:
-            value = table[node.op](*(values[id(a)] for a in node.args))
-        values[id(node)] = value
-    return values[id(shape)]
+def lower_node(node: Expr, args: list, columns, time):
+    """Return a node with casadi values for its arguments; ``columns(k)`` gives that of a slot."""
+    if node.op == "const":
+        return _constant(node.value)
+    if node.op == "slot":
+        return columns(node.value[0])
+    if node.op == "time":
+        return time
+    if node.op == "pow" and node.args[1].op == "const" and node.args[1].value in (2.0, 3.0):
+        base = args[0]  # as in C: the library's pow costs twenty times as much
+        return base * base if node.args[1].value == 2.0 else base * base * base
+    return _operations()[node.op](*args)
 
 
 @lru_cache(maxsize=1024)
@@ -130,11 +135,8 @@ def shared(expressions: list) -> list:
     """Return expressions in which what occurs several times is computed once."""
     import casadi as ca
 
-    ca.GlobalOptions.setSimplificationOnTheFly(False)  # as in `lower_shape`
-    try:
+    with exactly():
         return ca.cse(expressions)
-    finally:
-        ca.GlobalOptions.setSimplificationOnTheFly(True)
 
 
 def eliminate(a, b) -> list:

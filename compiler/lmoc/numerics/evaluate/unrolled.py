@@ -207,7 +207,7 @@ def _iterate(step: Solve, w: list, t, start: dict) -> list[tuple]:
 
     unknowns = step.unknowns.ravel().tolist()
     reads = outside(step.inner, step.unknowns.ravel(), len(w))
-    function = _block_function(step, reads, len(w))
+    function = block_function(step, reads, len(w))
     values = ca.vertcat(ca.SX(0, 1), *[w[r] for r in reads.tolist()])
     first = found = ca.vertcat(*[start[k] for k in unknowns])
     changes, target = [], None
@@ -224,7 +224,7 @@ def _iterate(step: Solve, w: list, t, start: dict) -> list[tuple]:
     return [_conditions(own, first, target, found, changes) for own in instances]
 
 
-def _block_function(step: Solve, reads: np.ndarray, count: int):
+def block_function(step: Solve, reads: np.ndarray, count: int):
     """``(t, unknowns, registers read) -> (residuals, their Jacobian)`` of one instance after the other."""
     import casadi as ca
 

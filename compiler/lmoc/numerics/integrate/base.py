@@ -149,6 +149,7 @@ class Outcome:
     matrix : how an implicit method has stored its Jacobian, empty for an explicit one
     evaluation : how the equations have been evaluated, empty where as `System.description` says
     solver : the method that has done it, empty where it is the one that was called
+    why : what kept that one from it, after a colon, where it has told
     roots : (m,) which root functions vanish there; None where it has not ended at one
     """
 
@@ -161,6 +162,7 @@ class Outcome:
     matrix: str = ""
     evaluation: str = ""
     solver: str = ""
+    why: str = ""
     roots: np.ndarray | None = None
 
 

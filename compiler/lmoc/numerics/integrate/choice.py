@@ -12,7 +12,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.automatic import Used, automatically
 from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Properties
-from lmoc.numerics.integrate.status import NotFound, Status, Unsuitable
+from lmoc.numerics.integrate.status import Inapplicable, NotFound, Status, Unsuitable
 
 NAMES = (
     "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss", "rk4", "midpoint", "verlet",
@@ -45,19 +45,19 @@ def integrate(problem: Problem, name: str) -> Outcome:
     """
     module = _module(name)
     if hasattr(module, "begin"):
-        method = module.begin(problem)
-        if method is not None:
-            return loop.integrate(problem, method)
-        instead = "dop853"
+        try:
+            return loop.integrate(problem, module.begin(problem))
+        except Inapplicable as error:
+            instead, why = "dop853", f": {error}"
     else:  # a whole run in one call
         outcome = module.integrate(problem)
         if outcome is not None:
             return outcome
-        instead = getattr(module, "INSTEAD", None)
+        instead, why = getattr(module, "INSTEAD", None), ""
         if instead is None:
             reason = "casadi integrates small smooth scenes only, without events, closed loops and times that coincide"
             raise Unsuitable(reason, "gauss and radau work for all scenes")
-    return replace(loop.integrate(problem, _module(instead).begin(problem)), solver=instead)
+    return replace(loop.integrate(problem, _module(instead).begin(problem)), solver=instead, why=why)
 
 
 def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
@@ -157,6 +157,6 @@ def _smooth(problem: Problem, solver: str) -> tuple[Outcome, Used]:
     """Integrate where nothing jumps."""
     if solver != "auto":
         outcome = integrate(problem, solver)
-        reason = f"in place of {solver}, which cannot do this run" if outcome.solver else REQUESTED
+        reason = f"in place of {solver}, which cannot do this run{outcome.why}" if outcome.solver else REQUESTED
         return outcome, Used((outcome.solver or solver,), reason)
     return automatically(problem, integrate)

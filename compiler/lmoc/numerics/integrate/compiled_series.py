@@ -8,6 +8,7 @@ lead to the same choices.
 
 from __future__ import annotations
 
+from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.select import COMPILED_ROWS
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.plan import Plan
@@ -30,7 +31,7 @@ class Series:
     ----------
     steps : that DOP853 has made so far in its place
     compiled : it has been
-    refused : there is none, or no compiler
+    refused : there is none, or none in C
     """
 
     steps: int = 0
@@ -56,6 +57,8 @@ def is_better(system: System, rtol: float, ahead: float = 0.0) -> bool:
     ahead : steps that DOP853 would make
     """
     own = system.plan.once(series)
-    if own.refused or system.plan.row_count > COMPILED_ROWS or (system.description == "C" and rtol > FINE):
+    if find_compiler() is None or own.refused or system.plan.row_count > COMPILED_ROWS:
+        return False
+    if system.description == "C" and rtol > FINE:
         return False
     return own.compiled or own.steps + ahead >= STEPS

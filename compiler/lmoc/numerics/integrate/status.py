@@ -55,3 +55,7 @@ class Unsuitable(Exception):
     def __init__(self, reason: str, hint: str) -> None:
         super().__init__(reason)
         self.hint = hint
+
+
+class Inapplicable(Exception):
+    """A method does not serve for a run, which DOP853 then does: why."""

@@ -14,17 +14,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.numerics.evaluate.native.c_code import Unsupported
+from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.native.series import LENGTH
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.compiled_series import series
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Inapplicable, Status
+from lmoc.numerics.integrate.taylor_in_python import TaylorInPython
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
 
 PROPERTIES = Properties(
     "taylor", "Taylor series", "Taylor series", "18-26", "18-26", "own",
-    needs="a C compiler, equations without kinks",
+    needs="equations without kinks; small ones where there is no C compiler",
     good_for="smooth scenes over many steps, and many digits",
 )  # fmt: skip
 
@@ -34,17 +36,32 @@ _FAILED = {1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL}  # wha
 _GROWTH = 1.0  # of the order with the logarithm of the tolerance: 1/2 has the least work, more has fewer steps
 
 
-def begin(problem: Problem) -> Integration | None:
-    """Return the method at the beginning of a problem; None where there is no series or no C compiler."""
-    from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
+def begin(problem: Problem) -> Integration:
+    """Return the method at the beginning of a problem: its steps in C, and in Python where there is no compiler.
 
+    Raises
+    ------
+    Inapplicable
+        The scene has no series.
+    """
     own = problem.system.plan.once(series)
     try:
-        system = problem.system.plan.once(TaylorSystem)
-    except (Unsupported, OSError):
+        method = None if find_compiler() is None else _compiled(problem)
+        own.compiled, own.refused = method is not None, method is None
+        return method or TaylorInPython(problem, order_for(problem.rtol))
+    except Unsupported as error:
         own.refused = True
+        raise Inapplicable(str(error)) from error
+
+
+def _compiled(problem: Problem) -> Taylor | None:
+    """Return the method in C; None where the compiler refuses its text."""
+    from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
+
+    try:
+        system = problem.system.plan.once(TaylorSystem)
+    except OSError:
         return None
-    own.compiled = True
     system.prepare(*problem.system.given)
     registers = problem.system.registers
     if registers is not None:  # the solutions of blocks that the run has begun with
