@@ -111,7 +111,7 @@ class _Jets:
 class _Total:
     def __init__(self, step: Total, jets: _Jets) -> None:
         self.step, self.jets = step, jets
-        self.operations = 2 * len(step.index) * jets.order
+        self.operations: int = 2 * len(step.index) * jets.order
 
     def run(self, k: int) -> None:
         step, series = self.step, self.jets.series
@@ -133,7 +133,7 @@ class _Apply:
         self.of: dict[Expr, Any] = {}
         self.k = 0
         products = sum(node.op not in ("neg", "add", "sub") for node in self.nodes.inner)
-        self.operations = len(self.out) * (products * jets.order**2 + 2 * len(self.nodes.inner) * jets.order)
+        self.operations: int = len(self.out) * (products * jets.order**2 + 2 * len(self.nodes.inner) * jets.order)
 
     def run(self, k: int) -> None:
         import casadi as ca
@@ -223,7 +223,8 @@ class _Solve:
         if size > _LARGEST_BLOCK:
             raise Unsupported(f"without a C compiler a block of {size} unknowns has no series")
         self.inner = jets.ready(step)
-        self.operations = 2 * sum(s.operations for s in self.inner) + 2 * instances * size**2 * (jets.order + size**2)
+        inverses = 2 * instances * size**2 * (jets.order + size**2)
+        self.operations: int = 2 * sum(s.operations for s in self.inner) + inverses
         self.inverses: list = []
 
     def run(self, k: int) -> None:
