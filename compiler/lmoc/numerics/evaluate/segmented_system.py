@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.numerics.evaluate.lowered_derivatives import LoweredJacobian
 from lmoc.numerics.evaluate.segments import SegmentedProgram
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.plan import Plan
 
 
-class SegmentedSystem(VectorSystem):
+class SegmentedSystem(LoweredJacobian):
     """A small program with blocks that casadi does not solve: casadi functions between and inside the blocks."""
 
     description = "casadi, blocks"

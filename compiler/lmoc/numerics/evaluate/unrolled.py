@@ -13,11 +13,12 @@ import numpy as np
 from lmoc.ir.program import Program, Solve, program_rows, written
 from lmoc.numerics.evaluate.casadi_system import Buffered, can_lower, eliminate, lower_linear, lower_steps, shared
 from lmoc.numerics.evaluate.follow import SHORTEST
+from lmoc.numerics.evaluate.lowered_derivatives import LoweredJacobian
 from lmoc.numerics.evaluate.newton import Newton
 from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment, outside
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
 from lmoc.numerics.evaluate.unrolled_stepper import UnrolledStepper, steps_of
-from lmoc.numerics.evaluate.vector_system import Runner, VectorSystem
+from lmoc.numerics.evaluate.vector_system import Runner
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
@@ -38,7 +39,7 @@ def _is_small(step) -> bool:
     return not isinstance(step, Solve) or step.unknowns.shape[1] <= _LARGEST and can_lower(step.inner)
 
 
-class UnrolledSystem(VectorSystem):
+class UnrolledSystem(LoweredJacobian):
     """All derivatives are one casadi function of the states and the last solutions."""
 
     description = "casadi, unrolled"

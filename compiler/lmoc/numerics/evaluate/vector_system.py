@@ -111,7 +111,11 @@ class VectorSystem(System):
         self.pattern()
         self.jacobians += 1
         self._run(t, x)
-        out[:] = self._derivative.values(self.w, t)[self._order]
+        np.take(self._entries(t), self._order, out=out)
+
+    def _entries(self, t: float) -> np.ndarray:
+        """Return the entries of the Jacobian in the order of `Jacobian.rows`, for the registers as they stand."""
+        return self._derivative.values(self.w, t)
 
 
 class OpenedSystem(VectorSystem):

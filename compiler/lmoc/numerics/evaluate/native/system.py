@@ -161,17 +161,13 @@ class NativeSystem(VectorSystem):
             slopes.compile_later()
         return None
 
-    def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+    def _entries(self, t: float) -> np.ndarray:
         slopes = self._ready_slopes()
-        if slopes is None:
-            super().jacobian_values(t, x, out)
-            return
-        self.jacobians += 1
-        self._run(t, x)
-        found = slopes(self.w, t)
-        if not np.isfinite(found).all():  # a singular block: numpy knows which unknowns it still determines
-            found = self._derivative.values(self.w, t)
-        np.take(found, self._order, out=out)
+        if slopes is not None:
+            found = slopes(self.w, t)
+            if np.isfinite(found).all():
+                return found  # else a block is singular: numpy knows which unknowns it still determines
+        return super()._entries(t)
 
     def mark(self) -> None:
         self.kernel.mark(self._own)
