@@ -220,3 +220,39 @@ def test_the_end_of_a_rope_stays_on_the_mass_that_it_is_tied_to():
       return apart;
     """)  # fmt: skip
     assert seen.console == [] and np.ptp(seen.answer) < 0.6
+
+
+LONG_NAMES = """
+model M "scene of NAME"
+  parameter Real kNAME(unit = "N/m") = 10;
+  output Real qNAME(unit = "m") = massNAME.q;
+  Fixed wallNAME;
+  Mass massNAME(m = 1, q(start = 0.2, fixed = true), v(start = 0, fixed = true));
+  Spring springNAME(k = kNAME);
+  PART
+equation
+  connect(wallNAME.flange, springNAME.a);
+  connect(springNAME.b, massNAME.flange);
+  CONNECTED
+  annotation(experiment(StopTime = 3));
+end M;
+"""
+STOP = {
+    "PART": "Stop stopNAME(L = -0.1, e = 0.5);",
+    "CONNECTED": "connect(wallNAME.flange, stopNAME.a); connect(stopNAME.b, massNAME.flange);",
+}
+
+
+@pytest.mark.parametrize("more", [{"PART": "", "CONNECTED": ""}, STOP], ids=["spring", "stop"])
+@pytest.mark.parametrize("width", [390, 1200])
+def test_names_of_300_characters_do_not_make_the_page_wider_than_the_screen(more, width):
+    text = LONG_NAMES
+    for word, meaning in {**more, "NAME": "x" * 300}.items():
+        text = text.replace(word, meaning)
+    seen = open_page(lmoc.compile_text(text).simulate().view().html, """
+      document.querySelectorAll("details").forEach((d) => { d.open = true; });
+      await frames(2);
+      return [document.documentElement.scrollWidth <= innerWidth, document.querySelectorAll("math").length > 0];
+    """, size=(width, 900))  # fmt: skip
+    assert seen.console == []
+    assert seen.answer == [True, True]
