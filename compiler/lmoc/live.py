@@ -25,7 +25,7 @@ from lmoc.numerics.integrate import automatic, choice, dop853
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.observe.one_state import moved
+from lmoc.numerics.observe.one_state import moved, why_not
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
@@ -145,11 +145,7 @@ class Live:
         if found.x is not None:
             return found.x
         plan = self._observer.plan
-        states = ", ".join(plan.reduced.register_name(int(plan.states[k])) for k in found.followed)
-        if len(found.followed) == 1:
-            why = f"no value of {states} leads there"
-        else:
-            why = f"it follows from {states or 'no state'}"
+        why = why_not(found.followed, [plan.reduced.register_name(int(s)) for s in plan.states])
         raise ModelError([Diagnostic("E0621", f"'{name}' cannot be set: {why}", hint="set states instead")])
 
     def copy(self) -> Live:

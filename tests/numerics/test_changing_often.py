@@ -156,5 +156,5 @@ def test_choices_that_take_turns_without_getting_on_end_a_run(monkeypatch):
     """Every step is said to need other coordinates, however short it is."""
     monkeypatch.setattr(CoordinateWatch, "__call__", lambda watch, t, x: Status.COORDINATES)
     monkeypatch.setattr(Changes, "_changed", lambda changes, stretch, outcome: Way(stretch, outcome.x))
-    with pytest.raises(lmoc.SimulationError, match="have taken turns 100 times without getting on"):
+    with pytest.raises(lmoc.SimulationError, match="have been exchanged 100 times without progress"):
         lmoc.compile_text(ROCKER).simulate(stop=1.0)

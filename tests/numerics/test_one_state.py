@@ -54,7 +54,7 @@ def test_a_live_scene_has_the_value_that_was_set():
     live = lmoc.compile_text(
         "model S Real x(start = 0.5, fixed = true), y = sin(x); equation der(x) = 1; end S;"
     ).live()
-    with pytest.raises(lmoc.ModelError, match="no value of x leads there"):
+    with pytest.raises(lmoc.ModelError, match="no value of the state x leads there"):
         live.set("y", 2)
     assert live["x"] == 0.5
 

@@ -1,4 +1,4 @@
-"""`lmoc compare`: run several scenes, and lay their curves over each other."""
+"""`lmoc compare`: run several scenes, and compare their results."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def configure(parser: Parser) -> None:
     add = parser.add_argument
     add("others", metavar="OTHER", nargs="+", help="the scenes that are compared with the first")
     add("--plot", metavar="FILE", type=Path, help="draw the runs over each other: .png, .svg, .pdf")
-    add("--show", metavar="NAME,…", help="variables to compare (those shown of the first that all have)")
+    add("--show", metavar="NAME,…", help="variables to compare (by default those of the first scene that all have)")
     add("--units", metavar="UNIT,…", help="draw in these units, as mm,deg,rpm")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the differences as JSON")

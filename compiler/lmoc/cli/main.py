@@ -27,7 +27,7 @@ VERBS = {
     "linearize": "linear state-space model with its modes",
     "transfer": "transfer function from an input to an output",
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
-    "compare": "run several scenes, and lay their curves over each other",
+    "compare": "run several scenes and compare them: differences, curves over each other",
     "chart": "speed against accuracy of methods and tolerances",
     "solvers": "the methods of integration and their properties",
     "draw": "draw a scene",

@@ -112,7 +112,7 @@ def _check_pictures(arguments: argparse.Namespace) -> None:
         raise UsageError([Diagnostic("E0620", f"{option} is for {expected}", hint=hint)])
     names = _names(arguments)
     if arguments.phase is not None and names is None and arguments.keep is not None:
-        message = "--phase draws the states where nothing else is said, and --keep may drop them"
+        message = "--phase draws the states by default, and --keep may have dropped them"
         raise UsageError([Diagnostic("E0620", message, hint="--phase phase.svg --show body.q,body.v")])
     if arguments.phase is not None and names is not None and len(names) != 2:
         message = f"--phase draws one variable over another, not {len(names)}"

@@ -309,8 +309,8 @@ class Changes:
             )
         elif in_vain:
             self.reason = (
-                f"the coordinates {names} and others have taken turns {_MANY} times without getting on; none of them "
-                f"determine {lost} well here"
+                f"the coordinates {names} and others have been exchanged {_MANY} times without progress; none of them "
+                f"determines {lost} well here"
             )
         else:
             self.reason = (

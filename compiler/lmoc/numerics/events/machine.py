@@ -16,6 +16,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.observe.one_state import moved as moved_to
+from lmoc.numerics.observe.one_state import why_not
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
@@ -51,16 +52,9 @@ class NotAState(Exception):
 
     def reason(self, layout: EventLayout) -> str:
         """Return why the `reinit` has failed, with its line."""
-        names = layout.plan.reduced.state_names
         name = layout.flat.variable_name(self.variable)
         span = next(r.span for r in layout.events.reinits if self.variable in r.target)
-        followed = [names[k] for k in self.followed.tolist()]
-        if len(followed) == 1:
-            why = f"no value of the state {followed[0]} leads there"
-        elif followed:
-            why = f"it follows from {len(followed)} states: {', '.join(followed)}"
-        else:
-            why = f"it follows from no state; states are {', '.join(names)}" if names else "there are no states"
+        why = why_not(self.followed, layout.plan.reduced.state_names)
         return f"'{name}' cannot be given a new value by reinit ({span.source.name}, line {span.line}): {why}"
 
 

@@ -10,7 +10,7 @@ class Status(Enum):
 
     OK = ""
     COLLAPSED = "the step size collapsed"
-    CRAWLING = "the steps have become so short that they hardly get on"
+    CRAWLING = "the steps have become so short that they make hardly any progress"
     TOO_MANY_STEPS = "too many steps"
     TOO_LONG = "the time limit of the run was reached"
     INTERRUPTED = "it was interrupted"

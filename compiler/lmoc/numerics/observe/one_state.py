@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,22 @@ class Moved:
 
     x: Array | None
     followed: NDArray[np.int64]
+
+
+def why_not(followed: NDArray[np.int64], states: Sequence[str]) -> str:
+    """Return why a variable cannot be given a value.
+
+    Parameters
+    ----------
+    followed : (k,) indices of the states that it follows from
+    states : names of all states
+    """
+    names = [states[k] for k in followed.tolist()]
+    if len(names) == 1:
+        return f"no value of the state {names[0]} leads there"
+    if names:
+        return f"it follows from {len(names)} states: {', '.join(names)}"
+    return f"it follows from no state; states are {', '.join(states)}" if states else "there are no states"
 
 
 @np.errstate(all="ignore")

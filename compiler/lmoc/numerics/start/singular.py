@@ -11,7 +11,7 @@ from lmoc.messages.source import Span
 from lmoc.numerics.task import Stretch
 
 BRANCHES = "the scene starts at a singular position, in which its constraints depend on each other"
-BESIDE = "several motions may begin there, and nothing tells which is meant: start a little beside it"
+BESIDE = "several motions may begin there, and nothing says which is meant: start a little beside it"
 _DEPENDENT = 1e-5  # smallest singular value of the constraints in rows and columns of one length
 
 
