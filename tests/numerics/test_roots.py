@@ -164,3 +164,17 @@ equation
 end Turns;"""
     run = lmoc.compile_text(text).simulate(stop=20, points=2, rtol=1e-9, solver=solver)
     assert [e.time for e in run.events] == pytest.approx([np.pi * (2 * k + 1) + np.arcsin(0.999) for k in range(3)])
+
+
+@pytest.mark.parametrize("rate", [200.0, 1003.0, 9001.0])
+def test_a_function_that_oscillates_often_in_a_step_is_followed_in_parts_of_it(rate):
+    found = roots_of(lambda t: np.sin(rate * t) - 0.5, signs=[-1.0])
+    half = np.arange(2 * int(rate / np.pi) + 4)
+    places = np.where(half % 2 == 0, half * np.pi + np.pi / 6, half * np.pi - np.pi / 6) / rate
+    places = places[places < 1]
+    np.testing.assert_allclose([t for t, _ in found], places, rtol=1e-12)
+
+
+def test_a_jump_that_no_part_of_a_step_follows_is_located():
+    found = roots_of(lambda t: np.where(t < 0.71234, 1.0, -1.0))
+    assert_roots(found, [(0.71234, (0,))], 1e-14)

@@ -9,6 +9,7 @@ interpolation (`locate`), which are never worse than bisection.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -18,7 +19,9 @@ _INSIDE = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a step, where the function
 _BESIDE = 0.01  # the same, beside its ends: where a function turns there, the samples further inside do not tell
 _SHARES = np.array([0.0, _BESIDE, 0.25, 0.5, 0.75, 1.0 - _BESIDE, 1.0])
 _COARSE = 0.02  # of a function's change in a step: what samples may be off by that follow it
-_MOST_SAMPLES = 500  # in a step
+_MANY_SAMPLES = 65  # in a part of a step; where more are needed, the part is made shorter
+_MOST_SAMPLES = 500  # in a step, where no part is short enough
+_SHORTEST = 1 / 512  # of a step, a part
 _TIGHT = 4e-16  # of the time: two places that close are one
 _NEAR = np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # shares of a bracket
 _MOST_CALLS = 60
@@ -54,8 +57,12 @@ class RootFinder:
     def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
         """Return the place (t, x) in the last step at which the integration shall end, None where it goes on."""
         begin, self._inside = run.before, _INSIDE
+        self._length, self._shortest = run.t - begin, _SHORTEST * (run.t - begin)
         while True:
-            found = self._next(run, begin)
+            found, end = self._next(run, begin)
+            if found is None and end < run.t:
+                begin, self._inside, self._length = end, _INSIDE, self._longer()
+                continue
             if found is None:
                 self._place = run.t, run.x.copy()
                 return None
@@ -64,14 +71,23 @@ class RootFinder:
                 return found
             begin = t
 
-    def _next(self, run: Integration, begin: float) -> tuple[float, np.ndarray] | None:
-        """Return the first root of the last step after a time, and note the signs after it."""
-        end = run.t
+    def _longer(self) -> float:
+        """Return the length of the next part of a step: twice that of the last one, where few samples have done."""
+        return self._length * (2.0 if 2 * len(self._inside) < _MANY_SAMPLES else 1.0)
+
+    def _next(self, run: Integration, begin: float) -> tuple[tuple[float, np.ndarray] | None, float]:
+        """Return the first root of the last step after a time, and note the signs after it.
+
+        Returns
+        -------
+        the place of the root; None where there is none before the second, the time up to which has been looked
+        """
 
         def curve(times: np.ndarray) -> np.ndarray:
             return self.roots.values(times, run.interpolate(times))
 
         times, values = self._samples(run, begin)
+        end = float(times[-1])
         best, rest = self._together(times, values, curve)
         for k in rest.tolist():
             t = self._first_of(k, times, values[:, k], lambda at, k=k: curve(at)[:, k])
@@ -80,34 +96,43 @@ class RootFinder:
         known = np.sign(values[-1])
         if best is None:
             self.signs[known != 0] = known[known != 0]
-            return None
+            return None, end
         t = best[0]
-        x = run.x.copy() if t == end else run.interpolate(np.array([t]))[0]
+        x = run.x.copy() if t == run.t else run.interpolate(np.array([t]))[0]
         at = values[-1] if t == end else self.roots.values(np.array([t]), x[None])[0]
         crossed = (np.sign(at) * self.signs < 0) | (np.arange(len(at)) == best[1])
         self.which = crossed
         self.signs[crossed] = np.where(self.signs != 0, -self.signs, np.sign(at))[crossed]
         unknown = self.signs == 0
         self.signs[unknown] = np.sign(at)[unknown]
-        return t, x
+        return (t, x), end
 
     def _samples(self, run: Integration, begin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return times from `begin` to the end of the last step, and the functions there, close enough to follow them.
+        """Return times from `begin` on, and the functions there, close enough to follow them.
 
+        They reach to the end of the last step, or of a part of it where the functions change too often in all of it.
         A step is as long as the states allow. They say nothing about a body that is held fast, while the force that
         holds it follows the load. After a root, the rest of the step is looked at as closely as before it.
         """
         while True:
-            times = begin + self._shares() * (run.t - begin)
-            times[-1] = run.t
+            end = min(begin + self._length, run.t) if begin + 1.01 * self._length < run.t else run.t
+            times = begin + self._shares() * (end - begin)
+            times[-1] = end
             states = run.interpolate(times)
-            states[-1] = run.x
+            if end == run.t:
+                states[-1] = run.x
             if times[0] == self._place[0]:
                 states[0] = self._place[1]
             np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
             values = self.roots.values(times, states)
-            if len(self._inside) > _MOST_SAMPLES or not _unresolved(_even(values), self.signs).any():
+            if len(self._inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
                 return times, values
+            if len(self._inside) >= _MANY_SAMPLES and self._length < np.inf:
+                # a part, or all of the step again where not even the shortest is followed: a jump, or noise
+                self._length = min(self._length, end - begin) / 2
+                self._length = np.inf if self._length < self._shortest else self._length
+                if self._length < np.inf:
+                    continue
             self._inside = np.linspace(0.0, 1.0, 2 * len(self._inside) - 1)
 
     def _shares(self) -> np.ndarray:
@@ -178,13 +203,26 @@ def _even(values: np.ndarray) -> np.ndarray:
 
 
 def _unresolved(values: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return which functions, (times, m), may be below zero somewhere between equidistant samples, for all these tell.
+    """Return which functions, (times, m), may be below zero somewhere between samples, for all these tell.
 
-    Where the cubic through four neighbours misses the one in their middle by a part of what the function changes.
+    Where the cubic through four neighbours misses the one in their middle by a part of what the function changes. So
+    do those of an oscillation of nearly as many periods as samples, but not what is seen beside the ends.
     """
+    beside, values = values[[1, -2]], _even(values)
     middle = (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
     missed = np.abs(values[2:-2] - middle).max(axis=0)
+    if len(values) <= _MANY_SAMPLES:
+        weights = _to_beside(len(values))
+        expected = np.stack([weights @ values[:5], weights @ values[:-6:-1]])
+        missed = np.maximum(missed, np.abs(beside - expected).max(axis=0))
     return (missed > _COARSE * np.ptp(values, axis=0)) & ((values * signs).min(axis=0) < 10 * missed)
+
+
+@cache
+def _to_beside(samples: int) -> np.ndarray:
+    """Return the weights (5,) of the first equidistant samples in their quartic's value at `_BESIDE`."""
+    at = _BESIDE * (samples - 1)
+    return np.array([np.prod([(at - b) / (a - b) for b in range(5) if b != a]) for a in range(5)])
 
 
 def _dips(heights: np.ndarray) -> np.ndarray:
