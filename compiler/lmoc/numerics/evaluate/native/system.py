@@ -89,6 +89,7 @@ class NativeSystem(VectorSystem):
         self._seeds = np.zeros(0)
         self._retries = Retries()
         self._slopes: Slopes | None = None
+        self._requested = 0  # Jacobians of all runs
         self._in_c: InC | None = None
 
     def _runner(self) -> Runner:
@@ -152,12 +153,13 @@ class NativeSystem(VectorSystem):
 
     def _ready_slopes(self) -> Slopes | None:
         """Return the Jacobian in C where it is there; one that is requested again and again is compiled beside."""
-        if self._slopes is None and (self.jacobians < _LOOKED_FOR or self.plan.row_count > _SLOPE_ROWS):
+        self._requested += 1
+        if self._slopes is None and (self._requested <= _LOOKED_FOR or self.plan.row_count > _SLOPE_ROWS):
             return None
         slopes = self._write_slopes()
         if slopes.ready:
             return slopes
-        if self.jacobians == _COMPILED:
+        if self._requested == _COMPILED:
             slopes.compile_later()
         return None
 
