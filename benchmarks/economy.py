@@ -103,8 +103,8 @@ def lesson(rows: Sequence[dict]) -> str:
     slower = _slower_in_ida(rows)
     if slower:
         text += (
-            f" In IDA itself the reduced form takes longer than dummy derivatives in {', '.join(slower)}: its Newton "
-            "matrix is that of a right-hand side with blocks that are solved inside."
+            f" In IDA itself the reduced form takes longer than dummy derivatives in {', '.join(slower)}: most of "
+            "its time goes to the watch over the choice of coordinates, which is in Python, after every step."
         )
     return text
 
