@@ -219,7 +219,7 @@ class CompiledDAE(CompiledModel):
         from lmoc.symbolic.interface import linearize
 
         prepared, point = place(self._session, at, parameters, inputs)
-        return linearize(prepared, point, symbolic, inputs, outputs, self._session.released)
+        return linearize(prepared, point, symbolic, inputs, outputs, self._session.reductions)
 
     def transfer_function(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
@@ -237,7 +237,7 @@ class CompiledDAE(CompiledModel):
         from lmoc.symbolic.interface import transfer_function
 
         prepared, point = place(self._session, at, parameters)
-        return transfer_function(prepared, u, y, point, self._session.released)
+        return transfer_function(prepared, u, y, point, self._session.reductions)
 
     def input_output_equation(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.laws.modes import Lawful
+    from lmoc.symbolic.released import Released
 
 REFUSED_STATE = "E0406"  # a requested state cannot be one
 _KNOWN_AGAIN = 10_000  # variables up to which the values checked last are kept
@@ -124,7 +125,14 @@ class Session:
 
         if prepared.flat.laws:
             return equilibria_with_laws(self.lawful(prepared), inputs)
-        return equilibria(prepared, inputs)
+        return equilibria(prepared, inputs, self.reductions)
+
+    @property
+    def reductions(self) -> Released:
+        """How derivations get the scene in other coordinates of its closed loops."""
+        from lmoc.symbolic.released import Released
+
+        return Released(self.released, reduced_at)
 
     def lawful(self, prepared: Prepared) -> Lawful:
         """Return a scene with laws for derivations, in which each mode has a reduction of its own."""

@@ -5,7 +5,7 @@ Symbols are plain ``sympy.Symbol("dotted.name")``; an input's derivative is ``Sy
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.symbolic import places
 from lmoc.symbolic.places import Moment, Point
+from lmoc.symbolic.released import Released
 from lmoc.symbolic.system import SymbolicSystem, refuse, symbolic_system
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.values import exactly, read_values
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from lmoc.symbolic.linearize import LinearModel
     from lmoc.symbolic.numeric import NumericSystem
     from lmoc.symbolic.transfer import TransferFunction
-
-Released = Callable[[Prepared], Reduced]
-
 
 def symbolic(prepared: Prepared, variables: str | Sequence[str] = ()) -> SymbolicSystem:
     """Return the solved system, with the expressions of further variables.
@@ -49,11 +47,12 @@ def symbolic(prepared: Prepared, variables: str | Sequence[str] = ()) -> Symboli
     return symbolic_system(prepared.reduced, prepared.values, names_of(variables))
 
 
-def equilibria(prepared: Prepared, inputs: Point | None = None) -> Equilibria:
+def equilibria(prepared: Prepared, inputs: Point | None = None, released: Released | None = None) -> Equilibria:
     """Return the states of rest for constant inputs.
 
     Inputs not given stay symbols as long as the equations can be solved in symbols, otherwise they are zero. A scene
-    for which symbols are too much gets the one state of rest that Newton's method finds.
+    for which symbols are too much gets those that are found in numbers; closed loops are searched in all of their
+    coordinates where `released` is given.
 
     Raises
     ------
@@ -72,7 +71,7 @@ def equilibria(prepared: Prepared, inputs: Point | None = None) -> Equilibria:
         system = balances(reduced, values)
         return equilibria(system, given, lambda point: linearize_numerically(reduced, values, point, ()))
     except NoSymbolsError:
-        return equilibria_numerically(reduced, values, places.numbers(prepared, given))
+        return equilibria_numerically(prepared, places.numbers(prepared, given), released)
 
 
 def linearize(
@@ -91,7 +90,7 @@ def linearize(
     symbolic : matrices in symbols; otherwise in numbers, for a scene of any size
     inputs : constant values of the inputs at the equilibrium, {name: value}
     outputs : names of variables; by default the scene's outputs, else its states, rates without a name left out
-    released : gives the reduction in all coordinates of closed loops, for those in symbols
+    released : gives the reductions in other coordinates of closed loops
 
     Raises
     ------
@@ -101,6 +100,8 @@ def linearize(
     """
     from lmoc.symbolic.numeric import NumericSystem, linearize_numerically, variable
 
+    if released is not None and not symbolic:
+        prepared, at = _at_rest_of_loops(prepared, at, inputs or {}, released)
     reduced, values = prepared.reduced, prepared.values
     outputs = names_of(outputs)
     for name in outputs or ():
@@ -113,6 +114,25 @@ def linearize(
     point = _numeric_point(prepared, system, at, inputs or {})
     time = at.time if isinstance(at, Moment) else 0.0
     return linearize_numerically(reduced, values, point, shown, time, system)
+
+
+def _at_rest_of_loops(
+    prepared: Prepared, at: Moment | Point | None, inputs: Point, released: Released
+) -> tuple[Prepared, Moment | Point | None]:
+    """Return a scene at a state of rest of closed loops in coordinates that serve there; others as they are."""
+    from lmoc.symbolic.equilibria import Equilibrium
+    from lmoc.symbolic.numeric import NumericSystem
+
+    if prepared.reduced.invariants is None:
+        return prepared, at
+    if at is None and not NumericSystem(prepared.reduced, prepared.values, ()).is_linear():
+        at = places.only(equilibria(prepared, dict.fromkeys(prepared.inputs, 0) | dict(inputs), released))
+    if not isinstance(at, Equilibrium) or at.model is None or set(at) <= set(prepared.reduced.state_names):
+        return prepared, at
+    place = {name: places.number(prepared, value, {s.name for s in at.free}) for name, value in at.items()}
+    there = replace(prepared, reduced=released.at(prepared.flat, prepared.values, place))
+    point = {name: place.get(name, 0.0) for name in there.reduced.state_names}
+    return there, point | {s.name: v for s, v in at.inputs.items()}
 
 
 def _numeric_point(prepared: Prepared, system: NumericSystem, at: Moment | Point | None, inputs: Point) -> Point:
@@ -166,10 +186,11 @@ def _linearize_loops(
     states = prepared.reduced.state_names
     places.check_names(given, (*states, *prepared.inputs))
     if at is None:
-        given = places.with_inputs(places.only(equilibria(prepared, dict.fromkeys(prepared.inputs, 0) | given)), given)
+        rest = places.only(equilibria(prepared, dict.fromkeys(prepared.inputs, 0) | given, released))
+        given = places.with_inputs(rest, given)
     point = dict.fromkeys((*states, *prepared.inputs), exactly(0)) | read_values(given, prepared.flat)
     shown = list(outputs if outputs is not None else prepared.outputs or states)
-    return linearize_loops(prepared, released(prepared), point, shown)
+    return linearize_loops(prepared, released.everywhere(prepared), point, shown)
 
 
 def transfer_function(
@@ -206,7 +227,7 @@ def transfer_function(
         return transfer_function(model, u, y, system.values)
     except NoSymbolsError:
         return _of_loops(prepared, u, y, at, released) or transfer_function_of_numbers(
-            linearize(prepared, at, outputs=y), u, y
+            linearize(prepared, at, outputs=y, released=released), u, y
         )
 
 

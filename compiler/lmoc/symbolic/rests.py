@@ -1,7 +1,8 @@
 """States of rest in numbers, for scenes that have no short equations in symbols: large ones, and mechanisms with loops.
 
 A linear scene is one linear system. A mechanism is sought from where it starts: with one coordinate by walking along it
-both ways, which finds every state of rest on its branch; with several by Newton's method from many places.
+both ways, which finds every state of rest on its branch; with several by Newton's method from many places. Where the
+coordinates of a loop turn back, or may do so, all of its coordinates are searched (`symbolic.resting_loops`).
 """
 
 from __future__ import annotations
@@ -11,10 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.equilibria import Equilibria, Equilibrium
 from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
+from lmoc.symbolic.released import Released
+from lmoc.symbolic.resting_loops import RestOfLoops, keeps_its_closures, rests_of_loops, rests_on_curve
 from lmoc.symbolic.search import Rest, largest_rows, rests, values_at
 from lmoc.symbolic.system import coordinates_of, time_stands_in_it
 
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.linearize import LinearModel
 
 NO_DERIVATIVE = "E0663"
+NOT_RELEASED = "E0626"
 STARTS = 40  # of Newton's method with several coordinates
 NO_RATE = 1e-9  # rad/s² or m/s², of a mechanism that nothing moves
 MOST_TURN = 0.5  # of the slope of a dependent coordinate between two points of a walk
@@ -31,14 +36,21 @@ WALK = 720  # points along one coordinate, each way
 REACH = 10.0  # m, how far along a coordinate that is no angle
 
 
-def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, float]) -> Equilibria:
+def equilibria_numerically(
+    prepared: Prepared, inputs: Mapping[str, float], released: Released | None = None
+) -> Equilibria:
     """Return the states of rest in numbers, for constant inputs; inputs not given are zero.
+
+    Parameters
+    ----------
+    released : gives the reduction in all coordinates of closed loops; without it these are not searched
 
     Raises
     ------
     ModelError
         E0660 where time itself appears in the equations, E0662 a parameter without a value.
     """
+    reduced, values = prepared.reduced, prepared.values
     if contains_time(reduced.rhs):
         raise time_stands_in_it()
     system = NumericSystem(reduced, values, ())
@@ -46,14 +58,62 @@ def equilibria_numerically(reduced: Reduced, values: np.ndarray, inputs: Mapping
     if system.is_linear():
         return _linear(reduced, values, system, u)
     still = _AtRest(system, u)
+    loads = dict(zip(system.inputs, u.tolist(), strict=True))
     if len(still.places) == 1 and system.pose is not None:
-        found, how = _along(still)
+        found, how, whole = _along(still)
+        in_all = None if whole else _in_all_coordinates(prepared, loads, released)
+        if in_all is not None:
+            return in_all
+        how += "" if whole else "; there may be others beyond"
     else:
+        in_all = _in_all_coordinates(prepared, loads, released)
+        if in_all is not None:
+            return in_all
         found = rests(still.rates, still.jacobian, still.turning, STARTS)
         how = f"Newton's method from {STARTS} starts; there may be others"
     if reduced.left_out:
         found = [rest for rest in found if system.can_start_at(still.state(rest.at), u)]
     return Equilibria((_finished(reduced, values, system, still, u, rest, how) for rest in found), how)
+
+
+def _in_all_coordinates(
+    prepared: Prepared, inputs: Mapping[str, float], released: Released | None
+) -> Equilibria | None:
+    """Return the states of rest in all coordinates of closed loops; None where there are none, or not all are free."""
+    if released is None or prepared.reduced.invariants is None:
+        return None
+    try:
+        reduced = released.everywhere(prepared)
+    except ModelError as error:
+        if {d.code for d in error.diagnostics} != {NOT_RELEASED}:
+            raise
+        return None
+    on_curve = rests_on_curve(reduced, prepared.reduced, prepared.values, inputs)
+    found, how = on_curve or rests_of_loops(reduced, prepared.values, inputs)
+    finished = (_of_loops(prepared, one, inputs, released, how) for one in found)
+    return Equilibria((e for e in finished if e is not None), how)
+
+
+def _of_loops(
+    prepared: Prepared, one: RestOfLoops, inputs: Mapping[str, float], released: Released, how: str
+) -> Equilibrium | None:
+    """Return a state of rest with its linear model in coordinates that serve there; None where it is none.
+
+    Constraints that are left out as redundant need not hold, and where closures depend on each other the accelerations
+    are not what they seem.
+    """
+    there = released.at(prepared.flat, prepared.values, one.place)
+    redundant = prepared.reduced.left_out or there.left_out
+    if redundant and not keeps_its_closures(there, prepared.values, inputs, one.place):
+        return None
+    point = {name: one.place.get(name, 0.0) for name in there.state_names} | dict(inputs)
+    model = linear_model_at(there, prepared.values, point)
+    if model is not None and not model.at_rest:
+        return None
+    free = tuple(x for x, value in one.values.items() if value == x)
+    still = dict.fromkeys(_symbols(prepared.reduced.state_names), _floats([0.0])[0])
+    given = dict(zip(_symbols(list(inputs)), _floats(list(inputs.values())), strict=True))
+    return Equilibrium(still | dict(one.values), free, how=how, model=model, nonlinear=True, inputs=given)
 
 
 def _linear(reduced: Reduced, values: np.ndarray, system: NumericSystem, u: np.ndarray) -> Equilibria:
@@ -116,12 +176,15 @@ class _AtRest:
         return float(x[self.places][0])
 
 
-def _along(still: _AtRest) -> tuple[list[Rest], str]:
-    """The states of rest along the only coordinate, both ways from the start as far as the mechanism goes."""
+def _along(still: _AtRest) -> tuple[list[Rest], str, bool]:
+    """Return the states of rest along the only coordinate, both ways from the start as far as the mechanism goes.
+
+    Also how they were sought, and whether the mechanism goes all the way.
+    """
     turning = bool(still.turning[0])
     reach = np.linspace(0, 2 * np.pi, WALK) if turning else REACH * np.sinh(np.linspace(0, 12, WALK)) / np.sinh(12)
     found: list[float] = []
-    largest = 0.0
+    largest, whole = 0.0, True
     for way in (1.0, -1.0):
         begin = still.start()
         last, before = begin, still.rates(np.array([begin]))[0]
@@ -132,13 +195,15 @@ def _along(still: _AtRest) -> tuple[list[Rest], str]:
             here = still.branch()
             steeper = (here - branch) / (y - last)
             if not np.isfinite(value) or slope is not None and _turns(slope, steeper):
+                whole = False
                 break
             if before == 0 or np.signbit(value) != np.signbit(before):
                 found += [last] if before == 0 else _refined(still, last, y, before, value)
             last, before, branch, slope = y, value, here, steeper
             largest = max(largest, abs(value))
     if found and largest <= NO_RATE:
-        return [Rest(np.zeros(1), (0,), np.ones((1, 1)))], f"no acceleration at {WALK} points along the coordinate"
+        how = f"no acceleration at {WALK} points along the coordinate"
+        return [Rest(np.zeros(1), (0,), np.ones((1, 1)))], how, True
     unique: list[float] = []
     for y in sorted(found, key=abs):
         apart = [y - other for other in unique]
@@ -147,7 +212,7 @@ def _along(still: _AtRest) -> tuple[list[Rest], str]:
             unique.append(y)
     where = "a turn each way" if turning else f"{REACH:g} m each way"
     how = f"sign changes at {WALK} points along the coordinate, {where} from the start as far as the mechanism goes"
-    return [Rest(np.array([y]), (), np.zeros((1, 0))) for y in sorted(unique)], how
+    return [Rest(np.array([y]), (), np.zeros((1, 0))) for y in sorted(unique)], how, whole
 
 
 def _turns(slope: np.ndarray, steeper: np.ndarray) -> bool:

@@ -61,13 +61,13 @@ def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, r
         if root is None or any(_member(root, other, turning) for other in found):
             continue
         rest = _family(f, jacobian, root)
-        rest = Rest(_within_a_turn(rest.at, turning), rest.free, rest.along, rest.straight)
+        rest = Rest(within_a_turn(rest.at, turning), rest.free, rest.along, rest.straight)
         if not any(rest.free == o.free and _same(rest.at, o.at, turning) for o in found):
             found.append(rest)
     return sorted(found, key=lambda rest: tuple(np.round(rest.at, 9)))
 
 
-def _within_a_turn(x: np.ndarray, turning: np.ndarray) -> np.ndarray:
+def within_a_turn(x: np.ndarray, turning: np.ndarray) -> np.ndarray:
     """Angles from −π, excluded, to π."""
     return np.where(turning, (x + np.pi - 1e-9) % (2 * np.pi) - np.pi + 1e-9, x)
 
