@@ -180,7 +180,7 @@ def is_calibrated(row: dict) -> bool | None:
 
 
 def summary(rows: Sequence[dict]) -> dict[str, tuple[int, int]]:
-    """What holds for how many pairs, each out of how many."""
+    """Return {property: (pairs with it, pairs judged)}."""
     judged = [r for r in rows if is_calibrated(r) is not None and r["model"] not in UNJUDGED]
     return {
         "within 1.5 times": (sum(map(is_good, rows)), len(rows)),

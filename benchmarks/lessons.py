@@ -1,4 +1,4 @@
-"""What the charts of `docs/accuracy.md` teach: two sentences a scene, whose names and numbers come from its points."""
+"""The conclusions from the charts of `docs/accuracy.md`: two sentences a scene, written from its points."""
 
 from __future__ import annotations
 

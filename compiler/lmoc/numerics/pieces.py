@@ -171,12 +171,11 @@ class _Run:
         records = (*self.impacts, *(() if happenings is None else happenings.records))
         crossing = None if happenings is None else happenings.crossing
         ended, x = self.before_terminal or (None, outcome.x)
-        last = outcome.time, x
         planned = outcome.time if outcome.status.failed else self.task.span.end
         pieces, begun = tuple(self.pieces), self.begun
         unbooked = (np.inf, "") if happenings is None else happenings.stepping.unbooked
         return Trajectory(
-            pieces, self.variables, last, stats, records, notes, crossing, begun, planned, unbooked, ended
+            pieces, self.variables, (outcome.time, x), stats, records, notes, crossing, begun, planned, unbooked, ended
         )
 
     # ------------------------------------------------------------------ the start

@@ -1,4 +1,4 @@
-"""What a linear model of closed loops consists of, as a person reads it: closures, balances, abbreviations."""
+"""The parts of a linear model of closed loops, as a person reads it: closures, balances, abbreviations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LoopsAtRest:
-    """What the symbols in a linear model of closed loops stand for.
+    """The meaning of the symbols in a linear model of closed loops.
 
     Attributes
     ----------

@@ -128,7 +128,7 @@ class Happenings:
 
     @property
     def places(self) -> dict[str, Place | None]:
-        """Where the conditions are written, and the discrete variables declared, that events are recorded by."""
+        """Return where the conditions and discrete variables stand by whose text events are recorded."""
         if self.hybrid is None:
             return {}
         events, flat = self.hybrid.layout.events, self.plan.reduced.flat

@@ -1,4 +1,4 @@
-"""A word about runs with so many events that their end is far: while they go on, not when they are over."""
+"""The warning of a run whose events are so many that its end is far: given while it goes on, not when it is over."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized, place
     begin : (n,) first values
     weight : (n,) how easily each gives way; those with 1 have not been given
     linearized : from values to the residual (m,) and its Jacobian (m, n)
-    placed : whether some of the equations say where, as given values do: where nothing does, only the nearest will do
+    placed : whether some of the equations determine a place, as given values do; if nothing does, only `begin` is tried
     """
     free = weight == 1.0
     scale = max(float(np.abs(begin).max(initial=0)), 1e-300)

@@ -105,7 +105,7 @@ class Elimination:
 
     @cached_property
     def _measure(self) -> np.ndarray:
-        """What variables are measured in: 0 of positions, a number of their own for other units, -1 where unknown."""
+        """Return the units of variables as numbers: 0 for positions, one for each other unit, -1 where unknown."""
         units: dict[str, int] = {}
 
         def measure(b: Block) -> int:

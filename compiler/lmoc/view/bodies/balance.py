@@ -59,7 +59,7 @@ class Force:
 
     @property
     def term(self) -> sympy.Expr:
-        """What stands in the balance."""
+        """Return the term that stands in the balance."""
         return self.label * self.sense
 
 

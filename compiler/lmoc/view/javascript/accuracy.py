@@ -1,4 +1,4 @@
-"""What a page needs to integrate as accurately as the compiler: tolerances, their refinement, where Newton begins."""
+"""The data with which a page integrates as accurately as the compiler: tolerances, refinement, start of Newton."""
 
 from __future__ import annotations
 

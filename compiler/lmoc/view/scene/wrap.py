@@ -89,7 +89,7 @@ def _numbers(k: int) -> tuple[int, int, int]:
 
 
 def _variables(variables: Mapping[int, str], places: Sequence[int]) -> dict[int, str]:
-    """What moves the nodes that were made: the same as those that they stand for."""
+    """Return the variables of all nodes: those that were made move as the ones that they stand for."""
     made = {n: variables[place] for k, place in enumerate(places) if place in variables for n in _numbers(k)}
     return {**variables, **made}
 

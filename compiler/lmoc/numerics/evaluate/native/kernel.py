@@ -54,7 +54,7 @@ class Call(ctypes.Structure):
 
 
 class Hold(ctypes.Structure):
-    """What looks at steps made in C (``lmoc_hold`` in ``c/hold.c``)."""
+    """The functions that judge and correct steps made in C (``lmoc_hold`` in ``c/hold.c``)."""
 
     _fields_ = [*[(name, ctypes.c_void_p) for name in ("own", "look", "land", "keep")], ("pieces", ctypes.c_int64)]
 
