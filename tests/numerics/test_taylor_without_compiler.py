@@ -104,6 +104,14 @@ def test_no_value_where_the_equations_have_none(no_compiler):
     assert failure.value.time == pytest.approx(1.0, abs=1e-3)
 
 
+def test_no_series_where_a_function_has_no_derivative(no_compiler):
+    """Nor is one made up by dividing what vanishes by itself: the equation has many solutions."""
+    no_compiler()
+    with pytest.raises(lmoc.SimulationError, match="no finite value") as failure:
+        model("Real x(start = 0, fixed = true);", "der(x) = sqrt(x);").simulate(solver="taylor", stop=1)
+    assert failure.value.time == 0.0
+
+
 def test_parameters_starts_and_formulas_of_the_next_run_count(no_compiler):
     no_compiler()
     variables = "parameter Real k = 1; input Real u = 0; Real x(start = 1, fixed = true), v(start = 0, fixed = true);"

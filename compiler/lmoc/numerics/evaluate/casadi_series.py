@@ -25,7 +25,7 @@ from lmoc.numerics.plan import Plan
 if TYPE_CHECKING:
     import casadi
 
-LARGEST = 400_000  # operations of a function
+LARGEST = 500_000  # operations of a function
 _LARGEST_BLOCK = 16  # unknowns of a block whose inverse is written out
 
 
@@ -136,29 +136,27 @@ class _Apply:
         self.operations: int = len(self.out) * (products * jets.order**2 + 2 * len(self.nodes.inner) * jets.order)
 
     def run(self, k: int) -> None:
-        import casadi as ca
-
-        self.k, rows = k, len(self.out)
-        if k:
+        self.k = k
+        with exactly():  # where a function has a value but no derivative, there is no series
             for node in self.nodes.place:
-                if not self.nodes.steady[node]:
+                if not k:
+                    self._begin(node)
+                elif not self.nodes.steady[node]:
                     self.of[node][:, k] = self._higher(node)
-        else:
-            with exactly():
-                for node in self.nodes.place:
-                    value = self._value(node)
-                    self.of[node] = ca.SX.zeros(rows, self.jets.order + 1)
-                    self.of[node][:, 0] = value
         for row, target in enumerate(self.out):
             self.jets.series[target][k] = self.of[self.shape][row, k]
+
+    def _begin(self, node: Expr) -> None:
+        import casadi as ca
+
+        value = lower_node(node, [self.of[a][:, 0] for a in node.args], self._column, self.jets.time)
+        self.of[node] = ca.SX.zeros(len(self.out), self.jets.order + 1)
+        self.of[node][:, 0] = value
 
     def _column(self, column: int):
         import casadi as ca
 
         return ca.vertcat(*[self.jets.series[r][self.k] for r in self.columns[column]])
-
-    def _value(self, node: Expr):
-        return lower_node(node, [self.of[a][:, 0] for a in node.args], self._column, self.jets.time)
 
     def _higher(self, node: Expr):
         if node.op == "slot":

@@ -48,11 +48,12 @@ def exactly() -> Iterator[None]:
     """Have casadi make neither 1 of x/x nor x of sqrt(x)^2, where the other evaluators find that there is no value."""
     import casadi as ca
 
+    before = ca.GlobalOptions.getSimplificationOnTheFly()
     ca.GlobalOptions.setSimplificationOnTheFly(False)
     try:
         yield
     finally:
-        ca.GlobalOptions.setSimplificationOnTheFly(True)
+        ca.GlobalOptions.setSimplificationOnTheFly(before)
 
 
 def lower_node(node: Expr, args: list, columns, time):

@@ -99,6 +99,10 @@ class TaylorInPython(Integration):
         self.next = self.last = self.jets.about(self.t, self.x)
 
     def step(self) -> Status:
+        with np.errstate(over="ignore", invalid="ignore"):  # of a step that is too long: it is rejected
+            return self._step()
+
+    def _step(self) -> Status:
         problem, series = self.problem, self.next
         if series is None:
             return Status.NOT_FINITE
