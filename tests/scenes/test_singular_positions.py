@@ -271,6 +271,28 @@ def test_an_output_at_a_singular_position_is_the_limit(points):
     assert run.energy.stored == pytest.approx(run.energy.stored[0], rel=1e-7)
 
 
+def isosceles_before_its_line(distance: float) -> str:
+    angle = float(np.pi / 2 - distance)
+    text = ISOSCELES.replace("phi(start = 0.5", f"phi(start = {angle!r}")
+    text = text.replace("start = -1", f"start = {-2 * angle!r}")
+    return text.replace("start = 1.7", f"start = {float(2 * np.cos(angle))!r}")
+
+
+def test_a_run_from_shortly_before_a_singular_position_passes_it_or_stops_soon():
+    """Nearby the right-hand side is rounded so much that no step meets a tolerance as fine."""
+    try:
+        run = lmoc.compile_text(isosceles_before_its_line(1e-3)).simulate(stop=1, rtol=1e-9)
+        assert run["line.s"] == pytest.approx(2 * np.cos(run["main.phi"]), abs=1e-9)
+    except lmoc.SimulationError as stopped:
+        assert "a singular position lies ahead" in str(stopped) and 4e-4 < stopped.time < 5e-4
+        assert stopped.partial.stats["steps"] < 10_000
+
+
+def test_a_start_next_to_a_singular_position_is_told():
+    with pytest.raises(lmoc.ModelError, match="E0535.*starts next to a singular position"):
+        lmoc.compile_text(isosceles_before_its_line(1e-6)).simulate()
+
+
 @pytest.mark.parametrize("angle", [0.0, np.pi])
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_start_at_a_singular_position_is_told(angle, speed):

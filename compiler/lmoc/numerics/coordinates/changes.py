@@ -20,7 +20,7 @@ from lmoc.numerics.observe.observer import Aside, Observer, Path
 from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.activity import Lookout
-from lmoc.numerics.start.singular import BESIDE, BRANCHES, StartSingular, starts_singular
+from lmoc.numerics.start.singular import BESIDE, StartSingular, starts_singular
 from lmoc.numerics.task import Stretch, Task
 from lmoc.support.records import dataclass
 
@@ -333,7 +333,8 @@ def _singular_start(stretch: Stretch, report: Report) -> StartSingular:
     names, span = ", ".join(reduced.state_names), reduced.flat.declared_at(variable)
     message = f"the coordinates {names} do not determine {reduced.flat.variable_name(variable)} at the start"
     hint = "choose others, by states=[…] (--states) or stateSelect"
-    if starts_singular(stretch, stretch.watch.accepted.t, stretch.watch.accepted.x):
-        message, hint = f"{BRANCHES}: {message}", BESIDE
+    singular = starts_singular(stretch, stretch.watch.accepted.t, stretch.watch.accepted.x)
+    if singular:
+        message, hint = f"{singular}: {message}", BESIDE
     report.error("E0535", message, span, hint=hint)
     return StartSingular(report.diagnostics, reduced.state_names, span)

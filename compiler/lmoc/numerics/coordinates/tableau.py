@@ -135,10 +135,15 @@ def states_by_pivots(matrix: np.ndarray) -> list[int]:
     return held if held != list(range(rows, matrix.shape[1])) else []
 
 
+def in_rows_of_one_size(matrix: np.ndarray) -> np.ndarray:
+    """Return a matrix with its rows divided by their largest magnitudes."""
+    size = np.abs(matrix).max(axis=1, keepdims=True)
+    return matrix / np.where(size > 0, size, 1.0)
+
+
 def vanishes(matrix: np.ndarray) -> bool:
     """Return whether the dependent coordinates do not follow, in rows of one size."""
-    size = np.abs(matrix).max(axis=1, keepdims=True)
-    a = (matrix / np.where(size > 0, size, 1.0))[:, : len(matrix)]
+    a = in_rows_of_one_size(matrix)[:, : len(matrix)]
     return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < _VANISHING)
 
 

@@ -15,7 +15,7 @@ from lmoc.numerics.integrate.base import Outcome
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.options import Span
-from lmoc.numerics.start.singular import BESIDE, BRANCHES, StartSingular, starts_singular
+from lmoc.numerics.start.singular import BESIDE, StartSingular, starts_singular
 from lmoc.numerics.task import Stretch
 
 if TYPE_CHECKING:
@@ -44,8 +44,9 @@ def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) ->
     near = stretch.system.registers
     found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
     if needed or nonlinear:
-        if np.isfinite(x).all() and starts_singular(stretch, time, x):
-            found, hint = f"{BRANCHES}: {found}", BESIDE
+        singular = starts_singular(stretch, time, x) if np.isfinite(x).all() else ""
+        if singular:
+            found, hint = f"{singular}: {found}", BESIDE
         elif nonlinear:
             hint = "give start values (start = …) near a place where they hold, such as the angles of an assembled loop"
         report.error("E0535", f"{found} at the start", span, hint=hint)

@@ -49,6 +49,7 @@ class Problem:
         are
     compiled_guard : the same and the guard in C; None where they are left to Python
     index_one : what IDA integrates in place of the system, with the states first among its components
+    whole : s, the end of the run of which this is a part; NaN where this is all of it
     held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
         None where nothing jumps
     """
@@ -77,6 +78,7 @@ class Problem:
     correction: Callable[[float, np.ndarray], np.ndarray] | None = None
     compiled_guard: CompiledGuard | None = None
     index_one: IndexOne | None = None
+    whole: float = np.nan
     held: Callable[[float, np.ndarray], bool] | None = None
 
     @property

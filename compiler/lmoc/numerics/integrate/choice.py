@@ -139,6 +139,7 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         end=end,
         times=np.minimum(np.maximum(inside, begin), end),
         max_step=longest,
+        whole=problem.end,
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
     )

@@ -19,7 +19,7 @@ from lmoc.numerics.integrate.status import Status
 _BATCH = 200_000  # numbers collected before they are handed on
 _LOOK = 32  # steps between two looks at the clock …
 _MANY, _QUICK = 4096, 5e-3  # … up to so many where a batch of steps takes less than these seconds
-_STALL, _GUARDED = 10_000, 2_000  # steps after which it is judged whether they get on, of guarded ones the latter …
+_STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter …
 _PACE = 1e-8  # … by this part of what lies ahead on average
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
@@ -167,7 +167,9 @@ class Loop:
         if not (guarded or problem.held) or done - self.judged[0] < (_GUARDED if guarded else _STALL):
             return _OK
         (before, at), self.judged = self.judged, (done, run.t)
-        if run.t - at >= (done - before) * _PACE * (problem.end - problem.t):
+        whole = guarded and problem.whole > problem.end  # on a short way to a singular position all steps are short
+        ahead = (problem.whole if whole else problem.end) - problem.t
+        if run.t - at >= (done - before) * _PACE * ahead:
             return _OK
         if problem.held is not None and problem.held(run.t, run.x):
             return Status.CHATTERING

@@ -11,19 +11,30 @@ from lmoc.messages.source import Span
 from lmoc.numerics.task import Stretch
 
 BRANCHES = "the scene starts at a singular position, in which its constraints depend on each other"
+NEXT = "the scene starts next to a singular position, in which its constraints depend on each other"
 BESIDE = "several motions may begin there, and nothing says which is meant: start a little beside it"
-_DEPENDENT = 1e-5  # smallest singular value of the constraints in rows and columns of one length
+# smallest singular values of the constraints in rows of one length: as small they are dependent, or almost
+_DEPENDENT, _ALMOST = 1e-9, 1e-4
 
 
-def starts_singular(stretch: Stretch, time: float, x: np.ndarray) -> bool:
-    """Return whether constraints depend on each other at a start, so that no coordinates would serve."""
+def starts_singular(stretch: Stretch, time: float, x: np.ndarray) -> str:
+    """Return a sentence where constraints depend on each other at a start, or almost; empty where they do not.
+
+    Rows alone are brought to one length, too: beside a singular position all entries of a column may be small, which
+    would count as a unit of its coordinate.
+    """
     if stretch.plan.reduced.constraints is None:
-        return False
-    from lmoc.numerics.coordinates.watch import CoordinateWatch  # most scenes have none
+        return ""
+    from lmoc.numerics.coordinates.tableau import in_rows_of_one_size, rank_margin  # most scenes have none
+    from lmoc.numerics.coordinates.watch import CoordinateWatch
 
     watch = CoordinateWatch(stretch.system, stretch.base)
     watch.begin(time, x)
-    return bool(np.isfinite(watch.accepted.matrix).all()) and watch.accepted.margin < _DEPENDENT
+    place = watch.accepted
+    if not np.isfinite(place.matrix).all():
+        return ""
+    margin = min(place.margin, rank_margin(in_rows_of_one_size(place.matrix)))
+    return BRANCHES if margin < _DEPENDENT else NEXT if margin < _ALMOST else ""
 
 
 class StartSingular(ModelError):
