@@ -108,6 +108,18 @@ def test_a_sample_is_not_lost_where_a_state_event_comes_at_the_same_instant(solv
     assert result["m.q"][-1] == pytest.approx(0.6, abs=1e-9)
 
 
+def test_every_rise_of_a_fast_sine_of_time_is_an_event() -> None:
+    result = run(
+        """model S Real x(start = 0, fixed = true); Integer n(start = 0, fixed = true);
+        equation
+          der(x) = 1;
+          when sin(1e6*time) > 0.5 then n = pre(n) + 1; end when;
+        end S;""",
+        stop=2e-4,
+    )
+    assert times_of(result, "when") == pytest.approx([(2 * pi * k + pi / 6) / 1e6 for k in range(32)], rel=1e-12)
+
+
 def test_conditions_in_time_alone_are_exact() -> None:
     result = run(
         """model T parameter Real d = 0.1;

@@ -29,6 +29,7 @@ _CHATTER = 12  # changes of one condition …
 _MOMENT = 1e-9  # … within this part of the run, which is chattering
 _ROUNDS = 50  # of finding states and discrete values at the start that agree
 _SHORTLY = 1e-6  # part of the time since the last event
+_PHASE = 200.0  # rad, that a sine in a condition goes on in a step at most
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
 
 Step = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # as `stepping.Stepping`
@@ -199,7 +200,11 @@ class Hybrid:
     @property
     def longest_step(self) -> float:
         """s, so that relations of time that are not linear in it are looked at often enough."""
-        return (self.end - self.begin) / _LOOKS if self.layout.looks_at_time else np.inf
+        layout = self.layout
+        if not layout.looks_at_time:
+            return np.inf
+        rates = [np.abs(self.machine.values(*one)).max(initial=0.0) for one in layout.rates_of_phase]
+        return min([(self.end - self.begin) / _LOOKS, *(_PHASE / rate for rate in rates if rate > 0)])
 
     def after(self, outcome: Outcome) -> np.ndarray | None:
         """Do what happens where a piece has ended; return the states behind it, None at the end of the run.

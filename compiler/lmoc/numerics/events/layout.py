@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.expression.calculus import linear_parts
-from lmoc.expression.dag import TIME, Expr, depends_on_time, slots
+from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply
@@ -104,6 +104,22 @@ class EventLayout:
             if k not in timed and (Kind.INPUT in kinds or depends_on_time(r.zero)):
                 return True
         return False
+
+    @cached_property
+    def rates_of_phase(self) -> tuple[tuple[Expr, np.ndarray], ...]:
+        """Return how fast the arguments of sines and the like of time grow: (rate, table of its variables)."""
+        found, timed = [], {t.relation for t in self.timed}
+        for k, r in enumerate(self.events.relations):
+            waves = [n for n in postorder(r.zero) if n.op in ("sin", "cos", "tan")] if k not in timed else []
+            for parts in (linear_parts(n.args[0], (TIME,)) for n in waves):
+                rate = None if parts is None else parts[0].get(TIME)
+                columns = [] if rate is None else [leaf.value[0] for leaf in slots(rate)]
+                if (
+                    rate is not None
+                    and not np.isin(self.flat.kind[r.slots[:, columns]], (Kind.UNKNOWN, Kind.INPUT)).any()
+                ):
+                    found.append((rate, r.slots))
+        return tuple(found)
 
     @cached_property
     def relation_of_zero(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Span as Place
 from lmoc.numerics.observe.event import Event
 
-_MANY = 4000  # instants with events, before anything is said
+_MANY = 2000  # instants with events, before anything is said
 _AHEAD = 5  # times as many still to come make a flood
 _LATEST = 1000  # records that tell what it is that happens
 _EVERY = 0.2  # s between two reports of progress
