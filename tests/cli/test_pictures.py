@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -87,3 +88,41 @@ def test_a_run_that_breaks_off_is_compared_as_far_as_it_goes(tmp_path, capsys):
     assert main(["compare", str(whole), str(short), "--stop", "2"]) == 3
     told = capsys.readouterr()
     assert "short.lmo: the run stopped at t = 1 s" in told.err and "differences from whole" in told.out
+
+
+def test_a_study_says_which_runs_broke_off_and_why(tmp_path, capsys):
+    path = tmp_path / "short.lmo"
+    path.write_text(
+        "model Short parameter Real k = 1; Real x(start = 1, fixed = true); equation der(x) = k*x^2; end Short;"
+    )
+    assert main(["run", str(path), "--stop", "2", "--set", "k=0.25:0.5:1"]) == 3
+    told = capsys.readouterr()
+    assert "k = 0.75: the run stopped at t = 1.33" in told.err and "k = 0.25" not in told.err
+    assert "False" in told.out
+
+
+def test_names_with_markup_stay_text_in_the_pictures_of_several_runs(tmp_path):
+    """XML of the pictures is read: a name is never an element of it."""
+    hostile = """
+model Hostile "A <b>scene</b> & \\"quotes\\" </svg><script>alert(1)</script>"
+  parameter Real 'k<script>alert(1)</script>'(unit = "N/m") = 10;
+  output Real 'q"<svg onload=alert(2)>&'(unit = "m") = mass.q;
+  output Real root = sqrt(mass.q);
+  Fixed wall;
+  Mass mass(m = 1, q(start = 0.2, fixed = true), v(start = 0, fixed = true));
+  Spring spring(k = 'k<script>alert(1)</script>');
+equation
+  connect(wall.flange, spring.a);
+  connect(spring.b, mass.flange);
+end Hostile;
+"""
+    one, other = tmp_path / "one.lmo", tmp_path / "<img src=x>&ü.lmo"
+    one.write_text(hostile)
+    other.write_text(hostile.replace("= 10;", "= 40;"))
+    drawn = [tmp_path / "compared.svg", tmp_path / "study.svg"]
+    assert main(["compare", str(one), str(other), "--stop", "1", "--quiet", "--plot", str(drawn[0])]) == 0
+    varied = "'k<script>alert(1)</script>'=10:20:50"
+    assert main(["run", str(one), "--stop", "1", "--quiet", "--set", varied, "--plot", str(drawn[1])]) == 0
+    for path in drawn:
+        names = {element.tag.rpartition("}")[2] for element in ElementTree.parse(path).iter()}
+        assert "svg" in names and not names & {"script", "img", "b"}

@@ -43,6 +43,23 @@ def test_runs_of_different_length_and_grid_are_compared_where_both_are(dae):
     assert found["time"] <= 2 and found["largest"] < 1e-4
 
 
+def test_times_without_a_value_in_both_runs_are_counted(dae):
+    text = SWING.replace("Real x = body.q", "Real x = body.q; output Real root = sqrt(body.q)")
+    one, two = (lmoc.compile_text(text).simulate(stop=s, points=100 * s + 1) for s in (4, 2))
+    found = lmoc.compare([one, two]).differences(["x", "root"]).loc["run 2"]
+    inside = one.time <= 2
+    assert found.loc["x", "missing"] == np.sum(~inside) == 200
+    undefined = inside & (one["x"] < 0)
+    assert undefined.any() and found.loc["root", "missing"] == 200 + np.sum(undefined)
+    assert found.loc["root", "largest"] < 1e-3
+
+
+def test_runs_without_a_common_time_have_no_difference(dae):
+    late = dae.simulate(start=3, stop=4)
+    row = lmoc.compare([late, dae.simulate(stop=1)]).differences("x").loc["run 2", "x"]
+    assert np.isnan(row["largest"]) and np.isnan(row["time"]) and row["missing"] == len(late.time)
+
+
 def test_pictures_of_several_runs(dae, tmp_path):
     runs = [dae.simulate(stop=1, points=11, parameters={"k": k}) for k in range(1, 15)]
     few = lmoc.compare(runs[:3]).plot(path=tmp_path / "few.png")

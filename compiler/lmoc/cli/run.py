@@ -80,6 +80,9 @@ def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]
         print(json.dumps(plain(table.to_dict("records")), indent=2, ensure_ascii=False))
     elif not arguments.quiet:
         print("\n".join([f"{found.runs[0].flat.name}: {len(found)} runs", "", table.to_string(index=False), *written]))
+    for point, why in found.failed.items():
+        given = ", ".join(f"{name} = {value:g}" for name, value in zip(found.names, point, strict=True))
+        terminal.failure(f"{given}: {why}")
     return 0 if all(run.complete for run in found.runs) else FAILED_RUN
 
 

@@ -60,21 +60,18 @@ class Comparison:
     def differences(self, names: str | Sequence[str] | None = None) -> DataFrame:
         """Return the largest differences from the first run, at its output times within both runs.
 
-        Columns: `largest` difference, the `time` of it, and `relative` to the largest magnitude in the first run.
+        Columns: `largest` difference, the `time` of it, `relative` to the largest magnitude in the first run, and
+        `missing`: the number of output times of the first run at which there is nothing to compare, since the other run
+        does not reach them, or one of the two has no finite value there.
         """
         import pandas
 
         base, rows = self.first, []
         for label, run in list(self.runs.items())[1:]:
-            inside = base.time <= run.time[-1]
+            inside = (run.time[0] <= base.time) & (base.time <= run.time[-1])
             for name in self.names(names):
-                truth = base[name][inside]
-                missed = np.abs(np.interp(base.time[inside], run.time, run[name]) - truth)
-                k = int(np.nanargmax(missed)) if np.isfinite(missed).any() else 0
-                top = float(np.nanmax(np.abs(truth), initial=0.0))
-                relative = float(missed[k]) / top if top > 0 else np.nan
-                rows.append((label, name, float(missed[k]), float(base.time[inside][k]), relative))
-        table = pandas.DataFrame(rows, columns=["run", "variable", "largest", "time", "relative"])
+                rows.append((label, name, *_largest(base.time, base[name], run.time, run[name], inside)))
+        table = pandas.DataFrame(rows, columns=["run", "variable", "largest", "time", "relative", "missing"])
         return table.set_index(["run", "variable"])
 
     def plot(
@@ -115,7 +112,7 @@ class Comparison:
             names = []
         found = self.differences(names).reset_index()
         rows = found.head(MOST_ROWS).to_numpy().tolist()
-        head = ["run", "variable", "largest difference", "at t in s", "of the largest value"]
+        head = ["run", "variable", "largest difference", "at t in s", "of the largest value", "times not compared"]
         return table_html(title, head, rows, len(found) - len(rows))
 
     def __repr__(self) -> str:
@@ -143,6 +140,26 @@ def compare(runs: Mapping[str, Result] | Iterable[Result]) -> Comparison:
         if not isinstance(run, Result):
             raise TypeError(f"'{name}' is not a run but {type(run).__name__}")
     return Comparison(named)
+
+
+def _largest(
+    times: np.ndarray, truth: np.ndarray, other_times: np.ndarray, other: np.ndarray, inside: np.ndarray
+) -> tuple[float, float, float, int]:
+    """Return the largest difference, its time, its share of the largest true value, and how many times have none.
+
+    Parameters
+    ----------
+    inside : (times,) which times both have
+    """
+    with np.errstate(invalid="ignore"):
+        missed = np.abs(np.interp(times, other_times, other) - truth)
+    found = inside & np.isfinite(missed)
+    missing = len(times) - int(found.sum())
+    if not found.any():
+        return np.nan, np.nan, np.nan, missing
+    k = int(np.argmax(np.where(found, missed, -1.0)))
+    top = float(np.abs(truth[found]).max())
+    return float(missed[k]), float(times[k]), float(missed[k]) / top if top > 0 else np.nan, missing
 
 
 def _members(run: Result, name: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
 from functools import cached_property
 from itertools import groupby, product
 from pathlib import Path
@@ -35,12 +36,14 @@ class Sweep:
     points : their values, run by run
     runs : a run that failed on its way is there as far as it came
     eigenvalues_at : eigenvalues of the linear model for parameter values {name: value}
+    failed : {the parameter values of a run that failed: why}
     """
 
     names: tuple[str, ...]
     points: tuple[tuple[float, ...], ...]
     runs: tuple[Run, ...]
     eigenvalues_at: Callable[[Mapping[str, float]], np.ndarray]
+    failed: Mapping[tuple[float, ...], str] = field(default_factory=dict)
 
     @cached_property
     def comparison(self) -> Comparison:
@@ -179,7 +182,8 @@ def sweep(
         raise ValueError("a sweep needs a parameter with at least one value, such as k=[10, 20, 30]")
     if len(points) > MOST_RUNS:
         raise ValueError(f"a sweep has {MOST_RUNS} runs at most, not {len(points)}")
-    runs = []
+    runs: list[Run] = []
+    failed: dict[tuple[float, ...], str] = {}
     for k, point in enumerate(points):
         try:
             runs.append(simulate(dict(zip(names, point, strict=True))))
@@ -188,6 +192,7 @@ def sweep(
             if partial is None or not len(partial.time):
                 raise
             runs.append(partial)
+            failed[point] = str(failure)
         if progress is not None:
             progress(k + 1, len(points))
-    return Sweep(names, points, tuple(runs), eigenvalues_at)
+    return Sweep(names, points, tuple(runs), eigenvalues_at, failed)
