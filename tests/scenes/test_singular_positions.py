@@ -288,6 +288,14 @@ def test_a_run_from_shortly_before_a_singular_position_passes_it_or_stops_soon()
         assert stopped.partial.stats["steps"] < 10_000
 
 
+def test_a_run_from_so_near_that_its_constraints_are_small_throughout_stops_soon():
+    angle = np.pi - 1e-4
+    text = PARALLELOGRAM.replace("up(unit", "away(unit").replace("start = up", f"start = {angle!r}")
+    with pytest.raises(lmoc.SimulationError, match="a singular position lies ahead") as stopped:
+        lmoc.compile_text(text.replace("start = -up", f"start = {-angle!r}")).simulate(stop=1, rtol=1e-9)
+    assert stopped.value.time < 1e-4 and stopped.value.partial.stats["steps"] < 10_000
+
+
 def test_a_start_next_to_a_singular_position_is_told():
     with pytest.raises(lmoc.ModelError, match="E0535.*starts next to a singular position"):
         lmoc.compile_text(isosceles_before_its_line(1e-6)).simulate()

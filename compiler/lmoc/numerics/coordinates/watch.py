@@ -19,6 +19,7 @@ from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import (
     SHARE,
     exchanged,
+    in_rows_of_one_size,
     rank_margin,
     scaled,
     states_after,
@@ -162,6 +163,8 @@ class CoordinateWatch:
         """Return COORDINATES where no step was short enough and others would be better here, or none would serve."""
         crawling = status is Status.CRAWLING  # not the fault of coordinates: they are watched
         self.lost_rank = self.accepted.margin < (_ALERT if crawling else _DEPENDENT)
+        if crawling and not self.lost_rank:  # begun so near that all entries of a column have been small ever since
+            self.lost_rank = rank_margin(in_rows_of_one_size(self.accepted.matrix)) < _DEPENDENT
         self.last, self.singular = self.accepted, self.accepted.t
         return Status.COORDINATES if self.lost_rank or (not crawling and self.better()) else status
 
