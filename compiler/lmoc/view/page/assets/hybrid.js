@@ -119,12 +119,14 @@ export class Hybrid {
     const told = own.told.map(({ register }) => scene.w[register]);
     const discrete = machine.discrete();
     machine.time = t;
+    const due = t >= this.next - nearTo(t); // also where something else has ended the piece at the same instant
+    const instant = due ? this.next : t;
     const happened = machine.event(t, x, () => {
-      if (kind === "time") ring(machine, t);
-      else if (kind === "terminal") this.flag(own.terminal, 1);
-      else change();
+      if (due) ring(machine, instant);
+      if (kind === "terminal") this.flag(own.terminal, 1);
+      change();
     });
-    this.next = nextTime(machine, t);
+    this.next = nextTime(machine, instant);
     const lost = this.energy(t, x, happened);
     this.bookSteps(t, happened.x, discrete);
     this.tell(t, kind, happened, told, lost);
