@@ -188,10 +188,24 @@ equation
 end Kicked;
 """
 
+TOGETHER = """
+model Together "A state event at each tick of a clock"
+  parameter Real a = 1;
+  Real x(start = 0, fixed = true);
+  Integer n(start = 0, fixed = true), k(start = 0, fixed = true), c;
+equation
+  der(x) = a;
+  c = integer(4*x);
+  when sample(0.25, 0.25) then n = pre(n) + 1; end when;
+  when change(c) then k = pre(k) + n; end when;
+  annotation(experiment(StopTime = 1.1));
+end Together;
+"""
+
 
 def test_events_of_all_kinds():
     changes = {BOUNCE: {"e": 0.8}, SAMPLED: {"Ts": 1.15}, THERMOSTAT: {"P": 1.2}, ENDED: {"stopAt": 1.3}}
-    changes |= {SIGNALS: {"a": 1.15}, PUSHED: {"e": 1.15}, KICKED: {"kick": 1.3}}
+    changes |= {SIGNALS: {"a": 1.15}, PUSHED: {"e": 1.15}, KICKED: {"kick": 1.3}, TOGETHER: {"a": 2}}
     judge(repeated([(lmoc.compile_text(text), changed) for text, changed in changes.items()]), 1e-7)
 
 
