@@ -258,3 +258,18 @@ def test_initial_equations_of_a_loop_need_no_start_values(wanted):
         assert values(text)[0] == pytest.approx(value, abs=1e-5)
     x, y = run["crank.b.x"] - run["coupler.b.x"], run["crank.b.y"] - run["coupler.b.y"]
     assert np.hypot(x, y) == pytest.approx(2.0, abs=1e-9)
+
+
+def test_an_initial_equation_that_leaves_no_start_is_named():
+    """No start value tells the side of the circle, so that x is a state and 2 its value; y has none then."""
+    text = """model P
+  Real x, y, vx, vy, T;
+initial equation
+  x = 2;
+equation
+  der(x) = vx; der(y) = vy; der(vx) = -T*x; der(vy) = -T*y - 9.81; x^2 + y^2 = 1;
+end P;"""
+    with pytest.raises(ModelError) as wrong:
+        lmoc.compile_text(text).simulate()
+    (diagnostic,) = wrong.value.diagnostics
+    assert "perhaps the model does not allow the initial equation `x = 2` in line 4" in diagnostic.hint

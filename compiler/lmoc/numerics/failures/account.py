@@ -17,6 +17,7 @@ from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.options import Span
 from lmoc.numerics.start.singular import BESIDE, StartSingular, starts_singular
 from lmoc.numerics.task import Stretch
+from lmoc.structure.messages.equations import SHOWN
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes
@@ -49,10 +50,25 @@ def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) ->
             found, hint = f"{singular}: {found}", BESIDE
         elif nonlinear:
             hint = "give start values (start = …) near a place where they hold, such as the angles of an assembled loop"
+        asked = _initial_equations(stretch)
+        if asked:
+            hint = f"perhaps the model does not allow {asked}; {hint}"
         report.error("E0535", f"{found} at the start", span, hint=hint)
         raise StartSingular(report.diagnostics, stretch.plan.reduced.state_names, span)
     if found:
         report.warning("W0537", f"{found} at the start", span, hint=hint)
+
+
+def _initial_equations(stretch: Stretch) -> str:
+    """Return the initial equations of a scene with their lines, for a hint; empty where it has none."""
+    flat = stretch.plan.reduced.flat
+    rows = [(group, row) for group in flat.initial_groups for row in range(group.rows)]
+    texts = []
+    for group, row in rows[:SHOWN]:
+        line = "" if group.span is None else f" in line {group.span.line}"
+        texts.append(f"`{flat.row_text(group, row)}`{line}")
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    return f"the initial equation{'s' * (len(rows) > 1)} {', '.join(texts)}{more}" if rows else ""
 
 
 def check_values(stretch: Stretch, outcome: Outcome, everything: bool, report: Report) -> None:
