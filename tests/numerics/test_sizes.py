@@ -117,3 +117,11 @@ def test_the_elements_of_an_array_have_one_size(monkeypatch):
         exact = size * np.cos(omega * run.time)[:, None] * nodes
         assert len(calls) == runs
         assert np.abs(run["m.q"] - exact).max() < 2e-4 * size
+
+
+@pytest.mark.parametrize("stop", [2.5, 3.0, 30.0])
+def test_a_start_within_rounding_of_an_equilibrium_asks_for_no_tolerance_below_it(stop):
+    """The errors of a pass with long steps are taken for the motion, and are too small to be resolved."""
+    dae = lmoc.compile(ROOT / "models" / "planar" / "slider_crank.lmo")
+    run = dae.simulate(initial={"main.phi": 1.2714735451303878, "main.omega": 0.0}, stop=stop)
+    assert np.ptp(run["main.phi"]) < 1e-9 and run.stats["steps"] < 1000

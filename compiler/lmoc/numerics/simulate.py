@@ -157,7 +157,7 @@ def _run_at_its_size(
     for _ in range(_PASSES):
         run = run_pieces(task, plan, system, base, initial)
         tolerant = task.options.atol is None and task.options.solver not in FIXED_STEP
-        sizes = too_loose(run, task.values, task.sizes) if tolerant else None
+        sizes = too_loose(run, task.values, task.sizes, run.stats["rtol"]) if tolerant else None
         if sizes is None:
             break
         task = replace(task, sizes=sizes, report=Report(list(said)))

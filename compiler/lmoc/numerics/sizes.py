@@ -18,6 +18,7 @@ from lmoc.numerics.plan import Plan
 Array = tuple[int, int]  # declared name (index of its block) and order of the derivative; -1 for what has no name
 Sizes = Mapping[Array, float]
 
+ABSOLUTE = 1e-3  # absolute tolerance: this part of the size of a motion, times the relative one
 _LOOSE = 1e-3  # of the size that was assumed: of a smaller motion the absolute tolerance is no small part
 _LOOKED_AT = 5  # places of a piece at which rounding of the rates is judged
 _EPSILON = 2e-16  # relative rounding of a number
@@ -46,11 +47,16 @@ def assumed_sizes(plan: Plan, values: np.ndarray, x: np.ndarray, known: Sizes) -
     return np.where(np.isfinite(declared), declared, found)
 
 
-def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None:
+def too_loose(run: Trajectory, values: np.ndarray, known: Sizes, rtol: float) -> Sizes | None:
     """Return the sizes of a motion that was much smaller than what its tolerances had been chosen for, else None.
 
     Rounding in what should be at rest has no size: components are compared with the others of their unit, and with
-    what the forces that hold them miss each other by.
+    what the forces that hold them miss each other by. No size asks for a tolerance below the rounding of the motion:
+    what is near an equilibrium may owe its whole motion to the errors of a pass with long steps.
+
+    Parameters
+    ----------
+    rtol : relative tolerance of the run
     """
     if not any(_is_small(piece, values, known) for piece in run.pieces):
         return None
@@ -69,7 +75,11 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes) -> Sizes | None
     if not any(met[array] < _LOOSE * assumed[array] for array in met):
         return None
     drift = _drift(run)
-    found = {a: size if size > max(_REST, drift.get(a, 0.0)) else assumed[a] for a, size in met.items()}
+    found = dict(assumed)
+    for array, size in met.items():
+        moved = drift.get(array, 0.0)
+        if size > max(_REST, moved):
+            found[array] = max(size, min(assumed[array], moved / (_MARGIN * ABSOLUTE * rtol)))
     return found if any(found[array] < _LOOSE * assumed[array] for array in found) else None
 
 

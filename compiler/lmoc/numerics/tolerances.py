@@ -6,7 +6,7 @@ import numpy as np
 
 from lmoc.numerics.observe.observer import find
 from lmoc.numerics.plan import Plan
-from lmoc.numerics.sizes import assumed_sizes
+from lmoc.numerics.sizes import ABSOLUTE, assumed_sizes
 from lmoc.numerics.task import Stretch, Task
 
 _SMALL = 10_000  # registers
@@ -47,7 +47,7 @@ class Tolerances:
         if atol is not None:
             result = np.full(len(x), atol, float)
         else:
-            result = self.rtol * 1e-3 * assumed_sizes(plan, task.values, x, task.sizes)
+            result = self.rtol * ABSOLUTE * assumed_sizes(plan, task.values, x, task.sizes)
         if plan.ledger.any():
             stored = plan.once(_StoredAtStart).at(stretch, x)
             result[plan.ledger] = np.fmax(result[plan.ledger], self.rtol * abs(stored))
