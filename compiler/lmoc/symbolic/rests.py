@@ -59,18 +59,16 @@ def equilibria_numerically(
         return _linear(reduced, values, system, u)
     still = _AtRest(system, u)
     loads = dict(zip(system.inputs, u.tolist(), strict=True))
-    if len(still.places) == 1 and system.pose is not None:
-        found, how, whole = _along(still)
-        in_all = None if whole else _in_all_coordinates(prepared, loads, released)
-        if in_all is not None:
-            return in_all
-        how += "" if whole else "; there may be others beyond"
-    else:
+    alone = len(still.places) == 1 and system.pose is not None
+    found, how, whole = _along(still) if alone else ([], "", False)
+    if not whole:
         in_all = _in_all_coordinates(prepared, loads, released)
         if in_all is not None:
             return in_all
-        found = rests(still.rates, still.jacobian, still.turning, STARTS)
-        how = f"Newton's method from {STARTS} starts; there may be others"
+        how += "; there may be others beyond"
+        if not alone or reduced.invariants is None:  # without loops there are no other branches to stray to
+            found = rests(still.rates, still.jacobian, still.turning, STARTS)
+            how = f"Newton's method from {STARTS} starts; there may be others"
     if reduced.left_out:
         found = [rest for rest in found if system.can_start_at(still.state(rest.at), u)]
     return Equilibria((_finished(reduced, values, system, still, u, rest, how) for rest in found), how)

@@ -74,6 +74,7 @@ class LoweredDerivatives:
         f_x, f_z, g_x, g_z = (
             values.reshape(shape, order="F") for values, shape in zip(self._call.results, shapes, strict=True)
         )
-        slope = dense_solve(g_z, g_x)
-        slope += dense_solve(g_z, g_x - g_z @ slope)  # equations of different sizes: Skeel, Math. Comp. 35 (1980)
-        return f_x - f_z @ slope
+        with np.errstate(all="ignore"):  # a singular matrix gives what is not finite
+            slope = dense_solve(g_z, g_x)
+            slope += dense_solve(g_z, g_x - g_z @ slope)  # equations of different sizes: Skeel, Math. Comp. 35 (1980)
+            return f_x - f_z @ slope
