@@ -36,6 +36,23 @@ class Walked:
     reached: int
 
 
+class Walker(Protocol):
+    """The ability of a stepper to make many steps without Python between them."""
+
+    def walk(
+        self, kept: dict[str, float], given: dict[str, float | None], times: np.ndarray, out: np.ndarray
+    ) -> Walked:
+        """Make many steps with their output.
+
+        Parameters
+        ----------
+        kept : the numbers that `Dop853` keeps between steps, by their names; they are brought up to date
+        given : end, max_step, patience, most (steps and rejected ones together), hold (address of the ``lmoc_hold``
+            that looks at each step, None for none)
+        times, out : (k,) output times ahead, (room, n) the states at the first of them
+        """
+
+
 class Stepper(ABC):
     """Makes steps from (t, x).
 
@@ -44,14 +61,14 @@ class Stepper(ABC):
     x, f : state and derivative at the beginning of the step
     x_new : state at the end of the step tried last
     k : (16, n) derivatives at the stages of that step, as far as they are known
-    walks : whether it makes many steps at once (`walk`)
+    walker : makes many steps without Python between them; None where it cannot
     """
 
     x: np.ndarray
     f: np.ndarray
     x_new: np.ndarray
     k: np.ndarray
-    walks = False
+    walker: Walker | None = None
 
     @abstractmethod
     def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray) -> None:
@@ -71,20 +88,6 @@ class Stepper(ABC):
     @abstractmethod
     def accept(self) -> None:
         """Go to the end of the step just tried."""
-
-    def walk(
-        self, kept: dict[str, float], given: dict[str, float | None], times: np.ndarray, out: np.ndarray
-    ) -> Walked:
-        """Make many steps with their output.
-
-        Parameters
-        ----------
-        kept : the numbers that `Dop853` keeps between steps, by their names; they are brought up to date
-        given : end, max_step, patience, most (steps and rejected ones together), hold (address of the ``lmoc_hold``
-            that looks at each step, None for none)
-        times, out : (k,) output times ahead, (room, n) the states at the first of them
-        """
-        raise NotImplementedError
 
 
 class NumpyStepper(Stepper):

@@ -156,7 +156,7 @@ class Dop853(Integration):
 
     @property
     def batches(self) -> Dop853 | None:
-        return self if self.stepper.walks else None
+        return None if self.stepper.walker is None else self
 
     def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
         if not self.finite:
@@ -165,7 +165,7 @@ class Dop853(Integration):
         given = {"end": self.end, "max_step": self.max_step, "patience": self.problem.patience,
                  "most": most, "hold": hold}  # fmt: skip
         out = np.empty((min(room, len(times)), len(self.stepper.x)))
-        made = self.stepper.walk(kept, given, times, out)
+        made = self.stepper.walker.walk(kept, given, times, out)
         for name, value in kept.items():
             setattr(self, name, value)
         self.steps += made.steps

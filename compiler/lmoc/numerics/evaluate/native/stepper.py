@@ -52,8 +52,6 @@ class _Steps(ctypes.Structure):
 class NativeStepper(Stepper):
     """All stages of a step in one C call, or many steps."""
 
-    walks = True
-
     def __init__(self, system: Native) -> None:
         n = system.n
         self.system = system
@@ -75,6 +73,10 @@ class NativeStepper(Stepper):
         self._at = [a.ctypes.data for a in fixed]  # asking numpy for an address takes as long as a small evaluation
         self._x, self._x_new = self.x.ctypes.data, self.x_new.ctypes.data
         self._steps: _Steps | None = None
+
+    @property
+    def walker(self) -> NativeStepper:
+        return self
 
     def start(self, t, x, rtol, atol) -> None:
         self.x[:], self.atol[:], self.rtol = x, atol, float(rtol)
