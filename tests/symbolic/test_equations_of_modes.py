@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import ROOT
+from oracles.two_bobs import TWO_BOBS
 
 import lmoc
 from lmoc.cli.main import main
@@ -88,24 +89,6 @@ def test_every_form_is_printed(form, capsys):
         assert data["laws"][0]["slip"] == "friction.F"
     assert ("paragraph{Laws}" if form == "--latex" else "aws") in out
     assert form != "--ascii" or out.isascii()
-
-
-TWO_BOBS = """
-model TwoBobs
-  import Planar.*;
-  parameter Real l1 = 1, l2 = 0.5;
-  inner World world(g = 9.81);
-  Anchor top;
-  PointMass a(m = 2, x(start = 0.3, fixed = true), y(start = -0.2, fixed = true));
-  PointMass b(m = 1, x(start = 0.5, fixed = true), y(start = -0.3, fixed = true));
-  Cable upper(L = l1), lower(L = l2);
-equation
-  connect(top.point, upper.a);
-  connect(upper.b, a.point);
-  connect(a.point, lower.a);
-  connect(lower.b, b.point);
-end TwoBobs;
-"""
 
 
 def test_taut_strings_in_the_plane_read_as_in_a_textbook():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles.two_bobs import TWO_BOBS
 
 import lmoc
 from lmoc.cli.main import main
@@ -221,23 +222,6 @@ def test_damped_scenes_come_to_rest_in_an_equilibrium(seed):
         return inside and all(abs(number(dae, v) - at[name]) < 1e-5 for name, v in known.items())
 
     assert any(reached(rest) for rest in dae.equilibria())
-
-
-TWO_BOBS = """
-model TwoBobs
-  import Planar.*;
-  inner World world(g = 9.81);
-  Anchor top;
-  PointMass a(m = 2, x(start = 0.3, fixed = true), y(start = -0.2, fixed = true));
-  PointMass b(m = 1, x(start = 0.5, fixed = true), y(start = -0.3, fixed = true));
-  Cable upper(L = 1), lower(L = 0.5);
-equation
-  connect(top.point, upper.a);
-  connect(upper.b, a.point);
-  connect(a.point, lower.a);
-  connect(lower.b, b.point);
-end TwoBobs;
-"""
 
 
 def test_strings_in_the_plane_hang_taut_though_the_scene_starts_slack():
