@@ -60,7 +60,7 @@ bench-quick: $(VENV)/.installed-test
 clean:
 	rm -rf $(VENV) out build *.egg-info
 
-$(VENV)/.installed: pyproject.toml constraints.txt
+$(VENV)/.installed: pyproject.toml constraints.txt setup.py $(wildcard compiler/building/*.py compiler/lmoc/engine/c/*)
 	@test -n "$(PYTHON)" || { echo "lmoc needs Python 3.11 or newer (make PYTHON=/path/to/python3 ...)"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@echo "installing lmoc into $(VENV) ..."

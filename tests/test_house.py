@@ -19,6 +19,7 @@ ORDER = (
     "sources",
     "semantics",
     "structure",
+    "engine",
     "numerics",
     "symbolic",
     "parameters",
