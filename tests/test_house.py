@@ -38,6 +38,18 @@ ORDER = (
     "compilation",
     "cli",
 )
+# The order of folders and files inside a room; those that stand in no list may be imported by none of the listed.
+INSIDE = {
+    "structure": (
+        "messages", "linear", "index", "discrete", "loops", "registers", "blocks", "coordinates", "unreduced",
+        "diagnosis", "normalize", "reduce", "laws",
+    ),
+    "semantics": (
+        "wrong", "classes", "nodes", "values", "drafts", "connections", "ledger", "assemble", "laws", "instances",
+        "events", "equations", "algorithms", "flatten",
+    ),
+    "view": ("javascript", "scene", "page", "bodies", "drawing"),
+}  # fmt: skip
 # Circles that are still to be opened.
 KNOWN: set[frozenset[str]] = set()
 FILES = {".".join(("lmoc", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in sorted(PACKAGE.rglob("*.py"))}
@@ -94,6 +106,22 @@ def test_imports_come_from_before(place):
     allowed = set(ORDER[: ORDER.index(place) + 1])
     later = {name: {i for i in GRAPH[name] if room(i) not in allowed} for name in here}
     assert here and not {name: found for name, found in later.items() if found}
+
+
+def folder(name: str) -> str:
+    return name.split(".")[2]
+
+
+@pytest.mark.parametrize("place", INSIDE)
+def test_folders_of_a_room_import_those_before(place):
+    inside = [n for n in FILES if room(n + ".") == place and n.count(".") > 1 and not n.endswith("__init__")]
+    order = [*INSIDE[place], *sorted({folder(n) for n in inside} - set(INSIDE[place]))]
+    later = {
+        n: up
+        for n in inside
+        if (up := {i for i in GRAPH[n] if i in inside and order.index(folder(i)) > order.index(folder(n))})
+    }
+    assert inside and not later
 
 
 def test_every_room_has_its_place_in_the_order():

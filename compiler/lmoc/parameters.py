@@ -90,7 +90,7 @@ def indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
             expected = "one number" if len(variables) == 1 else f"one number or {len(variables)}"
             report.error("E0621", f"the value of '{name}' does not fit", expected=expected, found=f"{value!r:.80}")
             continue
-        from lmoc.semantics.classes.overrides import other_type
+        from lmoc.semantics.nodes.overrides import other_type
 
         expected = other_type(block.quantity, numbers)
         if expected:

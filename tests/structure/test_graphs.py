@@ -10,13 +10,13 @@ from scipy.sparse.csgraph import connected_components
 
 from lmoc.expression.dag import function, slot
 from lmoc.structure.blocks import blocks
-from lmoc.structure.blocks.explicit import solved
 from lmoc.structure.blocks.small_blocks import first_occurrence
 from lmoc.structure.blocks.tearing import tear
 from lmoc.structure.index import matching
 from lmoc.structure.index.dulmage_mendelsohn import components, decompose
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.sigma import highest_value_transversal, offsets
+from lmoc.structure.linear.explicit import solved
 
 
 def signature(rows: list[dict[int, int]], columns: int) -> Incidence:

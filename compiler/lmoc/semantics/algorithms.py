@@ -14,10 +14,10 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.messages.source import Span
-from lmoc.semantics.draft import Drafts, equality
+from lmoc.semantics.drafts.draft import Drafts, equality
 from lmoc.semantics.events.whens import ASSIGNED, WhenEquation, both, guarded_check
-from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.semantics.laws import law_function, misplaced
+from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all

@@ -12,8 +12,8 @@ from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.classes.looks import Looks
-from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
-from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
+from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
 from lmoc.support.records import dataclass

@@ -10,12 +10,12 @@ import numpy as np
 
 from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.draft import ConnectDraft, Drafts, GroupDraft, equality
+from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, GroupDraft, equality
 from lmoc.semantics.events.branches import conditional
 from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
-from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable
-from lmoc.semantics.instances.records import field_of
 from lmoc.semantics.laws import add_law, law_function, misplaced
+from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable
+from lmoc.semantics.nodes.records import field_of
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all

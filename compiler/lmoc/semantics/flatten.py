@@ -14,28 +14,28 @@ from lmoc.messages.diagnostics import Report
 from lmoc.semantics.algorithms import add_algorithm, assigned_at_events
 from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
-from lmoc.semantics.classes.class_check import check_classes
-from lmoc.semantics.classes.experiment import experiment_of
 from lmoc.semantics.classes.looks import Looks
-from lmoc.semantics.classes.overrides import Overrides
 from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
 from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
-from lmoc.semantics.draft import Drafts, GroupDraft, without_ones
+from lmoc.semantics.drafts.draft import Drafts, GroupDraft, without_ones
+from lmoc.semantics.drafts.long_sums import LongSums
+from lmoc.semantics.drafts.unit_check import check_units, report_unknown_units
 from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.events import functions as _events  # noqa: F401  registers pre, edge, …
 from lmoc.semantics.events.assemble import with_events
 from lmoc.semantics.events.whens import mark
 from lmoc.semantics.instances.declarations import declare, settle_computed
 from lmoc.semantics.instances.elaboration import Elaboration
-from lmoc.semantics.instances.instance import Instance, InstanceNode, Variable, root_instance
+from lmoc.semantics.instances.experiment import experiment_of
 from lmoc.semantics.ledger import join_sums, ledger
+from lmoc.semantics.nodes.class_check import check_classes
+from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
+from lmoc.semantics.nodes.overrides import Overrides
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import reference as _reference  # noqa: F401  registers that of names
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.values.long_sums import LongSums
 from lmoc.semantics.values.reference import named_variable
-from lmoc.semantics.values.unit_check import check_units, report_unknown_units
 from lmoc.semantics.wrong import Wrong
 from lmoc.sources.packages import Folder
 from lmoc.support.distinct import distinct

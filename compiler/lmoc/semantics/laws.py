@@ -16,11 +16,11 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Member, Scope
 from lmoc.semantics.classes.vendor import vendor_entry
-from lmoc.semantics.draft import Column, Drafts, GroupDraft, LawDraft, compact, flat_column
+from lmoc.semantics.drafts.draft import Column, Drafts, GroupDraft, LawDraft, compact, flat_column
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import changes, dims_text
-from lmoc.semantics.values.unit_check import unit_of_value
+from lmoc.semantics.values.unit_inference import unit_of_value
 from lmoc.semantics.values.units import parse_unit
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong

@@ -19,20 +19,20 @@ from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import Apply, Program, Solve, split_program, walk
 from lmoc.ir.reduced import Guard, Reduced
 from lmoc.messages.diagnostics import Report
+from lmoc.structure import diagnosis
 from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
 from lmoc.structure.coordinates.closures import closures, released
 from lmoc.structure.coordinates.constraints import changing_constraints
 from lmoc.structure.coordinates.invariants import invariants
 from lmoc.structure.coordinates.mobility import immobile
-from lmoc.structure.coordinates.sample import UNMARKED
 from lmoc.structure.coordinates.selection import Selection, select
 from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.loops.manifold import without_dependent
-from lmoc.structure.messages import diagnosis
+from lmoc.structure.loops.sample import UNMARKED
 from lmoc.structure.normalize import normalize
 from lmoc.structure.registers.assemble import Solved, assemble
 from lmoc.structure.registers.layout import RegisterLayout

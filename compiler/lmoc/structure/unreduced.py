@@ -123,7 +123,7 @@ def _open(
 
 def _residuals(square: SquareSystem, first: int) -> tuple[Program, np.ndarray]:
     """Return the steps that compute how far each equation is from being satisfied, and their registers."""
-    from lmoc.structure.blocks.explicit import as_formula
+    from lmoc.structure.linear.explicit import as_formula
 
     steps: list[Apply | Total] = []
     for rows in square.rows:

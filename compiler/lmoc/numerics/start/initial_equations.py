@@ -14,8 +14,8 @@ from lmoc.ir.program import Apply, Program, needed_steps, read
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, gives
-from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.blocks.tangent import Tangent
+from lmoc.structure.linear.explicit import as_formula
 from lmoc.support.distinct import distinct
 
 NOWHERE = -1

@@ -19,8 +19,8 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.connections.components import components
 from lmoc.semantics.connections.connect import Connections, Edges
-from lmoc.semantics.draft import Drafts
-from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.drafts.draft import Drafts
+from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.support.distinct import distinct
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Label, Report
 from lmoc.semantics.connections.components import components
-from lmoc.semantics.draft import ConnectDraft
-from lmoc.semantics.instances.instance import Variable
+from lmoc.semantics.drafts.draft import ConnectDraft
+from lmoc.semantics.nodes.instance import Variable
 
 
 class SignalEdge(NamedTuple):

@@ -12,7 +12,7 @@ from lmoc.ir.events import Assigned, Events, Reinits, Samples, Terminations, Whe
 from lmoc.ir.flat import FlatDAE, Group, Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.assemble import Assembler
-from lmoc.semantics.draft import ActionDraft, Drafts
+from lmoc.semantics.drafts.draft import ActionDraft, Drafts
 from lmoc.semantics.events.relations import Extraction
 from lmoc.semantics.events.whens import ASSIGNED
 

@@ -15,8 +15,8 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.messages.diagnostics import Label
-from lmoc.semantics.draft import CheckDraft, Column, Drafts, GroupDraft, compact, flat_column
-from lmoc.semantics.instances.instance import Instance
+from lmoc.semantics.drafts.draft import CheckDraft, Column, Drafts, GroupDraft, compact, flat_column
+from lmoc.semantics.nodes.instance import Instance
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong

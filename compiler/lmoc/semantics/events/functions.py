@@ -9,8 +9,8 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
-from lmoc.semantics.draft import ActionDraft, AssignmentDraft, CheckDraft, Column, compact, flat_column
-from lmoc.semantics.instances.instance import Variable
+from lmoc.semantics.drafts.draft import ActionDraft, AssignmentDraft, CheckDraft, Column, compact, flat_column
+from lmoc.semantics.nodes.instance import Variable
 from lmoc.semantics.values.builtins import arguments, builtin
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Leaf

@@ -18,10 +18,10 @@ from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
-from lmoc.semantics.draft import ActionDraft, CheckDraft, Drafts, compact, equality, flat_column
+from lmoc.semantics.drafts.draft import ActionDraft, CheckDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.events.functions import phase, rises
-from lmoc.semantics.instances.instance import Instance, Variable
 from lmoc.semantics.laws import law_function, misplaced
+from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all

@@ -9,10 +9,10 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.messages.source import Span
-from lmoc.semantics.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
+from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
 from lmoc.semantics.instances.elaboration import Elaboration
-from lmoc.semantics.instances.instance import Binding, Variable
 from lmoc.semantics.instances.known import at_events_only
+from lmoc.semantics.nodes.instance import Binding, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import positions
 from lmoc.semantics.values.translate import changes

@@ -13,14 +13,16 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Span
-from lmoc.semantics.classes import modification as mods
 from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.redeclare import constraint_of, merged_component
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.subtype import check_subtype
-from lmoc.semantics.instances.instance import (
+from lmoc.semantics.drafts.long_sums import LongSums
+from lmoc.semantics.instances.known import ElementValues, KnownValues
+from lmoc.semantics.nodes import modification as mods
+from lmoc.semantics.nodes.instance import (
     ATTRIBUTES,
     NOTHING,
     Absent,
@@ -31,11 +33,9 @@ from lmoc.semantics.instances.instance import (
     Modifier,
     Variable,
 )
-from lmoc.semantics.instances.known import ElementValues, KnownValues
-from lmoc.semantics.instances.records import record_fields
+from lmoc.semantics.nodes.records import record_fields
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
-from lmoc.semantics.values.long_sums import LongSums
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Budget, Exhausted, Wrong, check_size
 from lmoc.syntax import tree

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.semantics.classes.overrides import element_positions, other_type
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.instance import Binding, Variable
+from lmoc.semantics.nodes.instance import Binding, Variable
+from lmoc.semantics.nodes.overrides import element_positions, other_type
 from lmoc.semantics.values.context import Context, Model
 from lmoc.semantics.values.value import Value, from_numbers
 from lmoc.semantics.wrong import Wrong

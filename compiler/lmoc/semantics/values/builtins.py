@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
-from lmoc.semantics.instances.instance import InstanceNode
+from lmoc.semantics.nodes.instance import InstanceNode
 from lmoc.semantics.values.constructors import column_of_numbers, comprehension, concatenated
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, locate

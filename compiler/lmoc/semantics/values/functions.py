@@ -12,13 +12,13 @@ from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.records import argument_fields, leaf_fields
+from lmoc.semantics.nodes.records import argument_fields, leaf_fields
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.translate import dims_text
-from lmoc.semantics.values.unit_check import has_unit
+from lmoc.semantics.values.unit_inference import has_unit
 from lmoc.semantics.values.value import Arrays, Value
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree

@@ -6,9 +6,9 @@ from math import prod
 
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
-from lmoc.semantics.classes.modification import NOTHING
 from lmoc.semantics.classes.predefined import BUILTINS
-from lmoc.semantics.instances.instance import Instance, Variable
+from lmoc.semantics.nodes.instance import Instance, Variable
+from lmoc.semantics.nodes.modification import NOTHING
 from lmoc.semantics.values.rows import Index, Leaves, Space, positions
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lmoc.messages.diagnostics import Label
-from lmoc.semantics.instances.instance import InstanceNode
+from lmoc.semantics.nodes.instance import InstanceNode
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, reference, step
 from lmoc.semantics.wrong import Wrong

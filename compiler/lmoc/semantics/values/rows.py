@@ -15,7 +15,7 @@ import numpy as np
 
 from lmoc.expression.dag import Expr, slot
 from lmoc.ir.flat import Kind
-from lmoc.semantics.instances.instance import Variable
+from lmoc.semantics.nodes.instance import Variable
 from lmoc.support.records import dataclass
 
 Index = int | np.ndarray

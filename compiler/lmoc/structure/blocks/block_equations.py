@@ -9,9 +9,9 @@ import numpy as np
 
 from lmoc.expression.dag import Expr
 from lmoc.structure.blocks.blocks import Blocks, blocks_of
-from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.index.incidence import Incidence, ranges
 from lmoc.structure.index.system import EquationBatch, SumBatch
+from lmoc.structure.linear.explicit import as_formula
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX, counted
 from lmoc.support.records import dataclass

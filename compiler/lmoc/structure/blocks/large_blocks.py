@@ -15,9 +15,9 @@ from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply, Solve, Step, Total
 from lmoc.structure.blocks.block_equations import BatchRows, SquareSystem, SumRows
-from lmoc.structure.blocks.explicit import as_formula, jointly_linear, pivot, solved
 from lmoc.structure.blocks.small_blocks import NOTHING, Surroundings
 from lmoc.structure.linear.coefficients import is_constant
+from lmoc.structure.linear.explicit import as_formula, jointly_linear, pivot, solved
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 

@@ -11,9 +11,9 @@ from lmoc.expression.dag import Expr, postorder, slot, slots, substitute
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply, Solve, Step
 from lmoc.structure.blocks.block_equations import SquareSystem
-from lmoc.structure.blocks.explicit import as_formula, jointly_linear, pivot, solve_pair, solved
 from lmoc.structure.blocks.tearing import Tearing, tear
 from lmoc.structure.linear.coefficients import Kinds, is_constant
+from lmoc.structure.linear.explicit import as_formula, jointly_linear, pivot, solve_pair, solved
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass

@@ -12,7 +12,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.program import Apply, Program, Solve, Step, Total
 from lmoc.structure.blocks import large_blocks, small_blocks
 from lmoc.structure.blocks.block_equations import BatchRows, SquareSystem, SumRows
-from lmoc.structure.blocks.explicit import as_formula, pivot, solved
+from lmoc.structure.linear.explicit import as_formula, pivot, solved
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import LARGE_BLOCK

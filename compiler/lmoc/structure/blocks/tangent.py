@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import ZERO, Expr
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, written
-from lmoc.structure.blocks.explicit import as_formula
+from lmoc.structure.linear.explicit import as_formula
 from lmoc.structure.linear.substitution import partition
 
 

@@ -15,10 +15,10 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.coordinates.initial_rows import InitialRows, initial_rows
-from lmoc.structure.coordinates.nearest import nearest
-from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.incidence import ranges
 from lmoc.structure.index.system import EquationBatch, EquationSystem
+from lmoc.structure.loops.nearest import nearest
+from lmoc.structure.loops.sample import Sample, given
 from lmoc.support.distinct import distinct
 from lmoc.support.sizes import DENSE
 

@@ -13,10 +13,10 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, lift
 from lmoc.ir.program import Apply, Step
 from lmoc.ir.reduced import Constraints
-from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.coordinates.closures import rows_to_watch
 from lmoc.structure.coordinates.selection import Selection
 from lmoc.structure.linear.coefficients import is_constant
+from lmoc.structure.linear.explicit import as_formula
 
 _Entries = tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[Expr, np.ndarray]]]
 

@@ -8,9 +8,9 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Group
-from lmoc.structure.coordinates.sample import Sample
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import UNKNOWN
+from lmoc.structure.loops.sample import Sample
 from lmoc.support.records import dataclass
 
 

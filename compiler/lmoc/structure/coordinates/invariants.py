@@ -8,10 +8,10 @@ import numpy as np
 
 from lmoc.ir.program import Apply
 from lmoc.ir.reduced import Invariants
-from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.coordinates.closures import Closures
 from lmoc.structure.coordinates.selection import Selection
 from lmoc.structure.index.system import EquationBatch, derivative
+from lmoc.structure.linear.explicit import as_formula
 
 
 def invariants(

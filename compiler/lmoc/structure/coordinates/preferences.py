@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from lmoc.ir.flat import Kind, StateSelect
-from lmoc.structure.blocks.explicit import pivot, solved
 from lmoc.structure.coordinates.coordinates import Wish
 from lmoc.structure.coordinates.tied import Tied
 from lmoc.structure.index.sigma import offsets
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import linear_form
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
+from lmoc.structure.linear.explicit import pivot, solved
 from lmoc.structure.messages.equations import Equations
 from lmoc.support.distinct import distinct
 

@@ -10,10 +10,10 @@ import numpy as np
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates import preferences
 from lmoc.structure.coordinates.coordinates import Choice, choose, determined_at_start
-from lmoc.structure.coordinates.sample import Sample, generic
 from lmoc.structure.coordinates.tied import Tied, constraint_matrix, tied_entries
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
+from lmoc.structure.loops.sample import Sample, generic
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX

@@ -10,9 +10,9 @@ import numpy as np
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.evaluate import evaluate
 from lmoc.structure.coordinates.closure import start_point
-from lmoc.structure.coordinates.sample import Sample
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import is_constant
+from lmoc.structure.loops.sample import Sample
 from lmoc.support.records import dataclass
 
 

@@ -13,8 +13,8 @@ from functools import cache
 import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, Expr, add, mul, neg, postorder, sub
-from lmoc.structure.blocks.explicit import as_formula
 from lmoc.structure.linear.coefficients import KNOWN, ROUNDOFF, Kinds, constant_nodes, value_and_size
+from lmoc.structure.linear.explicit import as_formula
 from lmoc.structure.linear.generic import GOLDEN
 from lmoc.structure.linear.substitution import Rows, with_numbers
 from lmoc.support.distinct import numbered

@@ -25,8 +25,6 @@ from lmoc.ir.flat import Check, FlatDAE
 from lmoc.ir.normalized import JetGroup, Normalized
 from lmoc.ir.reduced import Guard
 from lmoc.messages.diagnostics import Diagnostic, Label
-from lmoc.structure.coordinates.nearest import closed, nearest
-from lmoc.structure.coordinates.sample import Sample, given
 from lmoc.structure.index.dulmage_mendelsohn import components
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.system import EquationSystem
@@ -35,7 +33,9 @@ from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.linear.generic import spread
 from lmoc.structure.linear.substitution import Rows, with_numbers
 from lmoc.structure.linear.sum_rows import SumRows
+from lmoc.structure.loops.nearest import closed, nearest
 from lmoc.structure.loops.redundancy import constraints, free_reactions
+from lmoc.structure.loops.sample import Sample, given
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import RANK

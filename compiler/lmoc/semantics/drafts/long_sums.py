@@ -9,8 +9,8 @@ import numpy as np
 from lmoc.ir.flat import Kind, Sums
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import BUILTINS
-from lmoc.semantics.draft import Drafts, equality
-from lmoc.semantics.instances.instance import NOTHING, Variable
+from lmoc.semantics.drafts.draft import Drafts, equality
+from lmoc.semantics.nodes.instance import NOTHING, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import align, positions
 from lmoc.semantics.values.value import Value

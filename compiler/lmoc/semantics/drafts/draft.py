@@ -12,7 +12,7 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.law import LawKind
 from lmoc.messages.source import Span
-from lmoc.semantics.instances.instance import Binding, Instance, Variable
+from lmoc.semantics.nodes.instance import Binding, Instance, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.helpers import Helpers
 from lmoc.semantics.values.rows import Index, Leaf, align, positions

@@ -12,8 +12,8 @@ from lmoc.ir.flat import Assignments, Kind
 from lmoc.ir.names import hint_among
 from lmoc.ir.paths import parse_name
 from lmoc.messages.diagnostics import Report, nearest
-from lmoc.semantics.classes.modification import given
-from lmoc.semantics.instances.instance import ATTRIBUTES, Broken, Instance, Modifier, Variable
+from lmoc.semantics.nodes.instance import ATTRIBUTES, Broken, Instance, Modifier, Variable
+from lmoc.semantics.nodes.modification import given
 
 Path = tuple[str, ...]
 

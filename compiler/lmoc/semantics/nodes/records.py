@@ -9,7 +9,7 @@ from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.instances.instance import Modifier
+from lmoc.semantics.nodes.instance import Modifier
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
