@@ -38,6 +38,7 @@ fuzz: $(VENV)/.installed-test
 lint: $(VENV)/.installed-test
 	@$(BIN)/ruff check .
 	@$(BIN)/python -m mypy compiler/lmoc
+	@$(BIN)/python -m mypy --config-file compiler/strict_types.ini
 
 grammar: $(VENV)/.installed-test
 	@$(BIN)/python -c "from lmoc.syntax.tables import write_packaged; write_packaged('grammar/tables.json')"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from functools import lru_cache
+from importlib import import_module
 
 _POINTER, _COUNT, _INT = ctypes.c_void_p, ctypes.c_int64, ctypes.c_int
 # Functions with their results and arguments, in the order of the headers in `c/`.
@@ -27,9 +28,8 @@ def library() -> ctypes.CDLL:
     ImportError
         The package has not been installed, so that its engine has not been built.
     """
-    from lmoc.engine import _engine
-
-    loaded = ctypes.CDLL(_engine.__file__)
+    built = import_module("lmoc.engine._engine")
+    loaded = ctypes.CDLL(built.__file__)
     for name, (result, arguments) in _FUNCTIONS.items():
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 
 from lmoc.expression.dag import (
     ONE,
@@ -54,7 +54,7 @@ def _chain(node: Expr, da: list[Expr]) -> Expr:
         relation = function("le" if op == "min" else "ge", args[0], args[1])
         return if_(relation, da[0], da[1])
     total = ZERO
-    for rule, inner in zip(FUNCTIONS[op].derivatives, da):  # no rules at all: piecewise constant
+    for rule, inner in zip(FUNCTIONS[op].derivatives or (), da):  # no rules at all: piecewise constant
         if inner is not ZERO:
             total = add(total, mul(lift(rule(function, node, *args)), inner))
     return total
@@ -78,7 +78,10 @@ def total_derivative(root: Expr, constant: Collection[int] = ()) -> Expr:
     return _push(root, seed)
 
 
-def linear_parts(root: Expr, leaves: Collection[Expr]) -> tuple[dict[Expr, Expr], Expr] | None:
+Linear = tuple[dict[Expr, Expr], Expr]  # coefficients of leaves, and the rest
+
+
+def linear_parts(root: Expr, leaves: Collection[Expr]) -> Linear | None:
     """Coefficients and rest of an expression that is linear in the given leaves together.
 
     Returns
@@ -86,19 +89,22 @@ def linear_parts(root: Expr, leaves: Collection[Expr]) -> tuple[dict[Expr, Expr]
     (coefficients, rest) with ``root = Σ coefficient·leaf + rest`` and nothing of `leaves` in either,
     or None where the expression is not linear in them. Leaves that cancel have no entry.
     """
-    parts: dict[int, tuple[dict[Expr, Expr], Expr] | None] = {}
+    parts: dict[int, Linear | None] = {}
     wanted = set(leaves)
     for node in postorder(root):
         parts[id(node)] = _linear_node(node, wanted, parts)
     return parts[id(root)]
 
 
-def _linear_node(node: Expr, wanted: set[Expr], parts: dict):
+def _linear_node(node: Expr, wanted: set[Expr], parts: Mapping[int, Linear | None]) -> Linear | None:
     if not node.args:
         return ({node: ONE}, ZERO) if node in wanted else ({}, node)
-    got = [parts[id(a)] for a in node.args]
-    if any(g is None for g in got):
-        return None
+    got: list[Linear] = []
+    for a in node.args:
+        part = parts[id(a)]
+        if part is None:
+            return None
+        got.append(part)
     if not any(g[0] for g in got):
         rests = tuple(g[1] for g in got)  # leaves may have cancelled below
         return {}, node if rests == node.args else rebuild(node.op, rests)

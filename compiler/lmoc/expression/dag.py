@@ -73,7 +73,7 @@ class Expr:
     def is_const(self) -> bool:
         return self.op == "const"
 
-    def __reduce__(self) -> tuple:
+    def __reduce__(self) -> tuple[Any, ...]:
         return interned, (self.op, self.args, self.value)  # a copy is the same node again
 
     def __repr__(self) -> str:
@@ -87,16 +87,16 @@ class Expr:
 def _prefix_text(node: Expr, args: list[str]) -> str:
     if node.op == "slot":
         column, order = node.value
-        return "der(" * order + f"#{column}" + ")" * order
+        return str("der(" * order + f"#{column}" + ")" * order)
     if node.op == "const":
         return f"{node.value:g}"
-    return f"{node.op}({', '.join(args)})" if args else node.op
+    return f"{node.op}({', '.join(args)})" if args else str(node.op)
 
 
-_TABLE: dict[tuple, Expr] = {}
+_TABLE: dict[tuple[Any, ...], Expr] = {}
 
 
-def interned(op: str, args: tuple[Expr, ...], value=None) -> Expr:
+def interned(op: str, args: tuple[Expr, ...], value: Any = None) -> Expr:
     key = (op, value, *map(id, args))
     node = _TABLE.get(key)
     if node is None:
@@ -253,7 +253,8 @@ def function(name: str, *args: Expr) -> Expr:
     Folds constants where the value is finite; keeps the node where it is not.
     """
     if all(a.op == "const" for a in args):
-        value = _finite(FUNCTIONS[name].value, *(a.value for a in args))
+        of_numbers = FUNCTIONS[name].value
+        value = None if of_numbers is None else _finite(of_numbers, *(a.value for a in args))
         if value is not None:
             return const(value)
     return interned(name, args)
@@ -282,9 +283,10 @@ def rebuild(op: str, args: tuple[Expr, ...]) -> Expr:
 
 def postorder(root: Expr) -> tuple[Expr, ...]:
     """Every node once, arguments before their users; no recursion, so depth is no limit. Kept with the root."""
-    if root._memo is None:
-        root._memo = _walk(root) if root.args else (root,)
-    return root._memo
+    found: tuple[Expr, ...] | None = root._memo
+    if found is None:
+        found = root._memo = _walk(root) if root.args else (root,)
+    return found
 
 
 def _walk(root: Expr) -> tuple[Expr, ...]:

@@ -13,10 +13,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum
+from typing import Any
 
 from lmoc.support.records import dataclass
 
-Lowering = str | Callable
+Lowering = str | Callable[..., Any]
 
 
 class UnitRule(Enum):
@@ -77,7 +78,7 @@ class Function:
     name: str
     arity: int
     value: Callable[..., float] | None
-    derivatives: tuple[Callable, ...] | None
+    derivatives: tuple[Callable[..., Any], ...] | None
     numpy: Lowering
     casadi: Lowering
     c: str
@@ -100,14 +101,25 @@ class Function:
         return self.domain is not None or self.divides or self.overflows
 
 
-def resolve(lowering: Lowering, module) -> Callable:
+def resolve(lowering: Lowering, module: Any) -> Callable[..., Any]:
     """The function that a column of the table names, in the imported module."""
     if isinstance(lowering, str):
-        return getattr(module, lowering)
+        found: Callable[..., Any] = getattr(module, lowering)
+        return found
     return lambda *args: lowering(module, *args)
 
 
-def _entry(name: str, value, derivative, *, numpy="", casadi="", c="", sympy="", **more) -> Function:
+def _entry(
+    name: str,
+    value: Callable[..., float] | None,
+    derivative: Callable[..., Any] | tuple[Callable[..., Any], ...] | None,
+    *,
+    numpy: Lowering = "",
+    casadi: Lowering = "",
+    c: str = "",
+    sympy: Lowering = "",
+    **more: Any,
+) -> Function:
     """A function of one argument that most libraries call by the same name."""
     derivatives = derivative if derivative is None or isinstance(derivative, tuple) else (derivative,)
     return Function(
@@ -115,18 +127,20 @@ def _entry(name: str, value, derivative, *, numpy="", casadi="", c="", sympy="",
     )
 
 
-def _infix(name: str, sign: str, unit: UnitRule, derivatives, **more) -> Function:
+def _infix(
+    name: str, sign: str, unit: UnitRule, derivatives: tuple[Callable[..., Any], ...] | None, **more: Any
+) -> Function:
     """Arithmetic, which all libraries write alike."""
 
-    def apply(module, a, b):
+    def apply(module: Any, a: Any, b: Any) -> Any:
         return _ARITHMETIC[sign](a, b)
 
-    lowered = {"numpy": apply, "casadi": apply, "sympy": apply, "c": f"{{0}} {sign} {{1}}"} | more
+    lowered: dict[str, Any] = {"numpy": apply, "casadi": apply, "sympy": apply, "c": f"{{0}} {sign} {{1}}"} | more
     return Function(name, 2, None, derivatives, unit=unit, kind=Kind.OPERATOR, **lowered)
 
 
-def _relation(name: str, sign: str, numpy: str, sympy: str, value) -> Function:
-    def apply(module, a, b):
+def _relation(name: str, sign: str, numpy: str, sympy: str, value: Callable[..., Any]) -> Function:
+    def apply(module: Any, a: Any, b: Any) -> Any:
         return value(a, b)
 
     return Function(
@@ -134,7 +148,7 @@ def _relation(name: str, sign: str, numpy: str, sympy: str, value) -> Function:
     )  # fmt: skip
 
 
-_ARITHMETIC: dict[str, Callable] = {
+_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,
     "*": lambda a, b: a * b,
@@ -170,45 +184,45 @@ def _remainder(x: float, y: float) -> float:
     return x - _quotient(x, y) * y
 
 
-def _numpy_quotient(np, x, y):
+def _numpy_quotient(np: Any, x: Any, y: Any) -> Any:
     return np.trunc(np.divide(x, y))  # two plain numbers too: x / 0 is infinite, not an exception
 
 
-def _casadi_quotient(ca, a, b):
+def _casadi_quotient(ca: Any, a: Any, b: Any) -> Any:
     return ca.sign(a / b) * ca.floor(ca.fabs(a / b))
 
 
-def _casadi_smaller(ca, a, b):
+def _casadi_smaller(ca: Any, a: Any, b: Any) -> Any:
     return ca.if_else(a < b, a, ca.if_else(a >= b, b, ca.SX.nan()))  # fmin of C would drop what is no number
 
 
-def _casadi_larger(ca, a, b):
+def _casadi_larger(ca: Any, a: Any, b: Any) -> Any:
     return ca.if_else(a > b, a, ca.if_else(a <= b, b, ca.SX.nan()))
 
 
-def _casadi_divisor(ca, b, value):
+def _casadi_divisor(ca: Any, b: Any, value: Any) -> Any:
     """A value that is none where b is zero; casadi would make b·floor(a/b) zero for the number 0."""
     return ca.if_else(b == 0, ca.SX.nan(), value)
 
 
-def _sympy_quotient(sp, a, b):
+def _sympy_quotient(sp: Any, a: Any, b: Any) -> Any:
     return sp.sign(a / b) * sp.floor(sp.Abs(a / b))
 
 
-def _condition(sp, value):
+def _condition(sp: Any, value: Any) -> Any:
     """A logical value as SymPy's; numbers stand for Boolean parameters."""
     return (sp.true if value != 0 else sp.false) if value.is_Number else value
 
 
-def _sympy_choice(sp, condition, a, b):
+def _sympy_choice(sp: Any, condition: Any, a: Any, b: Any) -> Any:
     return sp.Piecewise((a, _condition(sp, condition)), (b, True))
 
 
-def _power_by_base(of, f, base, exponent):
+def _power_by_base(of: Any, f: Any, base: Any, exponent: Any) -> Any:
     return exponent * base ** (exponent - 1)
 
 
-def _power_by_exponent(of, f, base, exponent):
+def _power_by_exponent(of: Any, f: Any, base: Any, exponent: Any) -> Any:
     return f * of("log", base)
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lmoc.expression.dag import Expr, postorder
 from lmoc.expression.functions import FUNCTIONS, resolve
@@ -69,7 +69,7 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
 
 
 @cache
-def _operations() -> dict[str, Callable]:
+def _operations() -> dict[str, Callable[..., Any]]:
     """The operators of the DAG in SymPy; made on first use, because SymPy takes long to import."""
     import sympy
 

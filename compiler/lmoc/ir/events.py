@@ -127,7 +127,7 @@ class Events:
     reinits: tuple[Reinits, ...]
     whens: tuple[Whens, ...]
     terminations: tuple[Terminations, ...]
-    written: tuple = field(default=(), repr=False)
+    written: tuple[Any, ...] = field(default=(), repr=False)
     initial: int = -1
     terminal: int = -1
 

@@ -7,7 +7,7 @@ chain of three. Names are made on demand.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from enum import IntEnum
 from functools import cached_property
@@ -192,7 +192,7 @@ class Check:
         """Return for each row whether it holds, for one value (variables,) of each variable and whatever time."""
         used = values[self.slots]
         result = evaluate(self.condition, lambda k, _: used[:, k])
-        return np.not_equal(result, 0) | np.zeros(len(used), bool)
+        return np.broadcast_to(np.not_equal(result, 0), (len(used),))
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ class FlatDAE:
         """The default signals of inputs."""
         return tuple(a for a in self.bindings if self.kind[a.target[0]] == Kind.INPUT)
 
-    def per_variable(self, value, dtype) -> np.ndarray:
+    def per_variable(self, value: Callable[[Block], object], dtype: type) -> np.ndarray:
         """An array over all variables with ``value(block)`` repeated over each block."""
         return np.repeat(np.array([value(b) for b in self.blocks], dtype), [b.size for b in self.blocks])
 
@@ -311,7 +311,7 @@ class FlatDAE:
     def _find(self, name: str) -> np.ndarray | None:
         parsed = parse_name(name)
         block = None if parsed is None else self._by_path.get(tuple(n for n, _ in parsed))
-        if block is None:
+        if parsed is None or block is None:
             return None
         positions = np.arange(block.size).reshape(block.dims)
         key: list[int | slice] = []
@@ -389,7 +389,7 @@ class FlatDAE:
     def sum_text(self, row: int) -> str:
         """One balance of flows in the user's names."""
         s = self.sums
-        terms = []
+        terms: list[str] = []
         for j in range(s.start[row], s.start[row + 1]):
             name = self.variable_name(int(s.index[j]))
             lead = " - " if s.sign[j] < 0 else " + "

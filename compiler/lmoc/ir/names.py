@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import overload
 
 import numpy as np
 
@@ -22,10 +23,10 @@ class UnknownNameError(KeyError):
         super().__init__(f"there is no variable '{name}'" + (f"; {hint}" if hint else ""))
 
     def __str__(self) -> str:  # KeyError shows the repr of its argument
-        return self.args[0]
+        return str(self.args[0])
 
 
-class Names(Sequence):
+class Names(Sequence[str]):
     """Dotted names of variables, made on demand; `in` and `len` cost nothing."""
 
     def __init__(self, flat: FlatDAE, variables: np.ndarray):
@@ -35,7 +36,13 @@ class Names(Sequence):
     def __len__(self) -> int:
         return len(self._variables)
 
-    def __getitem__(self, i):
+    @overload
+    def __getitem__(self, i: int) -> str: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> list[str]: ...
+
+    def __getitem__(self, i: int | slice) -> str | list[str]:
         if isinstance(i, slice):
             return [self._flat.variable_name(int(v)) for v in self._variables[i]]
         return self._flat.variable_name(int(self._variables[i]))
@@ -94,8 +101,8 @@ def hint_among(known: Mapping[str, str], name: str) -> str:
     ends = {base: shown for base, shown in known.items() if base.endswith("." + plain)}
     if ends:
         least = min(base.count(".") for base in ends)  # body.q rather than body.flange.q
-        ends = [shown for base, shown in ends.items() if base.count(".") == least]
-        return f"did you mean {_listed(ends, ' or ')}?"
+        shown = [shown for base, shown in ends.items() if base.count(".") == least]
+        return f"did you mean {_listed(shown, ' or ')}?"
     close = nearest(plain, known)
     return close.replace(f"'{_quoted(close)}'", f"'{known[_quoted(close)]}'") if close else ""
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+Subscript = int | tuple[int, int | None]  # an index, or a range: its last None where it is open
 NamePath = tuple[tuple[str, tuple[int, ...]], ...]
 
 
@@ -38,14 +39,14 @@ def _text(path: NamePath, indices: Sequence[object]) -> str:
     return ".".join(text)
 
 
-def parse_name(name: str) -> list[tuple[str, tuple]] | None:
+def parse_name(name: str) -> list[tuple[str, tuple[Subscript, ...]]] | None:
     """Split ``a.b[2].c[1:3]`` into names and subscripts; a range is a pair, ``:`` is (1, None). None if no name."""
     if not isinstance(name, str):
         return None
     result = []
     for part in name.split("."):
         base, bracket, rest = part.partition("[")
-        items: list[int | tuple[int, int | None]] = []
+        items: list[Subscript] = []
         if bracket:
             if not rest.endswith("]"):
                 return None

@@ -147,6 +147,7 @@ def _rows(step: Step, chosen: np.ndarray) -> Step:
         return step
     if isinstance(step, Apply):
         return Apply(step.shape, step.slots[chosen], step.out[chosen])
+    assert isinstance(step, Total)  # the rows of a block stay together
     return _rows_of_total(step, np.flatnonzero(chosen))
 
 

@@ -54,22 +54,22 @@ class _Writer:
     """Collects objects. Plain values stand for themselves, others are lists that begin with a letter for their kind."""
 
     def __init__(self) -> None:
-        self.objects: list[list] = []
+        self.objects: list[list[Any]] = []
         self.classes: list[str] = []
-        self.heads: list[list] = []
+        self.heads: list[list[Any]] = []
         self.blobs: list[bytes] = []
-        self._number: dict[int, list] = {}  # of the objects met so far
+        self._number: dict[int, list[Any]] = {}  # of the objects met so far
         self._class: dict[type, int] = {}
         self._kept: list[object] = []  # so that no two have the same identity
 
-    def value(self, item: object) -> Any:
+    def value(self, item: Any) -> Any:
         kind = type(item)
         if kind in _PLAIN:
             return item
         if kind is tuple or kind is list:
-            return ["t" if kind is tuple else "l", *map(self.value, item)]  # type: ignore[arg-type]
+            return ["t" if kind is tuple else "l", *map(self.value, item)]
         if kind is dict:
-            return ["d", *([self.value(k), self.value(v)] for k, v in item.items())]  # type: ignore[attr-defined]
+            return ["d", *([self.value(k), self.value(v)] for k, v in item.items())]
         if isinstance(item, Enum):
             return ["e", self._class_of(kind), item.value]
         found = self._number.get(id(item))
@@ -78,7 +78,7 @@ class _Writer:
             self._kept.append(item)
         return found
 
-    def _object(self, item: object) -> list:
+    def _object(self, item: Any) -> list[Any]:
         if type(item) is np.ndarray and item.dtype.kind in "biuf":
             self.heads.append([item.dtype.str, item.shape])
             self.blobs.append(item.tobytes())
@@ -100,7 +100,7 @@ class _Writer:
 
 
 class _Reader:
-    def __init__(self, head: dict, blob: bytearray) -> None:
+    def __init__(self, head: dict[str, Any], blob: bytearray) -> None:
         self.classes = [_class(name) for name in head["classes"]]
         self.names = [[f.name for f in fields(c)] if is_dataclass(c) else [] for c in self.classes]
         self.arrays, at = [], 0
@@ -108,7 +108,7 @@ class _Reader:
             kind, count = np.dtype(code), int(np.prod(shape, dtype=int))
             self.arrays.append(np.frombuffer(blob, kind, count, at).reshape(shape))
             at += count * kind.itemsize
-        self.objects: list = []
+        self.objects: list[Any] = []
         for record in head["objects"]:
             self.objects.append(self._object(record))
         self._root = head["root"]
@@ -132,7 +132,7 @@ class _Reader:
             return [self.value(v) for v in item[1:]]
         return {self.value(k): self.value(v) for k, v in item[1:]}
 
-    def _object(self, record: list) -> object:
+    def _object(self, record: list[Any]) -> object:
         if record[0] == "x":
             _, op, args, value = record
             return interned(op, tuple([self.objects[k] for k in args]), self.value(value))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import field
+from typing import Any
 
 from lmoc.messages.source import Span
 from lmoc.support.records import dataclass
@@ -82,7 +83,7 @@ class Report:
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
-    def error(self, code: str, message: str, span: Span | None = None, **more) -> None:
+    def error(self, code: str, message: str, span: Span | None = None, **more: Any) -> None:
         self.diagnostics.append(Diagnostic(code, message, span, **more))
 
     warning = error
@@ -105,7 +106,7 @@ class ModelError(Exception):
         self.diagnostics = tuple(diagnostics)
         super().__init__("\n\n".join(render(d) for d in self.diagnostics))
 
-    def __reduce__(self) -> tuple:
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.diagnostics,)  # else a copy would be made from the text
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def report_alike(found: Iterable[Diagnostic], report: Report, most: int, unseen:
         differs in indices only too, else that of the first is shown
     unseen : how many more places have not been looked at; the last one shown tells it, and how many were cut
     """
-    families: dict[tuple, list[Diagnostic]] = {}
+    families: dict[tuple[Any, ...], list[Diagnostic]] = {}
     for d in found:
         families.setdefault((d.code, d.span, _plain(d.message)), []).append(d)
     shown = [d for family in list(families.values())[:most] for d in _merged(family)]
@@ -104,7 +105,7 @@ def _runs(family: list[Diagnostic]) -> list[list[Diagnostic]]:
 
 
 def _over_range(family: list[Diagnostic], message: str) -> Diagnostic:
-    rest = {}
+    rest: dict[str, Any] = {}
     for name in ("expected", "found", "hint") if len(family) > 1 else ():
         texts = [getattr(d, name) for d in family]
         alike = len(set(map(_plain, texts))) == 1

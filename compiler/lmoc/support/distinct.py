@@ -12,8 +12,9 @@ MANY = 1000  # values from which packing pays
 
 def distinct(values: np.ndarray) -> np.ndarray:
     """The distinct values of an array of any shape, ascending."""
-    ordered = np.sort(values, axis=None)
-    return ordered[_starts(ordered)]
+    ordered: np.ndarray = np.sort(values, axis=None)
+    found: np.ndarray = ordered[_starts(ordered)]
+    return found
 
 
 def first_of_each(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from operator import attrgetter
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -35,22 +36,22 @@ def _defined(cls: type, frozen: bool, eq: bool, repr: bool) -> type:
     if own.get("__doc__") is None:
         cls.__doc__ = cls.__name__  # for which the standard library would write down the signature
     dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
-    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
-    methods: dict[str, Callable] = {}
+    fields = dataclasses.fields(cls)
+    methods: dict[str, Callable[..., Any]] = {}
     if repr:
         methods["__repr__"] = _repr([f.name for f in fields if f.repr])
     if eq:
         values = _values([f.name for f in fields if f.compare])
         methods["__eq__"] = _eq(values)
         if "__hash__" not in own or own["__hash__"] is None:
-            cls.__hash__ = (lambda self: hash(values(self))) if frozen else None  # type: ignore[assignment, method-assign]
+            setattr(cls, "__hash__", _hash(values) if frozen else None)  # noqa: B010
     if frozen:
         methods.update(__setattr__=_refuse_assignment, __delattr__=_refuse_deletion)
     for name, method in methods.items():
         if name not in own:
             setattr(cls, name, method)
     if "__init__" not in own:
-        cls.__init__ = _Constructor(cls, frozen)  # type: ignore[misc, assignment]
+        setattr(cls, "__init__", _Constructor(cls, frozen))  # noqa: B010
     return cls
 
 
@@ -61,17 +62,20 @@ class _Constructor:
         self.cls = cls
         self.frozen = frozen
 
-    def __get__(self, instance: object, owner: type) -> Callable:
+    def __get__(self, instance: object, owner: type) -> Callable[..., None]:
         compiled = _constructor(self.cls, self.frozen)
         self.cls.__init__ = compiled  # type: ignore[misc]  # in one step: another thread may be at it
-        return compiled.__get__(instance, owner)
+        bound: Callable[..., None] = compiled.__get__(instance, owner)
+        return bound
 
 
-def _constructor(cls: type, frozen: bool) -> Callable:
+def _constructor(cls: type, frozen: bool) -> FunctionType:
     """Return a function that assigns its arguments to the fields, and calls ``__post_init__`` where there is one."""
     known: dict[str, Any] = {"_put": object.__setattr__, "_missing": dataclasses.MISSING}
-    arguments, only_by_name, lines = [], [], []
-    for f in dataclasses.fields(cls):  # type: ignore[arg-type]
+    arguments: list[str] = []
+    only_by_name: list[str] = []
+    lines: list[str] = []
+    for f in dataclasses.fields(cls):
         argument, value = f.name, f.name
         if f.default is not dataclasses.MISSING:
             known[f"_default_{f.name}"] = f.default
@@ -86,13 +90,13 @@ def _constructor(cls: type, frozen: bool) -> Callable:
         lines.append("self.__post_init__()")
     listed = ", ".join(["self", *arguments, *(["*", *only_by_name] if only_by_name else [])])
     exec(f"def __init__({listed}):\n " + "\n ".join(lines or ["pass"]), known)
-    found = known["__init__"]
+    found: FunctionType = known["__init__"]
     found.__qualname__ = f"{cls.__qualname__}.__init__"
     found.__module__ = cls.__module__
     return found
 
 
-def _values(names: list[str]) -> Callable[[object], tuple]:
+def _values(names: list[str]) -> Callable[[object], tuple[Any, ...]]:
     """Return a function that gives the values of some attributes."""
     if not names:
         return lambda item: ()
@@ -100,15 +104,19 @@ def _values(names: list[str]) -> Callable[[object], tuple]:
     return get if len(names) > 1 else lambda item: (get(item),)
 
 
-def _eq(values: Callable[[object], tuple]) -> Callable:
-    def __eq__(self, other):
+def _hash(values: Callable[[object], tuple[Any, ...]]) -> Callable[[object], int]:
+    return lambda self: hash(values(self))
+
+
+def _eq(values: Callable[[object], tuple[Any, ...]]) -> Callable[[object, object], bool]:
+    def __eq__(self: object, other: object) -> bool:
         return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
 
     return __eq__
 
 
-def _repr(names: list[str]) -> Callable:
-    def __repr__(self):
+def _repr(names: list[str]) -> Callable[[object], str]:
+    def __repr__(self: object) -> str:
         shown = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
         return f"{self.__class__.__qualname__}({shown})"
 

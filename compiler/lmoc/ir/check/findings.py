@@ -29,7 +29,7 @@ class CorruptStructureError(Exception):
 class Findings:
     """Collects what is wrong; `where` names the part of the structure that is being looked at."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.found: list[str] = []
 
     def require(self, holds: bool, where: str, what: str) -> bool:
@@ -54,8 +54,9 @@ class Findings:
         fits = fits and all(n in (None, m) for n, m in zip(shape, values.shape, strict=False))
         if not self.require(fits, where, f"shape {values.shape} instead of {shape}"):
             return False
-        outside = (values < low) | (values >= stop)
-        return self.none(outside.any(axis=tuple(range(1, values.ndim))), where, f"index outside {low} … {stop - 1}")
+        outside: np.ndarray = np.asarray((values < low) | (values >= stop))
+        rows = np.asarray(outside.any(axis=tuple(range(1, values.ndim))))
+        return self.none(rows, where, f"index outside {low} … {stop - 1}")
 
     def pointers(self, start: np.ndarray, rows: int, entries: int, where: str) -> bool:
         """Require the beginnings of `rows` segments that cover `entries` entries."""

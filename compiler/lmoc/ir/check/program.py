@@ -32,7 +32,8 @@ def _step(step: Step, filled: np.ndarray, where: str, findings: Findings) -> Non
         return
     if not findings.indices(step.out, 0, len(filled), f"{where}.out", (None,)):
         return
-    if not (_apply if isinstance(step, Apply) else _total)(step, filled, where, findings):
+    good = _apply(step, filled, where, findings) if isinstance(step, Apply) else _total(step, filled, where, findings)
+    if not good:
         return
     findings.none(filled[step.out], where, "a register that has been written before")
     findings.require(_distinct(step.out), where, "a register that is written twice")

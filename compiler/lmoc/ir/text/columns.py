@@ -7,7 +7,6 @@ from collections.abc import Sequence
 WIDTH = 160  # characters after which an equation is cut
 
 
-
 def aligned(rows: Sequence[Sequence[str]], lead: str = "  ") -> list[str]:
     """Return rows of cells in columns; a column that is empty throughout is left out."""
     columns = [c for c in zip(*rows, strict=True) if any(c)]

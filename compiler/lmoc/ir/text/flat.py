@@ -78,9 +78,7 @@ def _variables(flat: FlatDAE, title: str, kinds: Sequence[Kind], values: np.ndar
     if not blocks:
         return []
     signals = {int(a.target[0]): _signal(flat, a) for a in flat.bindings if flat.kind[a.target[0]] == Kind.INPUT}
-    rows = [
-        (b.pattern, signals.get(b.offset, _value(b, values)), b.unit, _marks(b), b.description) for b in blocks
-    ]
+    rows = [(b.pattern, signals.get(b.offset, _value(b, values)), b.unit, _marks(b), b.description) for b in blocks]
     return [f"{title} ({sum(b.size for b in blocks)})", *aligned(rows)]
 
 

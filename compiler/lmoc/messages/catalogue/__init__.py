@@ -21,13 +21,13 @@ CATALOGUE: dict[str, Entry] = {
     **STRUCTURE,
     **NUMERICS,
     # -------------------------------------------------- 06xx files, commands
-    "E0601": Entry("no such model", "The requested model is not in the file, or it is not a class that can be "
-        "simulated."),
+    "E0601": Entry(
+        "no such model", "The requested model is not in the file, or it is not a class that can be simulated."
+    ),
     "E0602": Entry("nothing to run", "The file defines no model, or only partial ones."),
     "E0603": Entry(
         "several models",
-        "More than one model in the file is used by no other. Select one: `--model NAME`, or\n"
-        "`model=` in Python.",
+        "More than one model in the file is used by no other. Select one: `--model NAME`, or\n`model=` in Python.",
     ),
     "E0610": Entry(
         "file not found",

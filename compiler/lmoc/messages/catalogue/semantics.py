@@ -49,8 +49,7 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0210": Entry(
         "protected",
-        "Elements under `protected` are private to the class: they can neither be read nor modified from\n"
-        "outside.",
+        "Elements under `protected` are private to the class: they can neither be read nor modified from\noutside.",
     ),
     "E0211": Entry(
         "must be known when compiling",
@@ -153,7 +152,7 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "E0232": Entry(
         "unknown kind of law",
-        "A function that represents a law is marked by `annotation(__lmoc(law = \"...\"))` with one of the kinds\n"
+        'A function that represents a law is marked by `annotation(__lmoc(law = "..."))` with one of the kinds\n'
         "unilateral, one-way, dry friction, contact friction.",
     ),
     "E0233": Entry(
@@ -187,7 +186,7 @@ SEMANTICS: dict[str, Entry] = {
     ),
     "W0247": Entry(
         "a look that cannot be drawn",
-        "`annotation(__lmoc(symbol = \"spring\"))` gives a part the look of one of the library;\n"
+        '`annotation(__lmoc(symbol = "spring"))` gives a part the look of one of the library;\n'
         "`annotation(Icon(graphics = {Line(points = {{-100, 0}, {100, 0}})}))` a drawing of its own, made of `Line`,\n"
         "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to\n"
         "nothing but the picture, which shows a box with the part's name.",

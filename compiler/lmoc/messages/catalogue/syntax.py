@@ -25,7 +25,7 @@ SYNTAX: dict[str, Entry] = {
     ),
     "E0104": Entry(
         "a string or a quoted name is not closed",
-        'A string ends with \'"\', a quoted name with "\'". Inside, the same character is written with a backslash.',
+        "A string ends with '\"', a quoted name with \"'\". Inside, the same character is written with a backslash.",
         'model A "a model without an end quote\n  Real x;\nequation\n  x = 1;\nend A;',
     ),
     "E0105": Entry(
@@ -90,7 +90,7 @@ SYNTAX: dict[str, Entry] = {
     "E0116": Entry(
         "not part of lmo",
         "A construct of Modelica that lmo does not support.",
-        "function f\n  input Real x;\n  output Real y;\nexternal \"C\";\nend f;",
+        'function f\n  input Real x;\n  output Real y;\nexternal "C";\nend f;',
     ),
     "E0117": Entry(
         "an operand is missing",
