@@ -19,6 +19,7 @@ DONE, WRONG_MODEL, WRONG_COMMAND, FAILED_RUN, INTERNAL = 0, 1, 2, 3, 70
 
 # verb → what it does; each is a module of this package with `configure(parser)` and `execute(arguments) -> exit code`
 VERBS = {
+    "new": "write a scene to start from",
     "run": "simulate a scene",
     "check": "look for mistakes, up to a consistent start",
     "show": "print what a stage of the compiler has made of a scene",
@@ -114,7 +115,7 @@ def _overview() -> str:
     return (
         "usage: lmoc VERB FILE [options]\n\nFrom a mechanical scene to its equations and its motion.\n\n"
         f"verbs:\n{verbs}\n\n`lmoc VERB --help` lists the options of a verb, `lmoc --version` prints the version.\n"
-        "A first step: lmoc run models/notes/ex05_suspension.lmo"
+        "A first step: lmoc new quarter_car, then lmoc run quarter_car.lmo"
     )
 
 
