@@ -270,3 +270,11 @@ def test_members_of_a_family_follow_its_free_state():
     other = ({x, y} - {free}).pop()
     assert equal(found.values[other], 2 * x if other == y else y / 2)
     assert found.stability == "neutral"
+
+
+def test_a_rest_that_depends_on_an_input_says_how_to_give_it(scene):
+    dae = lmoc.compile(str(scene))
+    with pytest.raises(lmoc.ModelError) as error:
+        dae.linearize(at=dae.equilibria()[0])
+    assert "equilibria(inputs={'f': 0})" in error.value.diagnostics[0].hint
+    assert dae.linearize(at=dae.equilibria(inputs={"f": 4})[0]).frequencies == pytest.approx([2])

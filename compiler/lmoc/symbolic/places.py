@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lmoc.ir.flat import Kind
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.support.records import dataclass
@@ -95,7 +96,7 @@ def number(prepared: Prepared, value: object, free: set[str]) -> float:
         if found is None or len(found) != 1:
             raise ModelError([Diagnostic("E0661", f"there is no parameter '{s.name}'")])
         if np.isnan(prepared.values[found[0]]):
-            raise no_value([s.name])
+            raise no_value([s.name], inputs=prepared.flat.kind[found[0]] == Kind.INPUT)
         known[s] = sp.Float(float(prepared.values[found[0]]), 17)
     return float(expression.subs(known))
 
