@@ -1,7 +1,7 @@
 """`lmoc new`: a scene to start from, as a file of one's own.
 
-The scenes are the files of the folder `starters`, which comes with the package; each tells what it is in the line of its
-model.
+The scenes are the files of the folder `starters`, which comes with the package; the first line of its model tells what
+each is.
 """
 
 from __future__ import annotations
