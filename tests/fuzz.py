@@ -30,12 +30,21 @@ _VERBS = {  # what is done with a model, and how often
     ("check",): 2,
     ("fmt", "--check"): 1,
     ("show", "--stage", "reduce"): 1,
+    ("equations",): 1,
+    ("equations", "--latex"): 1,
+    ("equilibria",): 1,
+    ("linearize",): 1,
+    ("draw", "-o", "case.svg"): 1,
+    ("draw", "--free-body", "-o", "case.svg"): 1,
+    ("view", "--stop", "1", "-o", "case.html"): 1,
 }
 _TOKEN = re.compile(
     r'"(?:[^"\\]|\\.)*"|//[^\n]*|[A-Za-z_]\w*|\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\s+|:=|<=|>=|==|<>|.', re.S
 )
 _PROGRAM = re.compile(r"\b(?:model|block|package|connector|record|function|type)\s+(\w+)\b.*?\bend\s+\1\s*;", re.S)
-_NUMBERS = "0 1 -1 2 3 0.5 1e-3 1e3 1e-320 1e308 1e400 100 65536 1000000 -0.0 3.14159".split()
+_ENDS = re.compile(r"[A-Za-z_]\w*(?:\[[^\]]*\])?\.[A-Za-z_]\w*")  # of connections: part.port
+_DECLARED = re.compile(r"^\s*(?:(?:parameter|inner|outer|input|output|replaceable|final|constant)\s+)*[\w.]+\s+(\w+)")
+_NUMBERS = "0 1 -1 2 3 0.5 1e-3 1e3 1e-320 1e-308 1e12 1e308 1e400 100 65536 1000000 -0.0 3.14159".split()
 _WORDS = """der pre edge change reinit when if then else elseif end for loop while equation algorithm initial model
     extends parameter constant input output flow each final redeclare replaceable inner outer connect time sin sqrt log
     min max abs sum size fill zeros ones noEvent smooth true false and or not protected import function record type
@@ -78,8 +87,12 @@ class Mutator:
             for kind, begin, end in spans:
                 self.pieces.setdefault(kind, []).append(text[begin:end])
 
+        self.models = [k for k, spans in enumerate(self.spans) if any(kind == "Connect" for kind, _, _ in spans)]
+
     def program(self, choose: random.Random) -> str:
         """One mutated program."""
+        if choose.random() < 0.5:
+            return self._by_parts(choose.choice(self.models), choose)
         k = choose.randrange(len(self.programs))
         if self.spans[k] and choose.random() < 0.5:
             text = self._by_tree(k, choose)
@@ -99,6 +112,60 @@ class Mutator:
         for begin, end, new in sorted(changes, reverse=True):
             text = text[:begin] + new + text[end:]
         return text
+
+    def _by_parts(self, k: int, choose: random.Random) -> str:
+        """Whole declarations and connections are exchanged with those of another model, whose parts may come along.
+
+        A connection that is taken over is made to join parts that the program declares: what comes out is more often
+        a scene than what `_by_tree` makes.
+        """
+        text, other = self.programs[k], choose.choice(self.models)
+        parts = [(b, e) for kind, b, e in self.spans[k] if kind == "Component"]
+        joints = [(b, e) for kind, b, e in self.spans[k] if kind == "Connect"]
+        others = {
+            want: [self.programs[other][b:e] for kind, b, e in self.spans[other] if kind == want]
+            for want in ("Component", "Connect")
+        }
+        ends = _ENDS.findall(text)
+        changes: list[tuple[int, int, str]] = []
+        for _ in range(choose.choice((1, 1, 2, 3, 5))):
+            kind = choose.choice(("Component", "Connect"))
+            places = parts if kind == "Component" else joints
+            if not places or not others[kind]:
+                continue
+            begin, end = choose.choice(places)
+            if any(begin < e and b < end for b, e, _ in changes):
+                continue
+            new = self._joined(choose.choice(others[kind]), ends, choose) if kind == "Connect" else (
+                self._renamed(text[begin:end], choose.choice(others[kind]), choose))  # fmt: skip
+            action = choose.randrange(6)
+            if action == 0:  # it comes along
+                new = f"{text[begin:end]};\n  {new}"
+            elif action == 1:  # two of the same program change places
+                new = text[slice(*choose.choice(places))]
+            elif action == 2:
+                new = "" if kind == "Connect" else new
+            changes.append((begin, end, new))
+        for begin, end, new in sorted(changes, reverse=True):
+            text = text[:begin] + new + text[end:]
+        return text
+
+    @staticmethod
+    def _joined(connection: str, ends: list[str], choose: random.Random) -> str:
+        """A connection of another program, of which one end or both are those of this one."""
+        found = _ENDS.findall(connection)
+        for old in choose.sample(found, choose.randint(1, len(found))) if found and ends else ():
+            connection = connection.replace(old, choose.choice(ends))
+        return connection
+
+    @staticmethod
+    def _renamed(own: str, new: str, choose: random.Random) -> str:
+        """A declaration of another program, mostly by the name that the connections of this one know."""
+        names = _DECLARED.search(own), _DECLARED.search(new)
+        if None in names or choose.random() < 0.2:
+            return new
+        begin, end = names[1].span(1)
+        return new[:begin] + names[0][1] + new[end:]
 
     def _by_tokens(self, tokens: list[str], choose: random.Random) -> str:
         for _ in range(choose.choice((1, 1, 1, 2, 2, 3, 5, 10))):
@@ -207,6 +274,8 @@ def _become_the_command(words: list[str], said: Path) -> None:
     try:
         os.environ["LMOC_TRACEBACK"] = "1"
         os.environ["TMPDIR"] = str(said.parent)
+        os.environ["LMOC_BUDGET"] = str(0.8 * SECONDS)
+        os.chdir(said.parent)
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS + 1, SECONDS + 2))
         resource.setrlimit(resource.RLIMIT_DATA, (4 << 30, 4 << 30))  # well above, so that the peak is measured
         signal.signal(signal.SIGXCPU, signal.SIG_DFL)

@@ -18,14 +18,17 @@ if TYPE_CHECKING:
     from lmoc.report.compare import compare
     from lmoc.report.picture import plot
     from lmoc.run import Run
+    from lmoc.support.budget import budget
     from lmoc.support.version import __version__
 
-__all__ = ["__version__", "DAE", "ModelError", "Run", "SimulationError", "compare", "compile", "compile_text", "plot"]
+__all__ = ["__version__", "DAE", "ModelError", "Run", "SimulationError"]
+__all__ += ["budget", "compare", "compile", "compile_text", "plot"]
 
 # Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
 _HOME = {
     "__version__": "lmoc.support.version",
     "DAE": "lmoc.interface",
+    "budget": "lmoc.support.budget",
     "compare": "lmoc.report.compare",
     "compile": "lmoc.compilation",
     "compile_text": "lmoc.compilation",

@@ -8,11 +8,13 @@ from pathlib import Path
 from lmoc import pipeline
 from lmoc.interface import DAE
 from lmoc.ir.names import names_of
+from lmoc.messages.budgeted import budgeted
 from lmoc.messages.source import Source
 from lmoc.parameters import Value, check_mappings
 from lmoc.pipeline import Clock, Scene
 
 
+@budgeted("the compilation")
 def compile(
     file: str | Path | Sequence[str | Path],
     model: str | None = None,
@@ -41,6 +43,7 @@ def compile(
     return compiled(file, scene_of(model, parameters, states, path), listener)
 
 
+@budgeted("the compilation")
 def compile_text(
     text: str,
     name: str = "model.lmo",
@@ -66,6 +69,7 @@ def scene_of(
     return Scene((), model, dict(parameters or {}), names_of(states), path)
 
 
+@budgeted("the compilation")
 def compiled(
     named: Source | str | Path | Sequence[str | Path], scene: Scene, listener: Callable[[str], None] | None = None
 ) -> DAE:
@@ -75,6 +79,7 @@ def compiled(
     return DAE(scene, pipeline.flatten(scene, clock), clock)
 
 
+@budgeted("the compilation")
 def recalled_or_compiled(file: str, scene: Scene, listener: Callable[[str], None] | None = None) -> DAE:
     """Return what `compiled` does for a file, without compiling again where nothing it depends on has changed.
 

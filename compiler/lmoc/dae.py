@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from lmoc import simulation
 from lmoc.ir.names import names_of
+from lmoc.messages.budgeted import budgeted
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.model import CompiledModel
-from lmoc.parameters import Value
+from lmoc.parameters import Value, extreme_values
 from lmoc.pipeline import Clock
 from lmoc.simulation import Request
 
@@ -30,6 +31,11 @@ if TYPE_CHECKING:
     from lmoc.symbolic.transfer import InputOutputEquation, TransferFunction
 
 
+def suspicion(scene: CompiledModel, *_: object, parameters: Mapping[str, Value] | None = None, **__: object) -> str:
+    """Return which numbers may be the reason why work on a scene does not end."""
+    return extreme_values(scene.flat, scene.values, parameters or {})
+
+
 class CompiledDAE(CompiledModel):
     """A compiled scene with its runs and derivations; `lmoc.DAE` adds studies and pictures.
 
@@ -38,6 +44,7 @@ class CompiledDAE(CompiledModel):
 
     # -------------------------------------------------------------------- simulation
 
+    @budgeted("the simulation", suspicion)
     def simulate(
         self,
         start: float | None = None,
@@ -100,6 +107,7 @@ class CompiledDAE(CompiledModel):
         request = Request(options, parameters, initial, inputs, progress, self.timings)
         return simulation.simulate(self._session, request, Clock(listener))
 
+    @budgeted("the start", suspicion)
     def live(
         self,
         start: float | None = None,
@@ -127,6 +135,7 @@ class CompiledDAE(CompiledModel):
         run = self.simulate(start=start, times=[start], initial=initial, inputs=inputs, **options)
         return Live(self, run, inputs or {}, options)
 
+    @budgeted("the start", suspicion)
     def check(self, listener: Callable[[str], None] | None = None) -> tuple[Diagnostic, ...]:
         """Look for a consistent start with the default values, where `simulate` would begin; returns all notes.
 
@@ -141,6 +150,7 @@ class CompiledDAE(CompiledModel):
         return simulation.run_prepared(*self._session.prepare(), only_start, Clock(listener)).notes
 
     @cached_property
+    @budgeted("the functions", suspicion)
     def functions(self) -> Functions:
         """The solved system as casadi functions: `ode`, `output`, `jacobian`, `dae`, with the names of their arguments.
 
@@ -155,6 +165,7 @@ class CompiledDAE(CompiledModel):
 
     # ----------------------------------------------------------------- derivations
 
+    @budgeted("the equations in symbols", suspicion)
     def symbolic(self, variables: str | Sequence[str] = (), parameters: Point | None = None) -> SymbolicSystem:
         """Return the solved system in SymPy, with the expressions of further variables; E0660 where there is none."""
         from lmoc.symbolic.interface import symbolic
@@ -165,6 +176,7 @@ class CompiledDAE(CompiledModel):
         """Return {state name: SymPy expression of its derivative}, keys as in `states`."""
         return self.symbolic(parameters=parameters).ode
 
+    @budgeted("the equations of motion", suspicion)
     def equations(
         self, forces: bool = False, parameters: Point | None = None, *, explicit: bool = False
     ) -> EquationsOfMotion | EquationsOfModes:
@@ -192,6 +204,7 @@ class CompiledDAE(CompiledModel):
             return self._session.equations_of_loops(prepared)
         return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
 
+    @budgeted("the equilibria", suspicion)
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:
         """Return the states of rest for constant inputs; see `lmoc.symbolic.interface.equilibria`.
 
@@ -199,6 +212,7 @@ class CompiledDAE(CompiledModel):
         """
         return self._session.equilibria(self.prepare(parameters), inputs)
 
+    @budgeted("the linear model", suspicion)
     def linearize(
         self,
         at: float | Point | Run | None = None,
@@ -221,6 +235,7 @@ class CompiledDAE(CompiledModel):
         prepared, point = place(self._session, at, parameters, inputs)
         return linearize(prepared, point, symbolic, inputs, outputs, self._session.reductions)
 
+    @budgeted("the transfer function", suspicion)
     def transfer_function(
         self, u: str, y: str, parameters: Point | None = None, at: float | Point | Run | None = None
     ) -> TransferFunction:
@@ -245,6 +260,7 @@ class CompiledDAE(CompiledModel):
         """Return ``left(p)·y = right(p)·u`` with p = d/dt; the pair (left, right), which prints as an equation."""
         return self.transfer_function(u, y, parameters, at).input_output_equation
 
+    @budgeted("the equivalent", suspicion)
     def equivalent(self, port: str, other: str | None = None, parameters: Point | None = None) -> Equivalent:
         """Return the equivalent stiffness, damping and inertia seen at a port, against another one or the ground."""
         from lmoc.symbolic.equivalent import equivalent

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lmoc.dae import CompiledDAE
+from lmoc.dae import CompiledDAE, suspicion
+from lmoc.messages.budgeted import budgeted
 from lmoc.parameters import Value
 from lmoc.simulation import Request
 
@@ -28,6 +29,7 @@ class DAE(CompiledDAE):
 
     # ----------------------------------------------------------------------- studies
 
+    @budgeted("the sweep", suspicion)
     def sweep(
         self,
         values: Mapping[str, Sequence[float]] | None = None,
@@ -61,6 +63,7 @@ class DAE(CompiledDAE):
             lambda point: self.linearize(parameters={**held, **point}).eigenvalues,
         )
 
+    @budgeted("the chart", suspicion)
     def chart(
         self,
         solvers: str | Sequence[str] | None = None,
@@ -91,6 +94,7 @@ class DAE(CompiledDAE):
         request = Request(RunOptions(start, stop, points), parameters, initial, inputs)
         return chart(self._session, request, solvers, formulations, rtols, quick, seconds, progress)
 
+    @budgeted("the economy", suspicion)
     def economy(
         self,
         rtol: float | None = None,
@@ -112,6 +116,7 @@ class DAE(CompiledDAE):
 
     # ---------------------------------------------------------------------- pictures
 
+    @budgeted("the picture", suspicion)
     def draw(
         self,
         path: str | Path | None = None,
@@ -144,6 +149,7 @@ class DAE(CompiledDAE):
             drawing.save(path)
         return drawing
 
+    @budgeted("the page", suspicion)
     def view(self, path: str | Path | None = None, run: Run | None = None) -> Page:
         """Return a page in which the scene moves and can be simulated again; with `path` also write it.
 

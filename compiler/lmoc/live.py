@@ -19,6 +19,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import UnknownNameError, hint_for
 from lmoc.ir.program import Solve
+from lmoc.messages.budgeted import budgeted
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, SimulationError, nearest
 from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.integrate import automatic, choice, dop853
@@ -32,6 +33,7 @@ from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import lookout, pulsing
 from lmoc.numerics.signals.signals import Constant, Signal, bind_signals, break_times
 from lmoc.numerics.sizes import assumed_sizes
+from lmoc.support import budget
 
 if TYPE_CHECKING:
     from lmoc.run import Run
@@ -70,6 +72,7 @@ class Live:
         self.time = float(self._end.time)
         self._smooth = _Smooth(run, self._end, self._given) if _is_smooth(run) else None
 
+    @budgeted("the step")
     def advance(self, dt: float) -> float:
         """Go on by dt seconds; returns the time there.
 
@@ -268,11 +271,17 @@ class _Smooth:
 
     def _reach(self, target: float) -> bool:
         run = self.run
-        run.end = target
+        run.end, begin = target, run.t
         while run.t < target:
-            status = run.step()
+            try:
+                status = run.step()
+            except KeyboardInterrupt:
+                if not budget.interrupted():
+                    raise
+                status = Status.SPENT
             if status is Status.STIFF:
                 return False
+            budget.reached((run.t - begin) / (target - begin))
             if status is not Status.OK:
                 raise SimulationError(f"the run stopped at t = {run.t:.6g} s: {status.value}", run.t)
         return True

@@ -11,6 +11,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import Names, inputs_of, outputs_of
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
+from lmoc.messages.budgeted import budgeted
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.parameters import Parameters, Value
 from lmoc.pipeline import Clock, Scene
@@ -85,6 +86,7 @@ class CompiledModel:
         warn_of_lost(self.flat, self.values, report)
         return tuple(dict.fromkeys((*self.flat.notes, *self.reduced.notes, *report.diagnostics)))
 
+    @budgeted("the reduction")
     def prepare(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
         """Return the flat model, its reduction and the values for other parameters, with notes of what was redone.
 

@@ -13,6 +13,8 @@ from lmoc.ir.names import Names, hint_for
 from lmoc.messages.diagnostics import Report
 
 Value = float | bool | Sequence[float] | np.ndarray
+_EXTREME = 1e-12, 1e12  # magnitudes of numbers in SI units beyond which nothing mechanical is made
+_NAMED = 3
 
 
 class Parameters(Mapping):
@@ -98,6 +100,26 @@ def indexed(flat: FlatDAE, parameters: Mapping[str, Value]) -> dict[int, float]:
         found.update(zip(variables.tolist(), numbers.tolist(), strict=True))
     report.check()
     return found
+
+
+def extreme_values(flat: FlatDAE, values: np.ndarray, given: Mapping[str, Value]) -> str:
+    """Return a sentence about parameters that are very large or very small, but not 0; empty where none are.
+
+    Parameters
+    ----------
+    given : values in place of the model's own
+    """
+    least, most = _EXTREME
+    parameters = np.flatnonzero(flat.kind == Kind.PARAMETER)
+    size = np.abs(values[parameters])
+    far = parameters[(size > most) | ((size > 0) & (size < least))]
+    found = {flat.variable_name(int(v)): float(values[v]) for v in far[:100] if not flat.block_at(int(v)).protected}
+    given = {name: v for name, v in given.items() if isinstance(v, (int, float))}
+    found = {name: v for name, v in found.items() if name not in given}
+    found |= {name: float(v) for name, v in given.items() if v and not least <= abs(v) <= most}
+    own = dict(list(found.items())[:_NAMED])
+    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    return f"is {', '.join(f'{name} = {v:g}' for name, v in own.items())}{more} meant?" if own else ""
 
 
 def starting_at(flat: FlatDAE, initial: Mapping[str, float]) -> FlatDAE:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
+from lmoc.support import budget
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class Clock:
     def stage(self, name: str) -> Iterator[None]:
         if name not in BY_NAME:
             raise KeyError(f"there is no stage '{name}'")
+        budget.moved_on(BY_NAME[name].label)
         if self._listener:
             self._listener(name)
         begin = time.perf_counter()
@@ -48,6 +50,7 @@ class Clock:
 
     def tell(self, what: str) -> None:
         """Tell the listener what begins that is no stage."""
+        budget.moved_on(what)
         if self._listener:
             self._listener(what)
 

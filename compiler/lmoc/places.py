@@ -18,11 +18,13 @@ from lmoc.numerics.options import RunOptions
 from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate
+from lmoc.support import budget
 
 if TYPE_CHECKING:
     from lmoc.symbolic.laws.equations import MetMode
     from lmoc.symbolic.places import Moment, Point
 
+_MET = 50_000  # steps of the run that shows the modes of laws
 OF_RUNS = "E05"  # codes of what makes a run impossible, and not the equations: no value, no start
 
 
@@ -96,10 +98,10 @@ def modes_met(session: Session, parameters: Point | None) -> list[MetMode] | Non
     from lmoc.symbolic.laws.equations import met_modes
 
     try:
-        trajectory = simulate(session, Request(RunOptions(energy=False), parameters)).trajectory
+        trajectory = simulate(session, Request(RunOptions(energy=False, max_steps=_MET), parameters)).trajectory
     except SimulationError as failure:
         partial: Run | None = failure.partial
-        if partial is None:
+        if partial is None or budget.interrupted():
             raise
         trajectory = partial.trajectory
     except ModelError as error:

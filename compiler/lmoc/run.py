@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lmoc.messages.budgeted import budgeted
 from lmoc.report.result import Result
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Run(Result):
 
         return spectrum(self, names, path)
 
+    @budgeted("the page")
     def view(self, path: str | Path | None = None) -> Page:
         """Return a page in which the run moves and can be simulated again; with `path` also write it.
 

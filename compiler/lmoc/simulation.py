@@ -10,7 +10,7 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import ModelError, Report, RunInterrupted, SimulationError
-from lmoc.parameters import Value, check_initial, check_mappings
+from lmoc.parameters import Value, check_initial, check_mappings, extreme_values
 from lmoc.pipeline import Clock
 from lmoc.session import Session
 from lmoc.support.records import dataclass
@@ -102,6 +102,9 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
     except (SimulationError, RunInterrupted) as failure:
         if failure.partial is not None:
             failure.partial = result(failure.partial, failure.time)
+        suspicion = extreme_values(prepared.flat, prepared.values, {})
+        if suspicion and isinstance(failure, SimulationError):
+            failure.args = (f"{failure}; {suspicion}",)
         raise
     return result(trajectory)
 

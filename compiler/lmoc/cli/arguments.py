@@ -107,6 +107,13 @@ def add_model_arguments(parser: Parser, ranges: bool = False) -> None:
     )  # fmt: skip
 
 
+def add_budget_argument(parser: Parser) -> None:
+    """--budget, of all verbs."""
+    parser.add_argument(
+        "--budget", metavar="SECONDS", type=positive, help="end where nothing moves on for so long (30)"
+    )  # fmt: skip
+
+
 def add_states_argument(parser: Parser) -> None:
     """--states, of the verbs for which it matters what is solved."""
     parser.add_argument(

@@ -12,8 +12,10 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from lmoc.cli import process, terminal
-from lmoc.cli.arguments import Parser, UsageError
+from lmoc.cli.arguments import Parser, UsageError, add_budget_argument
+from lmoc.messages.budgeted import told
 from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
+from lmoc.support.budget import allowed, budget
 
 DONE, WRONG_MODEL, WRONG_COMMAND, FAILED_RUN, INTERNAL = 0, 1, 2, 3, 70
 
@@ -107,7 +109,10 @@ def _dispatch(argv: list[str]) -> int:
     module = import_module(f"lmoc.cli.{verb}")
     parser = Parser(prog=f"lmoc {verb}", description=VERBS[verb].capitalize() + ".")
     module.configure(parser)
-    return module.execute(parser.understand(argv[1:]))
+    add_budget_argument(parser)
+    arguments = parser.understand(argv[1:])
+    with budget(arguments.budget or allowed()):
+        return told(f"lmoc {verb}", lambda: module.execute(arguments))
 
 
 def _overview() -> str:

@@ -32,6 +32,10 @@ def prepare() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that cannot show a sign (→, ẍ) shows a question mark
+    if not sys.warnoptions:  # what numpy says of an overflow names files of lmoc; a diagnostic says what it means
+        import warnings
+
+        warnings.simplefilter("ignore")
     try:
         if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
             signal.signal(signal.SIGTERM, _terminate)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.laws.step_length import Stepped
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
-_SLOW = (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS)
+_SLOW = (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS, Status.SPENT)
 _MULTISTEP = frozenset({"cvode", "adams", "ida"})
 _NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance

@@ -33,7 +33,7 @@ from lmoc.numerics.failures.account import (
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.flood import Flood
 from lmoc.numerics.integrate.base import Outcome
-from lmoc.numerics.integrate.status import Status, Stopped
+from lmoc.numerics.integrate.status import Status, Stopped, interruption
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import kept_variables
@@ -137,7 +137,7 @@ class _Run:
             try:
                 x = self._after(outcome)
             except KeyboardInterrupt:
-                return replace(outcome, status=Status.INTERRUPTED)
+                return replace(outcome, status=interruption())
             if x is None:
                 return outcome if self.ended is None else replace(outcome, status=self.ended)
             outcome = self._piece_from(x)
@@ -149,7 +149,7 @@ class _Run:
             return self._integrate(x, begin)
         except KeyboardInterrupt:
             self.stretch.recorder.forget_after(begin)
-            return Outcome(begin, x, 0, Status.INTERRUPTED)
+            return Outcome(begin, x, 0, interruption())
 
     def _joined(self, outcome: Outcome, started: float) -> Trajectory:
         """Return the pieces so far as one trajectory, with statistics and notes."""

@@ -25,6 +25,7 @@ from lmoc.numerics.sizes import too_loose
 from lmoc.numerics.start.parameters import check_derived, check_parameters
 from lmoc.numerics.task import Coordinates, Progress, Task
 from lmoc.structure.messages.equations import SHOWN
+from lmoc.support import budget
 
 _PASSES = 4  # runs of a motion whose size is not known beforehand
 
@@ -146,7 +147,19 @@ class Simulator:
         check_parameters(plan, base, values, report)
         report.check()
         check_derived(plan, base, report)
+        progress = _heard(progress, span)
         return Task(values, signals, options, span, report, progress, others, (began, lowered)), plan, system, base
+
+
+def _heard(progress: Progress | None, span: Span) -> Progress:
+    """Return the progress of a run that its budget hears of, too."""
+
+    def told(t: float, stop: float) -> None:
+        budget.reached((t - span.start) / (span.end - span.start) if span.end > span.start else 1.0)
+        if progress is not None:
+            progress(t, stop)
+
+    return told
 
 
 def _run_at_its_size(

@@ -8,6 +8,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Span
+from lmoc.support import budget
 from lmoc.support.records import dataclass
 
 MAX_ELEMENTS = 50_000_000  # of one array of parts or numbers, or rounds of a loop
@@ -36,6 +37,7 @@ class Budget:
     def spend(self, count: int, span: Span) -> None:
         """Count work that is about to be done, and refuse it beyond the limit (E0225)."""
         self.spent += count
+        budget.reached(self.spent / self.most)
         if self.spent > self.most:
             limit = f"{self.most:,}".replace(",", " ")
             raise Exhausted("E0225", f"this takes more than {limit} {self.what}", span,

@@ -14,6 +14,7 @@ from dataclasses import field, replace
 
 import numpy as np
 
+from lmoc.messages.budgeted import told
 from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.options import Span
@@ -142,7 +143,7 @@ class Runner:
         gc.disable()  # as timeit does
         try:
             begin = clock.thread_time()
-            run = simulate(self.session, request)
+            run = told("the run", lambda: simulate(self.session, request))
             return run, clock.thread_time() - begin
         finally:
             gc.enable()

@@ -146,6 +146,14 @@ NUMERICS: dict[str, Entry] = {
         "that the run may take hours. The number of those still ahead is estimated from how fast the latest have\n"
         "followed each other. The warning comes while the run goes on; it can be interrupted, and keeps what it has.",
     ),
+    "E0557": Entry(
+        "nothing has moved on",
+        "Work that may not end has a budget: where nothing moves on for 30 s of work, it is given up. A run moves on\n"
+        "where its time does, by a thousandth of its span at least; a study, where a run of it ends; other work,\n"
+        "where another stage begins. `--budget SECONDS` allows another time, in Python `with lmoc.budget(seconds):`,\n"
+        "for a whole session `LMOC_BUDGET` in the environment. A run keeps what it has computed (exit code 3).\n"
+        "Numbers far from all that is mechanical, 1e308 N/m, are the most frequent reason.",
+    ),
     "W0553": Entry(
         "the energy balance does not close",
         "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"

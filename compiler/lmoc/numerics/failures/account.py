@@ -22,7 +22,7 @@ from lmoc.structure.messages.equations import SHOWN
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.changes import Changes
 
-_SLOW = (Status.TOO_MANY_STEPS, Status.TOO_LONG, Status.INTERRUPTED)
+_SLOW = (Status.TOO_MANY_STEPS, Status.TOO_LONG, Status.INTERRUPTED, Status.SPENT, Status.CRAWLING)
 _GROWN = 1e6  # times its size in the first half: what grows so has left the scale of the scene
 
 
@@ -139,7 +139,7 @@ def explanation(
 
 def pace(outcome: Outcome) -> str:
     """Describe the steps of a run that needs too many of them; empty where it has ended for another reason."""
-    if outcome.status is not Status.TOO_MANY_STEPS or not np.isfinite(outcome.step):
+    if outcome.status not in (Status.TOO_MANY_STEPS, Status.SPENT, Status.CRAWLING) or not np.isfinite(outcome.step):
         return ""
     return f"the last ones are {outcome.step:.2g} s long"
 

@@ -16,6 +16,7 @@ import numpy as np
 from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.signals.activity import Lookout
+from lmoc.support import budget
 from lmoc.support.records import dataclass
 
 
@@ -324,16 +325,20 @@ class Integration(ABC):
 
 @contextmanager
 def on_interrupt(action: Callable[..., None]) -> Iterator[None]:
-    """Have Ctrl-C call a function instead of raising KeyboardInterrupt; does nothing where others handle it."""
+    """Have Ctrl-C, and a budget that is spent, call a function instead of raising KeyboardInterrupt.
+
+    Where others handle Ctrl-C, that stays with them.
+    """
     own = threading.current_thread() is threading.main_thread()
-    if not own or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-    signal.signal(signal.SIGINT, action)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    with budget.instead(action):
+        if not own or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+            yield
+            return
+        signal.signal(signal.SIGINT, action)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class Expired(Exception):

@@ -9,7 +9,7 @@ from contextlib import redirect_stderr
 import numpy as np
 
 from lmoc.numerics.integrate.base import Outcome, Problem, on_interrupt
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Status, interruption
 
 # between two output times. It does not see that its steps no longer move the time; SUNDIALS, which takes over, does
 MAX_STEPS = 20_000
@@ -49,7 +49,7 @@ def integrate(problem: Problem, plugin: str, options: Options) -> Outcome | None
             result = solver(x0=problem.x, p=problem.system.casadi_dae().parameters)
     except (RuntimeError, KeyboardInterrupt):  # of an interrupt casadi makes a failure of the right-hand side
         # it keeps nothing of a run that fails
-        return Outcome(problem.t, problem.x, 0, Status.INTERRUPTED) if interrupted else None
+        return Outcome(problem.t, problem.x, 0, interruption()) if interrupted else None
     states = np.array(result["xf"]).T
     finite = np.isfinite(states).all(axis=1)
     good = len(states) if finite.all() else int(np.argmin(finite))

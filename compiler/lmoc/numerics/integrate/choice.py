@@ -12,7 +12,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.automatic import Used, automatically
 from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Properties
-from lmoc.numerics.integrate.status import Inapplicable, NotFound, Status, Unsuitable
+from lmoc.numerics.integrate.status import Inapplicable, NotFound, Status, Unsuitable, interruption
 
 NAMES = (
     "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss", "rk4", "midpoint", "verlet",
@@ -92,7 +92,7 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, Used]:
         try:
             edge = next(ahead)
         except KeyboardInterrupt:  # while a callable was looked at
-            outcome.status = Status.INTERRUPTED
+            outcome.status = interruption()
             return outcome, used or Used((), "")
         if edge - near(edge) / 2 <= begin:  # a kink at the start
             begin = edge + near(edge) / 2

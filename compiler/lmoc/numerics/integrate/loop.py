@@ -14,13 +14,14 @@ import numpy as np
 
 from lmoc.numerics.integrate.base import Batches, Expired, Integration, Outcome, Problem, Unattended, Watch
 from lmoc.numerics.integrate.roots import RootFinder
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Status, interruption
 
 _BATCH = 200_000  # numbers collected before they are handed on
 _LOOK = 32  # steps between two looks at the clock …
 _MANY, _QUICK = 4096, 5e-3  # … up to so many where a batch of steps takes less than these seconds
 _STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter …
 _PACE = 1e-8  # … by this part of what lies ahead on average
+_HOPELESS = 1e10  # steps still ahead at the pace of the latest `_STALL`, and of those before: a day's work, and more
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
 
@@ -41,6 +42,7 @@ class Loop:
         self.most = max(1, _BATCH // max(1, len(problem.x)))
         self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
         self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
+        self.paced = 0, problem.t, False  # the same over `_STALL` steps, and whether these had no end in sight
         self.place: tuple[float, np.ndarray] | None = None  # where it ends within the last step
 
     def go(self) -> Outcome:
@@ -56,7 +58,7 @@ class Loop:
         except Expired:
             status = Status.TOO_LONG
         except KeyboardInterrupt:
-            status = Status.INTERRUPTED
+            status = interruption()
         self.flush()
         if status in (Status.COLLAPSED, Status.NOT_FINITE) and self.problem.guard is not None:
             status = self.problem.guard.stuck(status)
@@ -163,6 +165,12 @@ class Loop:
     def halted(self, done: int) -> Status:
         """Return why the latest steps have hardly got on: a jump of the equations, a singular position; OK else."""
         problem, run = self.problem, self.run
+        if done - self.paced[0] >= _STALL:
+            (before, at, seen) = self.paced
+            slow = (done - before) * (problem.end - run.t) > _HOPELESS * (run.t - at)
+            self.paced = done, run.t, slow
+            if slow and seen:
+                return Status.CRAWLING
         guarded = problem.guard is not None
         if not (guarded or problem.held) or done - self.judged[0] < (_GUARDED if guarded else _STALL):
             return _OK

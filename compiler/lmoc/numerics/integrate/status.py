@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from lmoc.support import budget
+
 
 class Status(Enum):
     """Why an integration is where it is; the value is the text for people."""
@@ -14,6 +16,7 @@ class Status(Enum):
     TOO_MANY_STEPS = "too many steps"
     TOO_LONG = "the time limit of the run was reached"
     INTERRUPTED = "it was interrupted"
+    SPENT = "it has hardly moved on for as long as its budget allows"
     NOT_FINITE = "the derivatives have no finite value"
     TOO_FINE = "the tolerances are finer than rounding allows"
     NO_LINEAR_SOLVER = "the linear solver could not be set up"
@@ -35,6 +38,11 @@ class Status(Enum):
     def failed(self) -> bool:
         """Return whether the run cannot go on."""
         return self not in (Status.OK, Status.STIFF, Status.ROOT, Status.COORDINATES, Status.DOUBTFUL)
+
+
+def interruption() -> Status:
+    """Return what has interrupted a run: its budget, or the keyboard."""
+    return Status.SPENT if budget.interrupted() else Status.INTERRUPTED
 
 
 class Stopped(Exception):

@@ -23,7 +23,7 @@ from lmoc.ir.mode import mode_word
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.integrate.base import Expired, Outcome, Problem, Properties, Watch
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.integrate.status import Status, interruption
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, NoSolution, Sides, solve
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 from lmoc.numerics.laws.mode import STILL
@@ -149,7 +149,7 @@ class TimeStepping:
             except NoSolution:
                 return Outcome(state.t, state.x, reached, Status.CONTRADICTION, {"steps": k})
             except (Expired, KeyboardInterrupt):
-                return Outcome(state.t, state.x, reached, Status.INTERRUPTED, {"steps": k})
+                return Outcome(state.t, state.x, reached, interruption(), {"steps": k})
             if not np.isfinite(after.x).all():
                 return Outcome(state.t, state.x, reached, Status.NOT_FINITE, {"steps": k})
             last = int(np.searchsorted(problem.times, after.t, "right"))
