@@ -57,7 +57,8 @@ events. `failures/drift` is left out of the errors: its output is itself what th
 Why `auto` chooses so: a Taylor series in C that is compiled is faster than DOP853 in nearly all scenes of up to 2500
 rows, at every tolerance, where DOP853 works on casadi's functions; where its equations are in C as well, only from a
 tolerance of 1e-7 on; and in no scene of more rows. To compile it takes a quarter of a second or more; so it is compiled
-when the steps that DOP853 has made in earlier runs of the scene, and those ahead, cost as much, and used from then on.
+where the steps of DOP853 in this run, made and ahead, are many. What other runs have compiled does not count: the same
+call gives the same bits.
 
 The exceptions by more than 2 ms, and the errors above 30 times the tolerance:
 

@@ -8,8 +8,7 @@ import lmoc
 from lmoc.numerics.coordinates import certificate, watch
 from lmoc.numerics.coordinates.compiled_certificate import Text
 from lmoc.numerics.coordinates.tableau import rank_margin
-from lmoc.numerics.evaluate.native import compiled_later
-from lmoc.numerics.evaluate.native.compiler import find_compiler, load_library
+from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.loop import Loop
 
@@ -38,8 +37,8 @@ def certified_looks(scene: str, monkeypatch) -> list[tuple]:
 def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
     if compiled and find_compiler() is None:
         pytest.skip("no C compiler")
-    monkeypatch.setattr(Text, "library", waited_for)
-    monkeypatch.setattr(Text, "comes", compiled)
+    if not compiled:
+        monkeypatch.setattr(Text, "library", None)
     monkeypatch.setattr(certificate, "_WORTHWHILE", 1)
     seen = certified_looks(scene, monkeypatch)
     assert len(seen) > 10
@@ -60,8 +59,6 @@ def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
 @pytest.mark.parametrize("solver", ["dop853", "taylor"])
 @pytest.mark.parametrize("scene", [*SCENES, "planar/pendulum_cartesian"])
 def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch):
-    monkeypatch.setattr(Text, "library", waited_for)
-    monkeypatch.setattr(compiled_later, "kept_library", load_library)
     dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
     walked, options = 0, {"points": 73, "rtol": 1e-7, "solver": solver}
     several = Loop.go_several
@@ -86,7 +83,6 @@ def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize("options", [{"solver": "dop853"}, {"solver": "taylor"}, {"formulation": "projected"}])
 def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(options, monkeypatch):
-    monkeypatch.setattr(compiled_later, "kept_library", load_library)
     dae = lmoc.compile(ROOT / "models/planar/four_bar.lmo")
     whole = dae.simulate(stop=1, points=500, **options)
     monkeypatch.setattr(loop, "_BATCH", 40)  # numbers, so that a step has more output than that
@@ -94,11 +90,6 @@ def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(option
     assert np.array_equal(run.end.x, whole.end.x)
     for name in dae.states:
         np.testing.assert_allclose(run[name], whole[name], rtol=0, atol=1e-13 * np.abs(whole[name]).max())
-
-
-def waited_for(text: Text):
-    """Return the library, compiled at once."""
-    return None if text.function is None else load_library(text.text)
 
 
 @pytest.mark.parametrize("scene", SCENES)

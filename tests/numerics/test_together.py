@@ -6,8 +6,7 @@ from conftest import ROOT
 
 import lmoc
 from lmoc.ir.flat import Kind
-from lmoc.numerics.evaluate.native import compiled_later
-from lmoc.numerics.evaluate.native.compiler import find_compiler, load_library
+from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.native.observed import Compiled, Observed
 from lmoc.numerics.evaluate.together import Together
 from lmoc.numerics.observe.slices import Slice
@@ -65,7 +64,6 @@ def test_guesses_that_lead_elsewhere_do_not_count():
 @pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize("scene", ["classic/andrews", "planar/four_bar", "planar/pendulum_cartesian"])
 def test_solutions_by_the_compiled_program_are_those_of_numpy(scene, monkeypatch):
-    monkeypatch.setattr(compiled_later, "kept_library", load_library)
     run = lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-8, points=101)
     variables, called = np.arange(len(run.flat.kind)), []
     solve = Observed.__call__

@@ -13,10 +13,11 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.failures.chatter import FRICTION_HINT, chatters, jumps
 from lmoc.numerics.formulations.table import ONE_STEP
 from lmoc.numerics.integrate import choice
-from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Roots
+from lmoc.numerics.integrate.base import REQUESTED, Outcome, Problem, Roots, Spent
 from lmoc.numerics.integrate.standing import standing
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.options import MOREAU
+from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import Lookout, lookout
 from lmoc.numerics.signals.signals import break_times
@@ -78,6 +79,7 @@ class PieceSolver:
         self._deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
         self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
         self._lookout: Lookout | None = None
+        self._spent: dict[Plan, Spent] = {}
         self.unresolved: np.ndarray | float = 0.0
 
     def at_once(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome | None:
@@ -197,6 +199,7 @@ class PieceSolver:
             index_one=None if loops is None else loops.index_one,
             held=held if stretch.plan.once(jumps) else None,
             step=options.step_length(task.span),
+            spent=self._spent,
         )
 
     def _breaks(self, stretch: Stretch, begin: float, end: float) -> np.ndarray:

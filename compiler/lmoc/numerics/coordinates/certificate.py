@@ -90,7 +90,6 @@ class Recipe:
                  "UNEXPLAINED": UNEXPLAINED, "GROWN": GROWN, "NEIGHBOURS": NEIGHBOURS, "AGAIN": AGAIN,
                  "NORMAL": NORMAL, "ROUNDING": ROUNDING}  # fmt: skip
         self._text = Text(plan, layout, "".join(f"#define {name} {value}\n" for name, value in sizes.items()))
-        self._steps = 0
 
     @cached_property
     def _function(self) -> casadi.Function:
@@ -101,18 +100,13 @@ class Recipe:
         arguments = [lowered.time, lowered.x, lowered.p, lowered.u, *given]
         return ca.Function("certificate", arguments, [ca.densify(o) for o in outputs])
 
-    def evaluation(self) -> _ByCasadi | CompiledCertificate | None:
-        """Return the compiled function where it is there, casadi's where there is no compiler and it is worth it.
-
-        Called at every step as long as there is none.
+    def evaluation(self, steps: int) -> _ByCasadi | CompiledCertificate | None:
+        """Return the compiled function; where there is none casadi's, if so many steps of a run show it to be worth it.
         """
-        if self._text.comes:
-            library = self._text.library()
-            return (
-                None if library is None else CompiledCertificate(self._plan, self._text.function, library, self.layout)
-            )
-        self._steps += 1
-        return None if self._steps < _WORTHWHILE else _ByCasadi(self._function, self.layout)
+        library = self._text.library
+        if library is not None:
+            return CompiledCertificate(self._plan, self._text.function, library, self.layout)
+        return None if steps < _WORTHWHILE else _ByCasadi(self._function, self.layout)
 
 
 class Certifier:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.evaluate.native.c_code import CFunction, Unsupported
 from lmoc.numerics.evaluate.native.c_program import generate
 from lmoc.numerics.evaluate.native.c_text import c_text
-from lmoc.numerics.evaluate.native.compiler import Compilation, find_compiler, kept_library
+from lmoc.numerics.evaluate.native.compiler import load_library
 from lmoc.numerics.evaluate.native.kernel import Data, with_blocks
 from lmoc.numerics.plan import Plan
 
@@ -147,30 +148,19 @@ class Text:
     Attributes
     ----------
     function : None where C does not take the constraints
-    comes : whether there will be a library
+    library : compiled from it; None where C does not take them, or there is no compiler
     """
 
     def __init__(self, plan: Plan, layout: Layout, definitions: str) -> None:
         own = plan.reduced.constraints
         self.function, self.text = _written(own), ""
-        self._compilation: Compilation | None = None
-        self._kept: ctypes.CDLL | None = None
         if self.function is not None:
             tables = _tables(own, layout)
             self.text = with_blocks(self.function.text) + definitions + tables + CERTIFICATE + c_text("judge")
 
-    @property
-    def comes(self) -> bool:
-        return self.function is not None and find_compiler() is not None
-
+    @cached_property
     def library(self) -> ctypes.CDLL | None:
-        """Return what has been compiled from it; None as long as that takes."""
-        if self._kept is None and self._compilation is None:
-            self._kept = kept_library(self.text, _OPTION)
-        if self._kept is None:
-            self._compilation = self._compilation or Compilation(self.text, _OPTION)
-            self._kept = self._compilation.library
-        return self._kept
+        return None if self.function is None else load_library(self.text, _OPTION)
 
 
 def _written(own: Constraints) -> CFunction | None:

@@ -82,6 +82,7 @@ class CoordinateWatch:
         self.lost_rank, self.singular = False, np.inf
         self._recipe = recipe_of(system, self._registers)
         self._certifier: Certifier | None = None
+        self._steps = 0  # of the run, judged without a certifier
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
@@ -100,6 +101,7 @@ class CoordinateWatch:
             )
         )
         self._sizes.size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
+        self._steps = before._steps
 
     @property
     def sizes(self) -> np.ndarray:
@@ -301,7 +303,8 @@ class CoordinateWatch:
 
     def _find_certifier(self) -> None:
         if self._certifier is None and self._recipe is not None:
-            evaluation = self._recipe.evaluation()
+            self._steps += 1
+            evaluation = self._recipe.evaluation(self._steps)
             if evaluation is not None:
                 self._certifier = Certifier(self.system, self._recipe, self._registers, evaluation)
 

@@ -1,6 +1,7 @@
-"""Choice of the evaluation of a plan.
+"""Choice of the evaluation of a plan: by the plan alone, so that the same run always has the same digits.
 
-Small explicit programs are casadi functions, large ones are compiled C where there is a compiler, and what neither
+Small explicit programs are casadi functions. Large ones, and those with blocks that are solved at every evaluation, are
+compiled C where there is a compiler: a run waits for it, and finds the library in the cache from then on. What neither
 takes is run by numpy over groups of rows.
 """
 
@@ -38,18 +39,12 @@ def make_system(plan: Plan, signals: Mapping[int, Signal] | None = None) -> Syst
         from lmoc.numerics.evaluate.native.c_code import Unsupported
 
         try:
-            return _compiled(plan)
+            from lmoc.numerics.evaluate.native.system import NativeSystem  # imported late: most scenes need no ctypes
+
+            return NativeSystem(plan)
         except (Unsupported, OSError):  # a block that C does not take, or no compiler: the others give the same values
             pass
     return interpreted(plan)
-
-
-def _compiled(plan: Plan) -> System:
-    """Compiled C: at once where it is worth waiting for, else as soon as it is there."""
-    from lmoc.numerics.evaluate.native.compiled_later import compiled_or
-    from lmoc.numerics.evaluate.native.system import NativeSystem  # imported late: most scenes need no ctypes
-
-    return NativeSystem(plan) if plan.row_count > COMPILED_ROWS else compiled_or(plan, interpreted)
 
 
 def interpreted(plan: Plan) -> System:

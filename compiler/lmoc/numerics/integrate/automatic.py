@@ -1,12 +1,14 @@
 """The choice of the integrator while a run goes on, with the reason.
 
+The choice follows from the model, its values and the options: never from the clock, the cache or earlier runs.
 After reduction most mechanisms are not stiff, and DOP853 is fast and accurate (BDF loses energy of undamped motion).
-So it begins, or a Taylor series that is compiled already. Three things are looked at on the way:
+So it begins. Three things are looked at on the way:
 
 * After some steps it is known how many lie ahead. The errors of steps add up as long as the motion remembers them:
   what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
   of the steps is made finer by as much, from the beginning on.
-* Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation.
+* Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation; from
+  then on the pieces of the run begin along it.
 * DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
 
 The bounds come from charts of speed against accuracy over the models (`benchmarks/auto.py`).
@@ -21,8 +23,8 @@ import numpy as np
 
 from lmoc.ir.program import Solve, walk
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.integrate.base import Outcome, Problem
-from lmoc.numerics.integrate.compiled_series import is_better, series
+from lmoc.numerics.integrate.base import Outcome, Problem, Spent
+from lmoc.numerics.integrate.compiled_series import is_better
 from lmoc.numerics.integrate.modes import EIGENVALUES, Modes
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.linearity import is_linear
@@ -97,9 +99,10 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
 
 
 def _begin(way: _Way) -> Outcome:
-    """Make the first steps: along a Taylor series where one costs no compilation, else with DOP853."""
-    system, first = way.problem.system, TRIAL
-    if is_better(system, way.problem.rtol):
+    """Make the first steps: along a Taylor series where the run has paid for one, else with DOP853."""
+    system, first, spent = way.problem.system, TRIAL, way.spent
+    if is_better(system, way.problem.rtol, np.inf if spent.series else spent.steps):
+        spent.series = True
         if system.n <= _LOOKED_AT:
             outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
             if outcome.status not in _GIVEN_UP:
@@ -122,7 +125,7 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
             return way.go("dop853", factor * _calibration(problem)), text, factor
         mean, ahead = (outcome.time - begun) / (steps - made), problem.end - outcome.time
         modes = Modes(problem, outcome)
-        series = _suits_series(problem, modes, mean, ahead)
+        series = _suits_series(way, modes, mean, ahead)
         stiff = not series and _is_stiff(modes, ahead, problem.patience)
         if stiff and problem.system.plan.once(is_linear):  # so it is everywhere
             outcome.status = Status.STIFF
@@ -140,10 +143,17 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
             return outcome, text, factor
 
 
-def _suits_series(problem: Problem, modes: Modes, mean: float, ahead: float) -> bool:
+def _suits_series(way: _Way, modes: Modes, mean: float, ahead: float) -> bool:
     """Return whether a Taylor series does what lies ahead faster than DOP853 and, where it is stiff, than BDF."""
+    problem, spent = way.problem, way.spent
+    if _is_stiff(modes, ahead, _series_patience(problem)):
+        return False
+    whole = ahead + np.fmax(problem.whole - problem.end, 0.0)  # behind this piece the run goes on
     rtol = problem.rtol * _refinement(problem, modes, mean, False)
-    return is_better(problem.system, rtol, ahead / mean) and not _is_stiff(modes, ahead, _series_patience(problem))
+    if not is_better(problem.system, rtol, np.inf if spent.series else spent.steps + whole / mean):
+        return False
+    spent.series = True
+    return True
 
 
 def _since(way: _Way, factor: float, ahead: float, series: bool) -> str:
@@ -170,12 +180,14 @@ class _Way:
     problem : as a whole, with the steps that DOP853 may still need where it finds it stiff
     outcome : where it stands
     solvers : used so far
+    spent : by this run so far
     """
 
     def __init__(self, problem: Problem, integrate: Integrate) -> None:
         self.problem, self.integrate = problem, integrate
         self.outcome = Outcome(problem.t, problem.x, 0)
         self.solvers: list[str] = []
+        self.spent = problem.spent.setdefault(problem.system.plan, Spent())
 
     def begin_again(self) -> None:
         """Go back to the beginning, since the first errors are felt for longest.
@@ -228,7 +240,7 @@ class _Way:
         )
         name = later.solver or name
         if name == "dop853":
-            problem.system.plan.once(series).steps += later.counts.get("steps", 0)
+            self.spent.steps += later.counts.get("steps", 0)
         later.reached += done
         if "evaluations" in later.counts and before.counts:  # SUNDIALS counts its own, and the system those of Python
             later.counts["evaluations"] += spent

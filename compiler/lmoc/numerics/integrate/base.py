@@ -15,9 +15,24 @@ import numpy as np
 
 from lmoc.numerics.evaluate.system import IndexOne, System
 from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.activity import Lookout
 from lmoc.support import budget
 from lmoc.support.records import dataclass
+
+
+@dataclass
+class Spent:
+    """What a run has spent on one plan so far.
+
+    Attributes
+    ----------
+    steps : by DOP853
+    series : a Taylor series has been worth its compilation
+    """
+
+    steps: int = 0
+    series: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,6 +68,7 @@ class Problem:
     whole : s, the end of the run of which this is a part; NaN where this is all of it
     held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
         None where nothing jumps
+    spent : by plan, what the pieces of the run so far have cost; kept up to date on the way
     """
 
     system: System
@@ -81,6 +97,7 @@ class Problem:
     index_one: IndexOne | None = None
     whole: float = np.nan
     held: Callable[[float, np.ndarray], bool] | None = None
+    spent: dict[Plan, Spent] = field(default_factory=dict)
 
     @property
     def needs_steps(self) -> bool:

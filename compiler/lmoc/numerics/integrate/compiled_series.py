@@ -1,50 +1,28 @@
-"""Whether a Taylor series is better than DOP853 in a run, its compilation included.
+"""Whether a Taylor series is better than DOP853 in a run: by the scene, the tolerance and the steps of this run alone.
 
-To compile a series takes as long as many short runs. So it is compiled when the runs of a scene, with what lies ahead,
-have cost as much: whatever follows, all runs together cost at most twice what the better choice would have (Karlin,
-Manasse, Rudolph and Sleator, Competitive snoopy caching, Algorithmica 3, 1988). The same runs in the same order always
-lead to the same choices.
+What other runs have left behind, in this process or in the cache, does not count, nor does the clock: the same run has
+the same digits always.
 """
 
 from __future__ import annotations
 
+from lmoc.numerics.evaluate.native.c_code import Unsupported
 from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.select import COMPILED_ROWS
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.plan import Plan
-from lmoc.support.records import dataclass
 
-# Steps of DOP853 that cost as much as to compile a series. Where Python makes them one takes about 8 µs, and longer
-# the more there is to evaluate; the compiler takes 0.25 s, and longer likewise.
-STEPS = 25_000
+# Steps of DOP853 that a run must have had or still have ahead for a series to be compiled. The compiler takes 0.3 s for
+# a small scene, once: then as many steps by DOP853 take 40 ms, and 10 ms along the series. Where the equations are in C
+# with the blocks that they solve, a step takes from 5 to 300 µs, and the series is compiled in 1 to 3 s.
+STEPS, STEPS_IN_C = 5_000, 25_000
 # Tolerance from which a series is faster although the equations are compiled for DOP853, too. Time of a series over
 # that of DOP853 at 1e-4, 1e-6 and 1e-9: Andrews 1.8, 1.3, 1.0; car axis 1.0, 1.1, 0.9; elastic slider crank 1.1, 1.0,
 # 0.6.
 FINE = 1e-7
 
 
-@dataclass
-class Series:
-    """The Taylor series of a plan, as far as it concerns the choice of a method.
-
-    Attributes
-    ----------
-    steps : that DOP853 has made so far in its place
-    compiled : it has been
-    refused : there is none, or none in C
-    """
-
-    steps: int = 0
-    compiled: bool = False
-    refused: bool = False
-
-
-def series(plan: Plan) -> Series:
-    """Return what is known of the series of a plan; to be asked for by `Plan.once`."""
-    return Series()
-
-
-def is_better(system: System, rtol: float, ahead: float = 0.0) -> bool:
+def is_better(system: System, rtol: float, steps: float) -> bool:
     """Return whether a series does a run faster than DOP853.
 
     Of many rows it is not: its coefficients of all registers do not stay in the cache. Time of a series at rtol 1e-9
@@ -54,11 +32,20 @@ def is_better(system: System, rtol: float, ahead: float = 0.0) -> bool:
     Parameters
     ----------
     rtol : of the steps of DOP853
-    ahead : steps that DOP853 would make
+    steps : of DOP853 in this run, so far and ahead
     """
-    own = system.plan.once(series)
-    if find_compiler() is None or own.refused or system.plan.row_count > COMPILED_ROWS:
+    in_c = system.description == "C"
+    if steps < (STEPS_IN_C if in_c else STEPS) or (in_c and rtol > FINE) or system.plan.row_count > COMPILED_ROWS:
         return False
-    if system.description == "C" and rtol > FINE:
+    return find_compiler() is not None and system.plan.once(has_series)
+
+
+def has_series(plan: Plan) -> bool:
+    """Return whether a plan has a Taylor series in C; to be asked for by `Plan.once`."""
+    from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
+
+    try:
+        plan.once(TaylorSystem)
+    except (Unsupported, OSError):
         return False
-    return own.compiled or own.steps + ahead >= STEPS
+    return True

@@ -7,7 +7,6 @@ looks at the steps, a method that can is left alone from one output time to the 
 from __future__ import annotations
 
 import math
-import time as clock
 from bisect import bisect_right
 
 import numpy as np
@@ -17,8 +16,9 @@ from lmoc.numerics.integrate.roots import RootFinder
 from lmoc.numerics.integrate.status import Status, interruption
 
 _BATCH = 200_000  # numbers collected before they are handed on
-_LOOK = 32  # steps between two looks at the clock …
-_MANY, _QUICK = 4096, 5e-3  # … up to so many where a batch of steps takes less than these seconds
+_LOOK = 32  # steps between two looks at the deadline …
+# … up to so many, by a method that makes them at once, as long as steps times rows are no more than that
+_MANY, _ROWS = 4096, 200_000
 _STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter …
 _PACE = 1e-8  # … by this part of what lies ahead on average
 _HOPELESS = 1e10  # steps still ahead at the pace of the latest `_STALL`, and of those before: a day's work, and more
@@ -94,8 +94,9 @@ class Loop:
         return self.run.batches if alone or problem.compiled_guard is not None else None
 
     def go_in_batches(self, method: Batches) -> Status:
-        """Have the method make many steps at once, more of them as long as they are quick."""
+        """Have the method make many steps at once, more of them from batch to batch as far as the scene is small."""
         problem, run, guard = self.problem, self.run, self.problem.compiled_guard
+        largest = min(max(_ROWS // max(1, problem.system.plan.row_count), _LOOK), _MANY)
         allowed, most, status = problem.max_steps, _LOOK, _OK
         while run.t < problem.end and status is _OK:
             left = allowed - run.steps - run.rejected
@@ -104,7 +105,7 @@ class Loop:
                     return Status.TOO_MANY_STEPS
                 allowed += problem.overrun
                 continue
-            began, number = clock.perf_counter(), min(most, left)
+            number = min(most, left)
             hold = None if guard is None else guard.enter(number)
             if guard is None or hold is not None:
                 status = self.go_several(method, number, hold)
@@ -115,7 +116,7 @@ class Loop:
             halted = self.halted(run.steps + run.rejected)
             if halted is not _OK:
                 return halted
-            most = min(2 * most, _MANY) if clock.perf_counter() - began < _QUICK else max(_LOOK, most // 2)
+            most = min(2 * most, largest)
         return status
 
     def go_several(self, method: Batches, most: int, hold: int | None) -> Status:

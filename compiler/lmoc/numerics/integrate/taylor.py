@@ -17,7 +17,6 @@ from lmoc.numerics.evaluate.native.c_code import Unsupported
 from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.evaluate.native.series import LENGTH
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
-from lmoc.numerics.integrate.compiled_series import series
 from lmoc.numerics.integrate.status import Inapplicable, Status
 from lmoc.numerics.integrate.taylor_in_python import TaylorInPython
 
@@ -44,13 +43,10 @@ def begin(problem: Problem) -> Integration:
     Inapplicable
         The scene has no series.
     """
-    own = problem.system.plan.once(series)
     try:
         method = None if find_compiler() is None else _compiled(problem)
-        own.compiled, own.refused = method is not None, method is None
         return method or TaylorInPython(problem, order_for(problem.rtol))
     except Unsupported as error:
-        own.refused = True
         raise Inapplicable(str(error)) from error
 
 

@@ -54,29 +54,6 @@ def load_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
     return _load_kept(key) or _make(compiler, text, optimization, key)
 
 
-def kept_library(text: str, optimization: str = "-O2") -> ctypes.CDLL | None:
-    """Return the library of a C text from the cache; None where it would have to be compiled."""
-    compiler = find_compiler()
-    return None if compiler is None else _load_kept(_key(compiler, text, optimization))
-
-
-class Compilation:
-    """A C text that is compiled while the program goes on with something else.
-
-    Attributes
-    ----------
-    library : the loaded library; None as long as it is compiled, and for good where that fails
-    """
-
-    def __init__(self, text: str, optimization: str = "-O2") -> None:
-        self.library: ctypes.CDLL | None = None
-        # a daemon: a program that has ended does not wait for it
-        threading.Thread(target=self._run, args=(text, optimization), daemon=True).start()
-
-    def _run(self, text: str, optimization: str) -> None:
-        self.library = load_library(text, optimization)
-
-
 def _key(compiler: str, text: str, optimization: str) -> str:
     # -march=native ties the file to this processor, so its name is part of the key
     return hashlib.sha256("\0".join([text, compiler, optimization, *FLAGS, _processor()]).encode()).hexdigest()[:32]

@@ -156,13 +156,12 @@ class Kernel:
         registers: int,
         strict: bool = False,
         source: Source | None = None,
-        library: ctypes.CDLL | None = None,
     ) -> None:
         """
         Parameters
         ----------
         strict : as in `source_of`
-        source, library : of this program, where they have been made already
+        source : of this program, where it has been written already
 
         Raises
         ------
@@ -173,7 +172,7 @@ class Kernel:
         """
         source = source_of(program, registers, strict) if source is None else source
         function = source.function
-        library = load_library(source.text, source.optimization) if library is None else library
+        library = load_library(source.text, source.optimization)
         if library is None:
             raise OSError("no C compiler")
         self.library, self._made_from = library, (program, registers, strict, source)
@@ -197,7 +196,7 @@ class Kernel:
 
     def copy(self) -> Kernel:
         """Return the same program on other registers."""
-        return Kernel(*self._made_from, self.library)
+        return Kernel(*self._made_from)
 
     def forget(self) -> None:
         """Forget the solutions of blocks and the order of pivots: parameters or start are others now.

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from lmoc.numerics.evaluate.native.slopes import Slopes
 
 
-# Evaluations of the Jacobian after which it is looked for in the cache, and after which it is compiled. For that of
-# Andrews' mechanism numpy takes 5.8 ms and C 11 µs; its text takes 9 ms, the compiler 1.2 s.
-_LOOKED_FOR, _COMPILED = 2, 10
+# Jacobians of a piece of a run that are computed by numpy, before the next ones are in C: an implicit method asks for
+# many. For that of Andrews' mechanism numpy takes 5.8 ms and C 11 µs; its text takes 9 ms, the compiler 1.2 s, once.
+_BY_NUMPY = 3
 _SLOPE_ROWS = 5_000  # of a program with so many rows at the most
 
 
@@ -59,7 +59,7 @@ class _Late:
 
 
 class NativeSystem(VectorSystem):
-    """The program is compiled, blocks included; Jacobians come from numpy until they are compiled, too.
+    """The program is compiled, blocks included; the first Jacobians come from numpy, the others are compiled, too.
 
     Python takes part where C does not find the solution of a nonlinear block: at a start, whose guesses may be far off,
     and where the matrix is singular at the solution.
@@ -67,11 +67,11 @@ class NativeSystem(VectorSystem):
 
     description = "C"
 
-    def __init__(self, plan: Plan, source: Source | None = None, library: ctypes.CDLL | None = None) -> None:
+    def __init__(self, plan: Plan, source: Source | None = None) -> None:
         """
         Parameters
         ----------
-        source, library : of the plan's program, where they have been made already
+        source : of the plan's program, where it has been written already
 
         Raises
         ------
@@ -80,7 +80,7 @@ class NativeSystem(VectorSystem):
         OSError
             There is no compiler.
         """
-        self.kernel = Kernel(plan.program, plan.count, has_branches(plan), source, library)
+        self.kernel = Kernel(plan.program, plan.count, has_branches(plan), source)
         plan.once(Compiled).kernel = self.kernel
         super().__init__(plan)
         self.w = self.kernel.w[: plan.count]
@@ -89,7 +89,7 @@ class NativeSystem(VectorSystem):
         self._seeds = np.zeros(0)
         self._retries = Retries()
         self._slopes: Slopes | None = None
-        self._requested = 0  # Jacobians of all runs
+        self._requested = 0  # Jacobians since it was prepared
         self._in_c: InC | None = None
 
     def _runner(self) -> Runner:
@@ -98,6 +98,9 @@ class NativeSystem(VectorSystem):
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self.kernel.forget()
+        if self._slopes is not None:
+            self._slopes.forget()
+        self._requested = 0
         self._retries = Retries()
         self._seeds = self.w[self.kernel.unknowns]
         if self.kernel.has_constant_blocks:
@@ -139,11 +142,14 @@ class NativeSystem(VectorSystem):
         self._retries.note(found, self.evaluations)
         return found
 
-    def compile_jacobian(self) -> None:
-        """Have the Jacobian compiled at once."""
-        self._write_slopes().compile()
+    def compiled_slopes(self) -> Slopes:
+        """Return the Jacobian in C.
 
-    def _write_slopes(self) -> Slopes:
+        Raises
+        ------
+        OSError
+            The compiler refuses it.
+        """
         from lmoc.numerics.evaluate.native.slopes import Slopes
 
         if self._slopes is None:
@@ -151,20 +157,18 @@ class NativeSystem(VectorSystem):
             self._slopes = Slopes(self.plan.program, self._derivative, self.plan.count)
         return self._slopes
 
-    def _ready_slopes(self) -> Slopes | None:
-        """Return the Jacobian in C where it is there; one that is requested again and again is compiled beside."""
+    def _slopes_in_use(self) -> Slopes | None:
+        """Return the Jacobian in C; None as long as few have been asked for, and of large programs."""
         self._requested += 1
-        if self._slopes is None and (self._requested <= _LOOKED_FOR or self.plan.row_count > _SLOPE_ROWS):
+        if self._requested <= _BY_NUMPY or self.plan.row_count > _SLOPE_ROWS:
             return None
-        slopes = self._write_slopes()
-        if slopes.ready:
-            return slopes
-        if self._requested == _COMPILED:
-            slopes.compile_later()
-        return None
+        try:
+            return self.compiled_slopes()
+        except OSError:
+            return None
 
     def _entries(self, t: float) -> np.ndarray:
-        slopes = self._ready_slopes()
+        slopes = self._slopes_in_use()
         if slopes is not None:
             found = slopes(self.w, t)
             if np.isfinite(found).all():
