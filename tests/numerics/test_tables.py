@@ -174,7 +174,7 @@ def test_a_motion_that_jumps_has_no_acceleration():
         ("time,u\n0,0\n2,0\n 1, 0\n", 4, 2, "its times decrease: 1 follows 2"),
         ("u,time\n0,0\n0,1\n0,1\n0,1\n", 5, 3, "the time 1 occurs more than twice"),
         ("seconds,u\n0,0\n", 1, 1, "a header line with columns 'time' and 'u'"),
-        ("time;u\n0;0\n", 1, 1, "columns are separated by commas"),
+        ("time|u\n0|0\n", 1, 1, "columns are separated by commas, semicolons or tabs"),
         ("time,u\n0,0\n1e-320,1\n", 2, 1, "too close together"),
         ("", None, None, "an empty file"),
         ("time,u\n1,2\n", None, None, "one point, and needs two"),

@@ -68,9 +68,13 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0625": Entry(
         "the table cannot be used",
-        "A table for an input is a CSV file with a header line. One column is named `time`, another like the input\n"
+        "A table for an input is a text file with a header line. One column is named `time`, another like the input\n"
         "(or there is just one other column). All entries are numbers and time increases; a time that occurs in two\n"
-        "lines is a jump. Between two points the input lies between their values.",
+        "lines is a jump. Between two points the input lies between their values.\n\n"
+        "Columns are separated by commas, semicolons, tabs or blanks, decimals by a point or, where commas do not\n"
+        "separate columns, by a comma. A number that can be read in two ways (`1,234` where nothing else says whether\n"
+        "that is a comma before decimals or between thousands) is refused. Units stand behind names, `u [mm]`, or in\n"
+        "the line below them, and are converted (N0527).",
     ),
     "E0629": Entry(
         "not a unit for results",

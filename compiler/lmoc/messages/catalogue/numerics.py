@@ -41,6 +41,11 @@ NUMERICS: dict[str, Entry] = {
         "point, but the number of restarts is limited. After the last one the run is less accurate. Make the run "
         "shorter, or replace the fast switching by its mean.",
     ),
+    "N0527": Entry(
+        "a table is converted",
+        "A column of a table names its unit, `u [mm]` or `mm` in the line below the names, and the input has another\n"
+        "one of the same dimension: its numbers are converted. Time becomes seconds.",
+    ),
     "N0528": Entry(
         "output times too coarse for the motion",
         "The motion oscillates between two output times, so that the output shows a different, slower motion "

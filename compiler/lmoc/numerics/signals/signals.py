@@ -17,7 +17,7 @@ from lmoc.expression.calculus import total_derivative
 from lmoc.expression.dag import Expr, postorder
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, nearest
-from lmoc.numerics.signals.tables import Points, Table, checked_table, read_csv
+from lmoc.numerics.signals.tables import Points, Table, checked_table
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
@@ -164,8 +164,8 @@ def bind_signals(
     orders : (2, k) inputs and orders of their derivatives that are in use: a table is joined by a curve that has them
     span : s, the start and the end of the run
     inputs : {name: number, text, callable, or table}
-        A table is a pair (times, values), an array with two columns, or the path of a CSV file. The name of an array
-        of inputs gives all of them the same signal.
+        A table is a pair (times, values), an array with two columns, a data frame, or the path of a file. The name of
+        an array of inputs gives all of them the same signal.
     """
     signals = default_signals(flat)
     for name, given in (inputs or {}).items():
@@ -207,13 +207,19 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
         return Formula(given)
     if isinstance(given, bool | int | float | np.number) or (isinstance(given, np.ndarray) and given.shape == ()):
         return Constant(float(given))
-    if isinstance(given, str) and not given.lower().endswith(".csv"):
+    from lmoc.numerics.signals.table_files import is_file, read_table, table_of_frame
+
+    if isinstance(given, str) and not is_file(given):
         from lmoc.numerics.signals.signal_text import formula_from_text
 
         made = formula_from_text(given, flat, name, report)
         return None if made is None else Formula(*made)
+    unit = flat.block_at(int(flat.find(name)[0])).unit
     if isinstance(given, str | Path):
-        points = read_csv(Path(given), name, report)
+        points = read_table(Path(given), name, unit, report)
+        return None if points is None else checked_table(points, name, report)
+    if any(isinstance(column, str) for column in getattr(given, "columns", ())):  # a data frame
+        points = table_of_frame(given, name, unit, report)
         return None if points is None else checked_table(points, name, report)
     if callable(given):
         return Function(given, name)
