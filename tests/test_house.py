@@ -36,6 +36,7 @@ ORDER = (
     "studies",
     "interface",
     "compilation",
+    "editor",
     "cli",
 )
 # The order of folders and files inside a room; those that stand in no list may be imported by none of the listed.

@@ -27,6 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def _one(name: str, check: bool) -> int:
     """Format one file; 1 where it is wrong, or would change and is only checked."""
     from lmoc.sources.files import read_source
+    from lmoc.syntax.layout import formatted
 
     source = Source("standard input", sys.stdin.read()) if name == "-" else read_source(name)
     try:
@@ -44,20 +45,6 @@ def _one(name: str, check: bool) -> int:
         _write(Path(name), text)
         print(f"{name} rewritten")
     return 0
-
-
-def formatted(source: Source) -> str:
-    """The text of a source in the standard layout.
-
-    Raises
-    ------
-    ModelError
-        With its syntax errors.
-    """
-    from lmoc.pipeline import Clock, parse
-    from lmoc.syntax.format import format
-
-    return format(*parse([source], Clock()))
 
 
 def _write(path: Path, text: str) -> None:

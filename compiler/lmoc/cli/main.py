@@ -37,6 +37,7 @@ VERBS = {
     "view": "write a page in which the scene moves and can be played with",
     "fmt": "put a file into the standard layout",
     "explain": "what a diagnostic code means",
+    "lsp": "speak with an editor (Language Server Protocol)",
 }
 
 

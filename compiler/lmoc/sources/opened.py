@@ -62,7 +62,7 @@ def open_files(named: Named, path: Named | None = None) -> Opened:
     report = Report()
     files = tuple(parse_classwise(source, report) for source in sources)
     report.check()
-    own = [Folder(_top_folder(Path(file.span.source.name), file)) for file in files]
+    own = [Folder(top_folder(Path(file.span.source.name), file)) for file in files]
     own += [Folder(Path())] if classes else []
     return Opened(files, _distinct([*own, *searched]), classes[0].removeprefix(".") if classes else None)
 
@@ -93,7 +93,7 @@ def _is_class_name(name: str | os.PathLike) -> bool:
     return not Path(name).exists() or Path(name).is_dir() and not name.startswith(".")
 
 
-def _top_folder(path: Path, file: tree.File) -> Path:
+def top_folder(path: Path, file: tree.File) -> Path:
     """The folder in which the outermost package of a file is found: its own, or that many further out."""
     folder = path.parent
     for name in ((path.parent.name,) if path.stem == PACKAGE else ()) + file.within[::-1]:

@@ -99,6 +99,19 @@ CATALOGUE: dict[str, Entry] = {
         "no such input, output or variable",
         "Linear models and transfer functions go from a top-level input to a variable of the flat model.",
     ),
+    "E0664": Entry(
+        "a package for editors is missing",
+        "`lmoc lsp` speaks with editors by means of pygls, which comes with `pip install 'lmoc[editor]'`.",
+    ),
+    "E0665": Entry(
+        "the check of a text in an editor has failed",
+        "Texts are checked in a process beside the editor. It has ended, or lmoc itself failed in it. The next change\n"
+        "of the text starts it anew; `lmoc check FILE` shows the same text outside of the editor.",
+    ),
+    "W0666": Entry(
+        "the check of a text in an editor takes too long",
+        "An editor waits 30 s for the check of a text. `lmoc check FILE` goes on and shows how far it is.",
+    ),
     "E0663": Entry(
         "no single equilibrium",
         "A nonlinear scene is linearized about a point. By default that is its only equilibrium; where there "

@@ -81,7 +81,7 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     The one `model` at the top is meant too: it may bring a library along, in packages or as blocks, of which it need
     not use everything.
     """
-    models = [scope for scope in _own_classes(root, files) if _can_run(scope)]
+    models = [scope for scope in _own_classes(root, files) if can_run(scope)]
     if name is not None:
         return _named(root, models, str(name))
     if not models:
@@ -123,7 +123,7 @@ def _own_classes(root: Scope, files: Sequence[tree.File]) -> list[Scope]:
     return sorted(found, key=lambda s: [f.span.source for f in files].index(s.definition.span.source))
 
 
-def _can_run(scope: Scope) -> bool:
+def can_run(scope: Scope) -> bool:
     return scope.kind in ("model", "block", "class") and not scope.definition.partial
 
 
@@ -142,7 +142,7 @@ def _named(root: Scope, models: list[Scope], name: str) -> Scope:
             raise _no_model(inside, part, name, models)
     if found.definition.partial:
         raise Wrong("E0209", f"'{name}' is partial: a model must extend it", found.definition.name_span)
-    if not _can_run(found):
+    if not can_run(found):
         raise Wrong("E0601", f"'{name}' is a {found.kind}, not a model", found.definition.name_span)
     return found
 

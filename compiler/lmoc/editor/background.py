@@ -1,0 +1,148 @@
+"""Checks in a process of their own, so that typing is never slowed by them.
+
+One check runs at a time. A newer text of the same file takes the place of one that waits or runs; a check that takes
+longer than its budget is ended, and that is said instead of its findings.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+
+from lmoc.editor.checking import Checked, Finding, check
+from lmoc.support.records import dataclass
+
+BUDGET = 30.0  # s
+
+
+@dataclass(frozen=True)
+class Request:
+    """A text to check."""
+
+    path: str
+    text: str
+    version: int | None
+
+
+Deliver = Callable[[Request, Checked], None]
+
+
+class Checker:
+    """Checks texts one after the other and delivers what it finds, from a thread of its own.
+
+    Parameters
+    ----------
+    deliver : called for every text that has been checked and that is still the newest of its file
+    budget : s, for one text
+    """
+
+    def __init__(self, deliver: Deliver, budget: float = BUDGET) -> None:
+        self._deliver, self._budget = deliver, budget
+        self._waiting: dict[str, Request] = {}
+        self._running: Request | None = None
+        self._wake = threading.Condition()
+        self._closed = False
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+        self._thread = threading.Thread(target=self._work, daemon=True, name="lmoc-checks")
+        self._thread.start()
+
+    def ask(self, request: Request) -> None:
+        """Have a text checked, instead of an older one of its file."""
+        with self._wake:
+            self._waiting.pop(request.path, None)
+            self._waiting[request.path] = request
+            self._wake.notify()
+
+    def forget(self, path: str) -> None:
+        """A file is closed: nothing is said of it any more."""
+        with self._wake:
+            self._waiting.pop(path, None)
+            if self._running is not None and self._running.path == path:
+                self._running = None
+
+    def close(self) -> None:
+        """End the process."""
+        with self._wake:
+            self._closed = True
+            self._wake.notify()
+        self._end_process()
+
+    # ------------------------------------------------------------------ the thread
+
+    def _work(self) -> None:
+        while True:
+            with self._wake:
+                while not self._waiting and not self._closed:
+                    self._wake.wait()
+                if self._closed:
+                    return
+                path = next(iter(self._waiting))
+                request = self._running = self._waiting.pop(path)
+            found = self._checked(request)
+            with self._wake:
+                current = self._running is request and request.path not in self._waiting and not self._closed
+                self._running = None
+            if found is not None and current:
+                self._deliver(request, found)
+
+    def _checked(self, request: Request) -> Checked | None:
+        """The outcome; None where a newer text has come in the meantime."""
+        try:
+            pipe = self._connected()
+            pipe.send((request.text, request.path))
+            waited = 0.0
+            while not pipe.poll(0.05):
+                waited += 0.05
+                if request.path in self._waiting or self._closed:
+                    self._end_process()
+                    return None
+                if waited > self._budget:
+                    self._end_process()
+                    return _without_end(self._budget)
+            answer = pipe.recv()
+        except (OSError, EOFError):  # the process has died: of memory, say
+            self._end_process()
+            return None if self._closed else _failed("the process that checks this file has ended")
+        return answer if isinstance(answer, Checked) else _failed(answer)
+
+    def _connected(self) -> Connection:
+        if self._process is None or not self._process.is_alive() or self._pipe is None:
+            context = multiprocessing.get_context("spawn")
+            self._pipe, far = context.Pipe()
+            self._process = context.Process(target=_serve, args=(far,), daemon=True)
+            self._process.start()
+            far.close()
+        return self._pipe
+
+    def _end_process(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.terminate()
+
+
+def _serve(pipe: Connection) -> None:
+    """The work of the process: a text in, what is found out."""
+    while True:
+        try:
+            text, path = pipe.recv()
+        except (EOFError, OSError, KeyboardInterrupt):
+            return
+        try:
+            answer: Checked | str = check(text, path)
+        except Exception as error:  # a mistake of lmoc's: said in the editor, not lost in a process
+            answer = f"lmoc itself failed: {type(error).__name__}: {error}"
+        pipe.send(answer)
+
+
+def _failed(what: str) -> Checked:
+    return Checked((Finding("E0665", "error", what, None, "", "", "please report it with the file", ()),), ())
+
+
+def _without_end(budget: float) -> Checked:
+    message = f"the check has not ended within {budget:g} s"
+    hint = "`lmoc check` goes on without limit and shows how far it is"
+    return Checked((Finding("W0666", "warning", message, None, "", "", hint, ()),), ())

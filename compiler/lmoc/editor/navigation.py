@@ -1,0 +1,79 @@
+"""Definition, references and renaming of a name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from lmoc.editor.analysis import Analysis, place_of
+from lmoc.editor.names import Occurrence, at, occurrences
+from lmoc.messages.source import Span
+from lmoc.support.records import dataclass
+
+_NAME = re.compile(r"[A-Za-z_]\w*|'(?:[^'\\\n]|\\.)+'", re.A)
+LIBRARY = "stdlib/"
+
+
+class RenameRefused(Exception):
+    """A name that cannot be changed, or not to this one; the message says why."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """An analysis and the names in it."""
+
+    analysis: Analysis
+    names: list[Occurrence]
+
+
+def known(analysis: Analysis) -> Known:
+    """Return an analysis with its names."""
+    return Known(analysis, occurrences(analysis))
+
+
+def definition(own: Known, offset: int) -> Span | None:
+    """Return where the name at a character is declared."""
+    found = at(own.names, offset)
+    return None if found is None else found.declared
+
+
+def references(own: Known, offset: int, others: Iterable[Known]) -> list[Span]:
+    """Return all places of the name at a character, in this text and in others; its declaration is one of them."""
+    found = at(own.names, offset)
+    if found is None or found.declared is None:
+        return []
+    place = place_of(found.declared)
+    spans = []
+    for one in (own, *others):
+        for o in one.names:
+            if o.declared is not None and place_of(o.declared) == place:
+                spans.append(Span(one.analysis.source, o.start, o.end))
+    return spans
+
+
+def rename(own: Known, offset: int, new: str, others: Iterable[Known], keywords: frozenset[str]) -> list[Span]:
+    """Return the places that change their name.
+
+    Raises
+    ------
+    RenameRefused
+    """
+    found = at(own.names, offset)
+    if found is None or found.declared is None:
+        raise RenameRefused("there is no name of this text here")
+    if found.declared.source.name.startswith(LIBRARY):
+        raise RenameRefused("this name belongs to the library")
+    if not _NAME.fullmatch(new) or new in keywords:
+        raise RenameRefused(f"'{new}' is not a name: letters, digits and _, or anything in single quotes")
+    return references(own, offset, others)
+
+
+def location(span: Span) -> Path:
+    """Return the file of a span; of the library, where it is installed."""
+    name = span.source.name
+    if not name.startswith(LIBRARY):
+        return Path(name)
+    import lmoc.stdlib
+
+    return Path(lmoc.stdlib.__file__).parent / name.removeprefix(LIBRARY)
