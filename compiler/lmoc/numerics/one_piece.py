@@ -71,6 +71,7 @@ class PieceSolver:
     cost : of all its pieces so far
     unresolved : (states,) what the latest method tells the states apart by no more where it begins, for methods that
         begin with order one
+    errors : (states,) what the latest method has allowed itself in a step
     """
 
     def __init__(self, task: Task, tolerances: Tolerances) -> None:
@@ -81,6 +82,7 @@ class PieceSolver:
         self._lookout: Lookout | None = None
         self._spent: dict[Plan, Spent] = {}
         self.unresolved: np.ndarray | float = 0.0
+        self.errors: np.ndarray | float = 0.0
 
     def at_once(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome | None:
         """Return the outcome of a piece without states or without extent; None where there is something to do."""
@@ -109,7 +111,8 @@ class PieceSolver:
             method["reason"] = f"for formulation {options.formulation}"
         stretch.largest = None if bounds.roots is None else bounds.roots.largest
         multistep = str(method["solver"]).rpartition(", ")[2] in _MULTISTEP
-        self.unresolved = problem.rtol * np.abs(outcome.x) + problem.atol if multistep else 0.0
+        self.errors = problem.rtol * np.abs(outcome.x) + problem.atol
+        self.unresolved = self.errors if multistep else 0.0
         return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
 
     def march(self, stretch: Stretch, x: np.ndarray, begin: Callable[[], TimeStepping]) -> Stepped:

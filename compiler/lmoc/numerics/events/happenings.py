@@ -242,12 +242,15 @@ class Happenings:
         self.records += events
         return x if self.hybrid is None else self._settle(self.span[0], x, x)
 
-    def after(self, outcome: Outcome, unresolved: np.ndarray | float = 0.0) -> np.ndarray | None:
+    def after(
+        self, outcome: Outcome, unresolved: np.ndarray | float = 0.0, errors: np.ndarray | float = 0.0
+    ) -> np.ndarray | None:
         """Return the states behind what has ended a piece; None at the end of the run.
 
         Parameters
         ----------
         unresolved : (states,) as of `laws.transition`
+        errors : (states,) what the integrator has allowed itself in a step
 
         Raises
         ------
@@ -259,7 +262,7 @@ class Happenings:
         self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if self.laws is not None:
-            self.laws.unresolved = unresolved
+            self.laws.unresolved, self.laws.gauge.errors = unresolved, errors
         if of_laws.any():
             self._times.append(t)
             if len(self._times) == _CHATTER and t - self._times[0] <= _MOMENT * (self.span[1] - self.span[0]):

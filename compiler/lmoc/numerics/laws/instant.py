@@ -104,6 +104,10 @@ class Instant:
 class Gauge:
     """Evaluates the laws' quantities for one run.
 
+    Attributes
+    ----------
+    errors : (states,) what the integrator allows itself in a step
+
     Parameters
     ----------
     plan : of the reduction of a switched form
@@ -122,6 +126,7 @@ class Gauge:
         self.table = _table(form, values)
         self.scene = open_scene(plan, signals)
         self.stored = self.scene.has_stored
+        self.errors: Array | float = 0.0
         self._present = self.scene.quantities.registers >= 0
         self._evaluate = self.scene.bind(self.scene.base(base, signals), signals)
         self._last: Instant | None = None

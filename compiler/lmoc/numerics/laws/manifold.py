@@ -19,11 +19,15 @@ from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 MOST_NEWTON = 12
 CLOSE = 2e-16  # residual, as a share of the terms that make it
 ROUNDING = 1e-12  # the same, where Newton's method does not come nearer
+DRIFT = 1e3  # such errors: by what a gap may have drifted that follows from the states and from a given motion
 DEPENDENT = 1e-10  # a pivot below this share of the largest entry of its row: the row depends on others
 
 
 def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
     """Return the nearby instant at which some gaps and rates are zero.
+
+    Two gaps may be those of one coordinate: a load that a prescribed rope sets down on a floor. One of them is zero to
+    rounding then, the other within the errors of the integrator.
 
     Raises
     ------
@@ -45,7 +49,14 @@ def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
         if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (whole + residue)).all():
             return now  # as near as rounding allows
         now = gauge.at(now.t, now.x + correction(matrix, -value))
+    if (np.abs(value) <= drift(gauge, matrix)).all():
+        return now
     raise Contradiction(np.flatnonzero(chosen.any(axis=0)), "no states nearby satisfy them")
+
+
+def drift(gauge: Gauge, slope: Array) -> Array:
+    """Return by what gaps or rates may have drifted, (k,), that have these derivatives by the states, (k, states)."""
+    return DRIFT * np.abs(slope) @ np.broadcast_to(gauge.errors, slope.shape[1])
 
 
 def correction(matrix: Array, right: Array) -> Array:

@@ -15,7 +15,7 @@ from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant
-from lmoc.numerics.laws.manifold import project
+from lmoc.numerics.laws.manifold import drift, project
 from lmoc.numerics.laws.mode import STILL, Mode, free_mode
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
@@ -131,6 +131,8 @@ class LawSwitching:
         concerned = self.mode.closed | self.touched | (self.idle > 0)
         share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * scale
         near = NEAR * coarser * scale
+        driven = self.gauge.scene.curved[0] & self.touched & ~self.mode.closed
+        near = np.where(driven, np.maximum(near, drift(self.gauge, now.slope[0])), near)
         near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
         return np.where(concerned & (np.abs(value) <= near), np.maximum(-value, 0.0) + share, 0.0)
 
@@ -197,6 +199,7 @@ class LawSwitching:
         """Return the laws in the same mode with other registers that do not change between events."""
         made = LawSwitching(self.gauge.plan, self.gauge.values, base, self.gauge.signals)
         made.mode, made.idle, made.unresolved, made.begun = self.mode, self.idle, self.unresolved, self.begun
+        made.gauge.errors = self.gauge.errors
         made.let_go, made.let_go_at = self.let_go, self.let_go_at
         made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
         made._hold()

@@ -50,6 +50,8 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     as_position = worst.copy()
     np.minimum.at(worst, root, select)
     np.minimum.at(as_position, root[itself], select[itself])
+    of_a_part = np.full(len(system.kind), -1, np.int64)  # and not the gap of a law alone, where both are avoided
+    np.maximum.at(of_a_part, root[itself], select[itself])
     # a rate that is to be avoided, such as that of a friction, says nothing about the coordinate of an inertia
     best, worst = best[system.variable], np.where(heavy, as_position[system.variable], worst[system.variable])
     avoided = np.zeros(system.rows, bool)
@@ -62,7 +64,8 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     level = np.where(best > StateSelect.default, best + 10, level)
     level[wanted] = 100 + np.arange(len(wanted))[::-1]
     rank = np.empty(len(level), np.int64)
-    rank[np.lexsort((-np.arange(len(level)), level))] = np.arange(len(level))
+    among = of_a_part[system.variable] >= StateSelect.default
+    rank[np.lexsort((-np.arange(len(level)), among, level))] = np.arange(len(level))
     return rank
 
 
