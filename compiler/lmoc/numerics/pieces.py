@@ -241,6 +241,7 @@ class _Run:
         outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
+            outcome = self.happenings.together(outcome, stretch.system)
             x = None if outcome.status.failed else self.happenings.after(outcome, self.solver.unresolved, self.solver.errors)
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason

@@ -18,6 +18,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.hybrid import Hybrid, Starter
+from lmoc.numerics.events.machine import located
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.integrate.base import Outcome, Roots
 from lmoc.numerics.integrate.status import Status, Stopped
@@ -29,6 +30,7 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
+    from lmoc.numerics.evaluate.system import System
     from lmoc.numerics.coordinates.passage import Passage
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
@@ -71,6 +73,8 @@ class Happenings:
         self.records: list[Event] = []
         self._reached = span[0]  # s, of the latest instant
         self._law_roots = 0
+        self._roots: Roots | None = None  # of the present piece …
+        self._signs: np.ndarray | None = None  # … and their signs where it has begun
         self._times: deque[float] = deque(maxlen=_CHATTER)  # s, of the latest changes of laws
 
     def stand_at(self, unknowns: np.ndarray, solutions: np.ndarray) -> None:
@@ -152,7 +156,7 @@ class Happenings:
     def until(self) -> float:
         """s, where the present piece ends at the latest."""
         end = self.span[1] if self.hybrid is None else self.hybrid.until
-        return min(end, self.stepping.next(self._reached))
+        return min(end, self.stepping.next)
 
     @property
     def is_over(self) -> bool:
@@ -163,7 +167,26 @@ class Happenings:
     def instant(self, t: float) -> float:
         """Return when what has ended a piece happens: integrators stop a few digits before a jump of an input."""
         exact = self.stepping.instant(t)
-        return t if exact is None else exact
+        if exact is not None:
+            return exact
+        return t if self.hybrid is None else self.hybrid.instant(t, located(t, self.span[0]))
+
+    def together(self, outcome: Outcome, system: System) -> Outcome:
+        """Return what has ended a piece with all that follows it more closely than the places of roots are known.
+
+        Whether a state reaches a level an ulp before the tick of a clock, or behind it, is rounding: both are one
+        instant. So are two levels that are reached an ulp apart.
+        """
+        t, x, roots = outcome.time, outcome.x, self._roots
+        if roots is None or outcome.status.failed or not len(x) or not t > self._reached:
+            return outcome
+        rates, ahead = np.empty(len(x)), located(t, self.span[0])
+        system.rhs(t, x, rates)
+        values = roots.values(np.array([t, t + ahead]), np.stack([x, x + ahead * rates])) * self._signs
+        own = np.zeros(len(self._signs), bool) if outcome.roots is None else outcome.roots
+        with np.errstate(invalid="ignore"):
+            soon = ~own & (values[1] < 0.0) & (values[1] < values[0])
+        return replace(outcome, status=Status.ROOT, roots=own | soon) if soon.any() else outcome
 
     @property
     def longest_step(self) -> float:
@@ -178,10 +201,12 @@ class Happenings:
             self._law_roots = len(found[0].signs)
         if self.hybrid is not None and self.hybrid.layout.zero_count:
             found.append(self.hybrid.roots)
-        if len(found) < 2:
-            return found[0] if found else None
-        signs = np.concatenate([r.signs for r in found])
-        return Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
+        self._roots = found[0] if found else None
+        if len(found) == 2:
+            signs = np.concatenate([r.signs for r in found])
+            self._roots = Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
+        self._signs = None if self._roots is None else self._roots.signs.copy()
+        return self._roots
 
     def happen_on(self, passage: Passage, unknowns: np.ndarray) -> bool:
         """Return whether something happens on a passage over a singular position, or next to either end.
@@ -230,6 +255,7 @@ class Happenings:
         if not self.report.errors and not isinstance(initial, End):
             x = self._input_steps(self.span[0], x)
             self._collect()
+        self.stepping.pass_by(self.span[0])
         if self.laws is None or self.report.errors:
             return x
         self._renew_laws()
@@ -259,6 +285,7 @@ class Happenings:
         t, x, root = outcome.time, outcome.x, outcome.status is Status.ROOT
         stepped = self.stepping.instant(t) is not None
         x = self._input_steps(t, x)
+        self.stepping.pass_by(t)
         self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if self.laws is not None:
@@ -279,7 +306,7 @@ class Happenings:
         self._renew_discrete()
         crossed = outcome.roots[self._law_roots :] if root else None
         behind = self.hybrid.after(replace(outcome, x=x, roots=crossed))
-        if behind is None and stepped and t < self.span[1]:
+        if behind is None and stepped:
             behind = self.hybrid.settle(t, x)
         self._collect()
         return behind if behind is None or self.laws is None else self._settle(t, x, behind)

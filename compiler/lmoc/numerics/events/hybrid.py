@@ -215,10 +215,9 @@ class Hybrid:
         """
         t, x = outcome.time, outcome.x
         if outcome.status is Status.ROOT:
-            crossed = np.flatnonzero(outcome.roots)
-            crossed = crossed[crossed < self.layout.zero_count]
+            crossed, upwards = self._crossed(outcome.roots)
             self._notice_chatter(t, crossed)
-            behind = self._event(t, x, "when")
+            behind = self._event(t, x, "when", lambda: self._turn(crossed, upwards))
             self.machine.crossed(crossed)
             return behind if behind is x else self._leave(t, behind, crossed)
         if t >= self.next - near_to(t):
@@ -226,6 +225,22 @@ class Hybrid:
         if self.layout.events.terminal >= 0 and self.machine.v[self.layout.events.terminal] == 0:
             return self._event(t, x, "terminal")
         return None
+
+    def _crossed(self, roots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the zero functions whose root functions vanish, and of rounded ones whether at their upper edge."""
+        lower, upper = roots[: self.layout.zero_count], np.zeros(self.layout.zero_count, bool)
+        upper[self.layout.rounded] = roots[self.layout.zero_count :]
+        crossed = np.flatnonzero(lower | upper)
+        return crossed, upper[crossed]
+
+    def _turn(self, crossed: np.ndarray, upwards: np.ndarray) -> None:
+        """Let relations change that come to their change so soon that it is at this instant, though not there yet."""
+        early = ~self.machine.differs(crossed)
+        self.machine.turn(crossed[early], upwards[early])
+
+    def instant(self, t: float, near: float) -> float:
+        """Return the next time event where it is as near to a time as that, else the time."""
+        return self.next if abs(self.next - t) <= near else t
 
     def _leave(self, t: float, x: np.ndarray, crossed: np.ndarray) -> np.ndarray:
         """Let conditions at zero change back where the jump of states sends them to the side they came from.
@@ -263,6 +278,7 @@ class Hybrid:
         held, base = machine.v[self._told].copy(), machine.base.copy()
         machine.time = t
         due = t >= self.next - near_to(t)  # also where something else has ended the piece at the same instant
+        kind = "time" if due and kind == "when" else kind
         instant = self.next if due else t
 
         def begin() -> None:

@@ -144,13 +144,25 @@ class Machine:
     def _relation(self, step: DiscreteStep) -> np.ndarray:
         rows = self.layout.zero_row[self.layout.first[step.relation] + step.rows]
         if len(rows) and rows[0] >= 0:
-            rounding = np.abs(self.zero[rows]) < self.margin[rows]
-            return np.where(rounding, self.v[step.target], decide(step.op, self.zero[rows]))
+            return self._decided(step.op, rows, self.v[step.target])
         if not self.literal:
             return self._timed(step, 1.0)
         if step.relation in self.early:
             return self._timed(step, -1.0)
         return decide(step.op, self.values(step.value, step.slots))
+
+    def _decided(self, op: str, zeros: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """Return relations from their zero functions; those within the margin of a crossing stay as they are now."""
+        zero, margin = self.zero[zeros], self.margin[zeros]
+        beside = np.maximum(now - zero, zero - now - 1.0) if op == "floor" else np.abs(zero)
+        return np.where(beside < margin, now, decide(op, zero))
+
+    def differs(self, zeros: np.ndarray) -> np.ndarray:
+        """Return which zero functions, as last looked at, ask for another value than their relations have."""
+        ops = [self.layout.relation_at(k).op for k in zeros.tolist()]
+        now = self.v[self.layout.zero_target[zeros]]
+        asked = [self._decided(op, zeros[i : i + 1], now[i : i + 1])[0] for i, op in enumerate(ops)]
+        return np.array(asked, float) != now
 
     def _timed(self, step: DiscreteStep, side: float) -> np.ndarray:
         """Return a relation of time as it is right behind the present time, side = 1, or right before it, −1."""
@@ -259,11 +271,29 @@ class Machine:
 
     # ---------------------------------------------------------------------------- roots
 
+    def turn(self, zeros: np.ndarray, upwards: np.ndarray) -> None:
+        """Let relations change whose functions are about to cross zero, or the next whole number.
+
+        Parameters
+        ----------
+        upwards : of rounded ones, whether to the number above
+        """
+        targets = self.layout.zero_target[zeros]
+        now = self.v[targets]
+        self.v[targets] = np.where(self.layout.rounded[zeros], now + np.where(upwards, 1.0, -1.0), 1.0 - now)
+        height = np.maximum(2.0 * self._height(self.zero), ROUNDING * self.largest)[zeros]
+        self.margin[zeros] = np.maximum(self.margin[zeros], height)
+
     def crossed(self, zeros: np.ndarray) -> None:
         """Take note that functions have crossed zero: until they have left it, rounding does not bring them back."""
-        self.margin[np.abs(self.zero) > self.margin] = 0.0
-        self.margin[zeros] = ROUNDING * self.largest[zeros]
+        height = self._height(self.zero)
+        self.margin[height > self.margin] = 0.0
+        self.margin[zeros] = np.maximum(ROUNDING * self.largest, self.margin)[zeros]
         self.largest[zeros] = 0.0
+
+    def _height(self, zero: np.ndarray) -> np.ndarray:
+        """Return the distances of functions from zero, of rounded ones from the nearest whole number."""
+        return np.abs(np.where(self.layout.rounded, zero - np.round(zero), zero))
 
     @property
     def crossing(self) -> np.ndarray:
@@ -286,14 +316,14 @@ class Machine:
         """Return the functions whose change of sign is an event: the zero functions; of a rounded one both edges."""
         layout = self.layout
         zero = np.array([layout.zeros(float(t), x).copy() for t, x in zip(times, states, strict=True)])
-        height = np.abs(zero).max(axis=0)
-        shifted = zero + self._side * self.margin
-        self.margin[height > 100 * self.margin] = 0.0  # it has left zero, whatever comes
-        self.largest = np.fmax(self.largest, height)
+        margin = self.margin.copy()
+        self.margin[self._height(zero).max(axis=0) > 100 * margin] = 0.0  # it has left zero, whatever comes
+        self.largest = np.fmax(self.largest, np.abs(zero).max(axis=0))
         if not layout.rounded.any():
-            return shifted
+            return zero + self._side * margin
         step = np.where(layout.rounded, self.v[layout.zero_target], 0.0)
-        return np.concatenate([zero - step, (step + 1.0 - zero)[:, layout.rounded]], axis=1)
+        lower = zero - step + np.where(layout.rounded, 1.0, self._side) * margin
+        return np.concatenate([lower, (step + 1.0 - zero + margin)[:, layout.rounded]], axis=1)
 
 
 def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -311,3 +341,8 @@ def decide(op: str, zero: np.ndarray) -> np.ndarray:
 def near_to(t: float) -> float:
     """Return a distance in time that does not count: some units of the last digit."""
     return 4e-15 * max(abs(t), 1e-300)
+
+
+def located(t: float, start: float) -> float:
+    """Return by what the place of a root may be wrong: some units of the time's last digit, and of a sum of steps."""
+    return 1e-14 * max(abs(t), abs(start)) + 1e-12 * (t - start)

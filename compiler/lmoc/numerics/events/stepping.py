@@ -16,7 +16,7 @@ from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.signals import Formula, Signal, Table
 from lmoc.numerics.signals.steps import stepping_inputs
 
-_NEAR = 1e-14  # of the time: integrators end a piece a few units of its last digit before a jump
+_NEAR = 1e-14  # of the times of a run: integrators end a piece a few units of its last digit before a jump
 
 
 class Stepping:
@@ -24,7 +24,7 @@ class Stepping:
 
     Attributes
     ----------
-    times : s, at which inputs step whose derivatives the equations hold
+    times : s, at which inputs step whose derivatives the equations hold; each is passed once
     records : of the steps that have moved something
     unbooked : s, and why: from when on the energy ledger has no value
     """
@@ -36,16 +36,23 @@ class Stepping:
         self.records: list[Event] = []
         self.unbooked: tuple[float, str] = (np.inf, "")
         self.times = _times(plan, base, signals, span)
+        self._begin, self._passed = span[0], 0
 
-    def next(self, t: float) -> float:
+    @property
+    def next(self) -> float:
         """Return the next time at which inputs step, infinity where there is none."""
-        ahead = self.times[self.times > t + _NEAR * abs(t)]
-        return float(ahead[0]) if len(ahead) else np.inf
+        return float(self.times[self._passed]) if self._passed < len(self.times) else np.inf
 
     def instant(self, t: float) -> float | None:
-        """Return the time at which inputs step, for one as near to it as integrators come; None elsewhere."""
-        near = self.times[np.abs(self.times - t) <= _NEAR * abs(t)]
-        return float(near[0]) if len(near) else None
+        """Return the next time at which inputs step, for one as near to it as integrators come; None elsewhere."""
+        return self.next if abs(self.next - t) <= self._near(t) else None
+
+    def pass_by(self, t: float) -> None:
+        """Take the steps up to a time for done."""
+        self._passed = max(self._passed, int(np.searchsorted(self.times, t + self._near(t), "right")))
+
+    def _near(self, t: float) -> float:
+        return _NEAR * max(abs(t), abs(self._begin))
 
     def __call__(self, t: float, x: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Return the states after what steps at an instant, with all laws open.
@@ -90,5 +97,6 @@ def _times(plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], span: tu
     times = [s.jumps for s in own if isinstance(s, Table)]
     if any(isinstance(s, Formula) for s in own):
         times.append(kinks.break_times(plan, base, *span))
-    every = np.unique(np.concatenate([np.zeros(0), *times]))
-    return every[(every >= span[0]) & (every <= span[1])]
+    every, near = np.concatenate([np.zeros(0), *times]), _NEAR * max(abs(span[0]), abs(span[1]))
+    inside = every[(every >= span[0] - near) & (every <= span[1] + near)]
+    return np.unique(np.clip(inside, *span))  # what lies beside an end by rounding is at it
