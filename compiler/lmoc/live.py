@@ -32,6 +32,7 @@ from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
 from lmoc.numerics.signals.activity import lookout, pulsing
 from lmoc.numerics.signals.signals import Constant, Signal, bind_signals, break_times
+from lmoc.numerics.signals.steps import stepping_inputs
 from lmoc.numerics.sizes import assumed_sizes
 from lmoc.support import budget
 
@@ -348,7 +349,9 @@ def _depends_on_time(plan: Plan, signals: Mapping[int, Signal]) -> bool:
 
 
 def _is_smooth(run: Run) -> bool:
-    """Return whether nothing switches, and no coordinates have to be watched."""
-    flat, reduced = run.flat, run.reduced
+    """Return whether nothing switches, no input steps with an impulse, and no coordinates have to be watched."""
+    flat, reduced, observer = run.flat, run.reduced, run.trajectory.pieces[-1].observer
+    if stepping_inputs(observer.plan, observer.signals):
+        return False
     nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)
     return reduced.switched is None and flat.events is None and not nonlinear and len(reduced.states) > 0

@@ -237,12 +237,13 @@ class _Run:
 
     def _after(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state after what has ended a piece, and begin the next one; None at the end of the run."""
-        stretch, time = self.stretch, self.happenings.instant(outcome.time)
+        stretch, time = self.stretch, self.happenings.instant(outcome)
         outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
             outcome = self.happenings.together(outcome, stretch.system)
-            x = None if outcome.status.failed else self.happenings.after(outcome, self.solver.unresolved, self.solver.errors)
+            solver, failed = self.solver, outcome.status.failed
+            x = None if failed else self.happenings.after(outcome, solver.unresolved, solver.errors)
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason
             if stopped.status is Status.OK:

@@ -121,8 +121,8 @@ CASES = {
     ),
     "pre of a state in a when": (
         """discrete Real s(start = 0, fixed = true); Real y(start = 0, fixed = true);""",
-        """der(y) = 1; when y > 0.5 then reinit(y, 0); s = pre(y); end when;""",
-        {"s": 0.5, "y": 0.5},
+        """der(y) = 1; when y > 0.4 then reinit(y, 0); s = pre(y); end when;""",
+        {"s": 0.4, "y": 0.2},
     ),
     "a condition that turns itself off": (
         """Boolean b(start = false, fixed = true);""",

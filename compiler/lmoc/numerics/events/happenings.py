@@ -30,8 +30,8 @@ from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
-    from lmoc.numerics.evaluate.system import System
     from lmoc.numerics.coordinates.passage import Passage
+    from lmoc.numerics.evaluate.system import System
     from lmoc.numerics.laws.time_stepping import TimeStepping
 
 _CHATTER = 500  # changes of laws within …
@@ -164,12 +164,14 @@ class Happenings:
         hybrid = self.hybrid
         return hybrid is not None and hybrid.is_over
 
-    def instant(self, t: float) -> float:
+    def instant(self, outcome: Outcome) -> float:
         """Return when what has ended a piece happens: integrators stop a few digits before a jump of an input."""
+        t = outcome.time
         exact = self.stepping.instant(t)
         if exact is not None:
             return exact
-        return t if self.hybrid is None else self.hybrid.instant(t, located(t, self.span[0]))
+        is_root = self.hybrid is not None and outcome.status is Status.ROOT
+        return self.hybrid.instant(t, located(t, self.span[0])) if is_root else t
 
     def together(self, outcome: Outcome, system: System) -> Outcome:
         """Return what has ended a piece with all that follows it more closely than the places of roots are known.

@@ -97,6 +97,6 @@ def _times(plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], span: tu
     times = [s.jumps for s in own if isinstance(s, Table)]
     if any(isinstance(s, Formula) for s in own):
         times.append(kinks.break_times(plan, base, *span))
-    every, near = np.concatenate([np.zeros(0), *times]), _NEAR * max(abs(span[0]), abs(span[1]))
+    every, near = np.concatenate([np.zeros(0), *times]), kinks.NEAR * max(abs(span[0]), abs(span[1]))
     inside = every[(every >= span[0] - near) & (every <= span[1] + near)]
     return np.unique(np.clip(inside, *span))  # what lies beside an end by rounding is at it

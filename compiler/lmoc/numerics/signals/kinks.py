@@ -23,6 +23,7 @@ _STAIRS = frozenset("floor ceil integer mod rem div_integer".split())  # … whe
 _PART = dict.fromkeys(_STAIRS, 1.0) | dict.fromkeys(("sin", "cos", "tan"), math.pi / 2)
 _SAMPLES = 4001  # even points at which a switch that is not linear in time is looked at
 _ASIDE = 1e-6  # of the distance between two places, to either side of which is looked
+NEAR = 1e-12  # of the times of a run: what is as near to its start or its stop is there
 MOST = 100_000  # kinks at which a run stops
 
 
@@ -63,7 +64,8 @@ def _quotient(node: Expr) -> Expr:
 def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.ndarray:
     """The kinks from one time to another, in order; at most `MOST`.
 
-    Those at the ends count: the first and the last stage of the run would see the other side of the jump.
+    Those at the ends count, also where rounding puts them beside: the first and the last stage of the run would see the
+    other side of the jump.
 
     Parameters
     ----------
@@ -71,11 +73,11 @@ def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.n
     """
     if not plan.once(switches):
         return np.zeros(0)
-    times = [np.zeros(0)]
+    times, margin = [np.zeros(0)], NEAR * max(abs(start), abs(stop))
     for expression, registers in plan.once(switches):
         linear = linear_parts(expression, [TIME])
         if linear is None:
-            times += [_sampled(expression, base[row], start, stop) for row in np.unique(registers, axis=0)]
+            times += [_sampled(expression, base[row], start, stop + margin) for row in np.unique(registers, axis=0)]
         else:
             parts, rest = linear
             columns = base[registers].T
@@ -83,8 +85,7 @@ def break_times(plan: Plan, base: np.ndarray, start: float, stop: float) -> np.n
             with np.errstate(all="ignore"):
                 times.append(np.ravel(-np.asarray(offset) / np.asarray(slope)))
     every = np.unique(np.concatenate(times))
-    margin = 1e-12 * max(abs(start), abs(stop))
-    every = every[(every >= start) & (every <= stop)] + 0.0  # no -0
+    every = every[(every >= start - margin) & (every <= stop + margin)] + 0.0  # no -0
     every[every < start + margin], every[every > stop - margin] = start, stop
     return every[np.diff(every, prepend=-np.inf) > margin][:MOST]
 

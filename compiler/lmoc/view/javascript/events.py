@@ -77,6 +77,7 @@ class _Events:
             "zeros": self.zeros.tolist(),
             "zeroTargets": self.of(self.layout.zero_target).tolist(),
             "rounded": self.layout.rounded.tolist(),
+            "zeroOps": [self.layout.relation_at(k).op for k in range(self.layout.zero_count)],
             "texts": [self.layout.relation_at(k).text for k in range(self.layout.zero_count)],
             "steps": steps,
             "timed": timed_data,

@@ -191,7 +191,7 @@ class _Scene:
         constraints, watch = write_constraints(plan, self)
         steps = (copied, *plan.reduced.parameter_program)
         reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
-        steps = (*self._bindings(reading), *steps, *start.wanted, *judged)
+        steps = (*self._bindings(reading, _read_by_hand(laws, events)), *steps, *start.wanted, *judged)
         base = np.array(self.base)
         base[np.concatenate([np.zeros(0, int), *map(written, steps)])] = np.nan
         rates = writer.function(plan.program)
@@ -251,10 +251,10 @@ class _Scene:
 
     # ------------------------------------------------------------------ parameters
 
-    def _bindings(self, program: Program) -> Program:
-        """Return the steps that compute parameters bound to others, as far as a program needs them."""
+    def _bindings(self, program: Program, more: list[int]) -> Program:
+        """Return the steps that compute parameters bound to others, as far as a program needs them, or `more` names."""
         steps: list[Step] = []
-        wanted = np.unique(np.concatenate([np.zeros(0, int), *map(read, program)]))
+        wanted = np.unique(np.concatenate([np.array(more, int), *map(read, program)]))
         kind = self.flat.kind
         dependent = [a for a in self.flat.bindings if a.slots.shape[1] and kind[a.target[0]] <= Kind.PARAMETER]
         for a in reversed(dependent):
@@ -321,6 +321,13 @@ class _Scene:
         edges = [self.begin, *seen.edges(self.begin, self.stop), self.stop]
         bounds = [(a, seen.longest(a, b)) for a, b in zip(edges, edges[1:]) if b > a]
         return [[a, longest if np.isfinite(longest) else None] for a, longest in bounds]
+
+
+def _read_by_hand(laws: dict | None, events: dict | None) -> list[int]:
+    """Return the registers of parameters that no program reads, but the page: restitution, and the clocks."""
+    found = [] if laws is None else list(laws["restitution"])
+    clocks = [] if events is None else events["samples"]
+    return [r for r in (*found, *(r for s in clocks for key in ("start", "interval") for r in s[key])) if r >= 0]
 
 
 def _flat(programs: Programs) -> list[Program]:

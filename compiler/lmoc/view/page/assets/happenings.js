@@ -2,6 +2,7 @@
 // discrete equations, and the laws again where those have changed something that they depend on.
 
 import { Hybrid } from "./hybrid.js";
+import { located } from "./machine.js";
 import { Stopped } from "./stopped.js";
 import { LawSwitching } from "./switching.js";
 
@@ -20,6 +21,7 @@ export class Happenings {
     this.records = [];
     this.modes = []; // [since, {law: mode}]
     this.lawRoots = 0;
+    this.reached = data.begin; // s, of the latest instant
     this.times = []; // s, of the latest changes of laws
   }
 
@@ -69,8 +71,27 @@ export class Happenings {
     return this.hybrid === null ? x : this.settle(begin, x, x);
   }
 
+  /**
+   * What has ended a piece, {t, x, which}, with all that follows it more closely than the places of roots are known: whether
+   * a state reaches a level an ulp before the tick of a clock, or behind it, is rounding.
+   */
+  together({ t: ended, x, which }, roots) {
+    const { begin } = this.scene.data;
+    const t = this.hybrid === null || which === null ? ended : this.hybrid.instant(ended, located(ended, begin));
+    if (roots === null || x.length === 0 || !(t > this.reached)) return { t, x, which };
+    const [rates, ahead] = [new Float64Array(x.length), located(t, begin)];
+    this.scene.rates(t, x, rates);
+    const now = roots.value(t, x);
+    const then = roots.value(t + ahead, x.map((v, j) => v + ahead * rates[j]));
+    const soon = roots.signs.map((s, k) => !which?.[k] && s * then[k] < 0 && s * then[k] < s * now[k]);
+    return { t, x, which: soon.some(Boolean) ? soon.map((s, k) => s || Boolean(which?.[k])) : which };
+  }
+
   /** The states behind what has ended a piece at {t, x, which}; null at the end of the run. */
   after({ t, x, which }) {
+    const { rtol, atol } = this.scene.data;
+    if (this.laws !== null) this.laws.gauge.errors = x.map((v, j) => rtol * Math.abs(v) + atol[j]);
+    this.reached = t;
     const ofLaws = which === null ? [] : [...which].slice(0, this.lawRoots);
     let state = x;
     if (ofLaws.some(Boolean)) {

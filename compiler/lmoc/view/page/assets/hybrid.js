@@ -76,15 +76,27 @@ export class Hybrid {
   after(t, x, roots) {
     const { machine, own } = this;
     if (roots !== null) {
-      const crossed = own.zeros.flatMap((_, k) => (roots[k] ? [k] : []));
+      const rounded = [...own.zeros.keys()].filter((k) => own.rounded[k]);
+      const above = new Set(rounded.filter((_, i) => roots[own.zeros.length + i]));
+      const crossed = [...own.zeros.keys()].filter((k) => roots[k] || above.has(k));
       this.noticeChatter(t, crossed);
-      const behind = this.event(t, x, "when");
+      const behind = this.event(t, x, "when", () => this.turn(crossed, above));
       machine.crossed(crossed);
       return behind === x ? behind : this.leave(t, behind, crossed);
     }
     if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
     if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal");
     return null;
+  }
+
+  /** Let relations change that come to their change so soon that it is at this instant, though not there yet. */
+  turn(crossed, above) {
+    for (const k of crossed.filter((one) => !this.machine.differs(one))) this.machine.turn(k, above.has(k));
+  }
+
+  /** The next time event where it is as near to a time as that, else the time. */
+  instant(t, near) {
+    return Math.abs(this.next - t) <= near ? this.next : t;
   }
 
   /** Let conditions at zero change back where the jump of states sends them to the side they came from. */
@@ -114,13 +126,14 @@ export class Hybrid {
     return this.event(t, x, "when");
   }
 
-  event(t, x, kind, change = () => {}) {
+  event(t, x, reason, change = () => {}) {
     const { machine, own, scene } = this;
     const told = own.told.map(({ register }) => scene.w[register]);
     const discrete = machine.discrete();
     machine.time = t;
     const due = t >= this.next - nearTo(t); // also where something else has ended the piece at the same instant
     const instant = due ? this.next : t;
+    const kind = due && reason === "when" ? "time" : reason;
     const happened = machine.event(t, x, () => {
       if (due) ring(machine, instant);
       if (kind === "terminal") this.flag(own.terminal, 1);

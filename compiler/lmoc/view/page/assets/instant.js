@@ -8,6 +8,7 @@ export class Gauge {
   constructor(scene) {
     const own = scene.data.laws;
     Object.assign(this, { scene, own, count: own.force.length, ledger: own.ledger });
+    this.errors = null; // of the states, what the integrator allows itself in a step
     const { unilateral, complementary, dry, contact, degree, normal } = own;
     const impulsive = complementary.map((c, k) => c && degree[k] === 2);
     const restitution = own.restitution.map((register) => (register < 0 ? 0 : scene.w[register]));

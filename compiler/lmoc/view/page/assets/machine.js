@@ -10,6 +10,9 @@ const MOST_ROUNDS = 100; // of solving at one instant, and of events that follow
 /** A distance in time that does not count: some units of the last digit. */
 export const nearTo = (t) => 4e-15 * Math.max(Math.abs(t), 1e-300);
 
+/** By what the place of a root may be wrong: some units of the time's last digit, and of a sum of steps. */
+export const located = (t, start) => 1e-14 * Math.max(Math.abs(t), Math.abs(start)) + 1e-12 * (t - start);
+
 const differs = (a, b) => a !== b && !(Number.isNaN(a) && Number.isNaN(b));
 
 function decide(op, zero) {
@@ -78,10 +81,7 @@ export class Machine {
   }
 
   relation({ op, zeros, timed, rows }, target, i) {
-    if (zeros !== null) {
-      const k = zeros[i];
-      return Math.abs(this.zero(k)) < this.margin[k] ? this.w[target] : decide(op, this.zero(k));
-    }
+    if (zeros !== null) return this.decided(op, zeros[i], this.w[target]);
     const own = this.own.timed[timed];
     const row = rows[i];
     if (this.literal) return decide(op, this.w[own.literal[row]]);
@@ -91,6 +91,19 @@ export class Machine {
     const behind = nearest + Math.sign(slope) * 0.5; // any value on the side to which it goes
     const close = Math.abs(zero - nearest) <= Math.abs(slope) * nearTo(this.time) && slope !== 0;
     return decide(op, close ? behind : zero);
+  }
+
+  /** A relation from its zero function; within the margin of a crossing it stays as it is now. */
+  decided(op, k, now) {
+    const zero = this.zero(k);
+    const beside = op === "floor" ? Math.max(now - zero, zero - now - 1) : Math.abs(zero);
+    return beside < this.margin[k] ? now : decide(op, zero);
+  }
+
+  /** Whether a zero function, as last looked at, asks for another value than its relation has. */
+  differs(k) {
+    const now = this.w[this.own.zeroTargets[k]];
+    return this.decided(this.own.zeroOps[k], k, now) !== now;
   }
 
   /** Find discrete values that agree with the continuous ones. */
@@ -165,15 +178,27 @@ export class Machine {
     moved[own[0]] = x[own[0]] + (wanted - here) / slopes[own[0]];
   }
 
+  /** Let a relation change whose function is about to cross zero, or the next whole number, above or below. */
+  turn(k, upwards) {
+    const target = this.own.zeroTargets[k];
+    this.w[target] = this.own.rounded[k] ? this.w[target] + (upwards ? 1 : -1) : 1 - this.w[target];
+    this.margin[k] = Math.max(this.margin[k], 2 * this.height(k, this.zero(k)), OF_MAGNITUDE * this.largest[k]);
+  }
+
   /** Take note that functions have crossed zero: until they have left it, rounding does not bring them back. */
   crossed(zeros) {
     this.margin.forEach((margin, k) => {
-      if (Math.abs(this.zero(k)) > margin) this.margin[k] = 0;
+      if (this.height(k, this.zero(k)) > margin) this.margin[k] = 0;
     });
     for (const k of zeros) {
-      this.margin[k] = OF_MAGNITUDE * this.largest[k];
+      this.margin[k] = Math.max(OF_MAGNITUDE * this.largest[k], this.margin[k]);
       this.largest[k] = 0;
     }
+  }
+
+  /** The distance of a function from zero, of a rounded one from the nearest whole number. */
+  height(k, zero) {
+    return Math.abs(this.own.rounded[k] ? zero - Math.round(zero) : zero);
   }
 
   /** The functions whose change of sign is an event: the zero functions; of a rounded one both edges. */
@@ -186,13 +211,13 @@ export class Machine {
     const value = (t, x) => {
       scene.evaluate(scene.functions.look, t, x);
       const zero = own.zeros.map((register) => scene.w[register]);
-      const found = zero.map((v, k) => (own.rounded[k] ? v - level[k] : v + sides[k] * this.margin[k]));
+      const margin = Float64Array.from(this.margin);
+      const found = zero.map((v, k) => (own.rounded[k] ? v - level[k] + margin[k] : v + sides[k] * margin[k]));
       zero.forEach((v, k) => {
-        const height = Math.abs(v);
-        if (height > 100 * this.margin[k]) this.margin[k] = 0; // it has left zero, whatever comes
-        if (height > this.largest[k]) this.largest[k] = height;
+        if (this.height(k, v) > 100 * margin[k]) this.margin[k] = 0; // it has left zero, whatever comes
+        if (Math.abs(v) > this.largest[k]) this.largest[k] = Math.abs(v);
       });
-      return Float64Array.from([...found, ...rounded.map((k) => level[k] + 1 - zero[k])]);
+      return Float64Array.from([...found, ...rounded.map((k) => level[k] + 1 - zero[k] + margin[k])]);
     };
     return { signs, value };
   }

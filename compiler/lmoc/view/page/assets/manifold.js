@@ -6,15 +6,20 @@ import { indices, largest, termsOf } from "./matrix.js";
 const MOST_NEWTON = 12;
 const CLOSE = 2e-16; // residual, as a share of the terms that make it
 const NOT_NEARER = 1e-12; // the same, where Newton's method does not come nearer
+const OF_ERRORS = 1e3; // such errors: by what a gap may have drifted that follows from the states and from a given motion
 const NO_PIVOT = 1e-10; // a pivot below this share of the largest entry of its row: the row depends on others
 
-/** The nearby instant at which some gaps and rates are zero. */
+/**
+ * The nearby instant at which some gaps and rates are zero. Of two gaps of one coordinate, such as those of a load that a
+ * prescribed rope sets down on a floor, one is zero to rounding, the other within the errors of the integrator.
+ */
 export function project(gauge, from, gaps, rates) {
   let now = from;
   const ofGaps = indices(gaps);
   const ofRates = indices(rates);
   if (ofGaps.length + ofRates.length === 0) return now;
   let residue = Infinity;
+  let drifted = false;
   for (let k = 0; k < MOST_NEWTON; k++) {
     const value = [...ofGaps.map((i) => now.gap[i]), ...ofRates.map((i) => now.rate[i])];
     const matrix = [...ofGaps.map((i) => now.gapSlope[i]), ...ofRates.map((i) => now.rateSlope[i])];
@@ -24,10 +29,18 @@ export function project(gauge, from, gaps, rates) {
     residue = largest(value);
     const near = value.every((v, i) => Math.abs(v) <= NOT_NEARER * (terms[i] + residue));
     if (residue >= 0.5 * before && near) return now;
+    const slack = ofDrift(gauge, matrix);
+    drifted = value.every((v, i) => Math.abs(v) <= slack[i]);
     const change = correction(matrix, value.map((v) => -v));
     now = gauge.at(now.t, now.x.map((v, j) => v + change[j]));
   }
+  if (drifted) return now;
   throw new Contradiction([...new Set([...ofGaps, ...ofRates])], "no states nearby satisfy them");
+}
+
+/** By what gaps or rates may have drifted that have these derivatives by the states. */
+export function ofDrift({ errors }, slopes) {
+  return slopes.map((row) => OF_ERRORS * (errors === null ? 0 : row.reduce((sum, v, j) => sum + Math.abs(v) * errors[j], 0)));
 }
 
 /** dx with matrix·dx = right and as few entries as independent rows (Gauss-Jordan, full pivoting). */

@@ -78,7 +78,8 @@ class Run {
     for (;;) {
       const end = happenings?.until ?? data.end;
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
-      const outcome = this.piece(begin, x, end, happenings?.roots(begin, x) ?? null);
+      const roots = happenings?.roots(begin, x) ?? null;
+      let outcome = this.piece(begin, x, end, roots);
       this.steps++; // a piece may end within its first step, again and again
       if (this.steps > this.mostSteps) this.reason = "it takes too many steps";
       if (this.now() > this.deadline) this.reason = "it takes too long";
@@ -89,6 +90,7 @@ class Run {
         begin = outcome.t;
         continue;
       }
+      if (happenings !== null) outcome = happenings.together(outcome, roots);
       const behind = happenings === null ? null : happenings.after(outcome);
       if (behind === null) {
         while (this.reached < times.length && times[this.reached] <= data.end) this.record(times[this.reached], outcome.x);

@@ -4,7 +4,7 @@
 import { Contradiction, Gauge } from "./instant.js";
 import { filled, indices } from "./matrix.js";
 import { freeMode, STILL } from "./mode.js";
-import { project } from "./manifold.js";
+import { ofDrift, project } from "./manifold.js";
 import { heldVelocities } from "./rest.js";
 import { Stopped } from "./stopped.js";
 import { transition } from "./transition.js";
@@ -77,7 +77,9 @@ export class LawSwitching {
       const held = Math.abs(now.bias[k] / now.delassus[k][k]) + finite(now.stick[k]);
       const scale = mode.closed[k] ? finite(held) : table.unilateral[k] ? now.gapScale[k] : now.rateScale[k];
       const concerned = mode.closed[k] || touched[k] || idle[k] > 0;
-      if (!concerned || !(Math.abs(v) <= UP_TO_ROUNDING * coarser * scale)) return 0;
+      const driven = this.gauge.own.curvedGaps[k] && touched[k] && !mode.closed[k];
+      const drifted = driven ? ofDrift(this.gauge, [now.gapSlope[k]])[0] : 0;
+      if (!concerned || !(Math.abs(v) <= Math.max(UP_TO_ROUNDING * coarser * scale, drifted))) return 0;
       return Math.max(-v, 0) + (leaves && idle[k] === 0 ? LEAVING : APART * coarser) * scale;
     });
   }

@@ -1,0 +1,65 @@
+"""Ropes whose ends move unevenly lift loads from a floor and set them down again."""
+
+import math
+
+import numpy as np
+import pytest
+from oracles.lifting import WINDLASS, draw, lifted
+
+import lmoc
+
+ROPE = """
+model RopeLiftsLoad
+  Motion hand(q = 0.5*cos(time));
+  Cable rope(L = 0);
+  Mass load(m = 20, g = 9.81, q(start = 0.4, fixed = true), v(start = 0, fixed = true));
+  Fixed bottom(q0 = 0.4);
+  Stop ground(L = 0, e = 0);
+equation
+  connect(hand.flange, rope.a);
+  connect(rope.b, load.flange);
+  connect(load.flange, ground.a);
+  connect(ground.b, bottom.flange);
+end RopeLiftsLoad;
+"""
+SOLVERS = ["auto", "dop853", "taylor", "cvode", "adams", "ida", "radau", "gauss", "rk4", "midpoint"]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_load_follows_the_hand(solver):
+    dae = lmoc.compile_text(ROPE)
+    assert dae.states == ["load.q", "load.v"]
+    run = dae.simulate(stop=3.0, solver=solver, rtol=1e-7)
+    taut = next(e for e in run.events if e.kind == "taut")
+    assert taut.time == pytest.approx(math.acos(0.8), abs=1e-9) and taut.impulse == pytest.approx(6.0)
+    after = run.time > taut.time
+    assert np.abs(run["load.q"] - 0.5 * np.cos(run.time))[after].max() < 1e-13
+    assert np.allclose(run["load.v"][after], -0.5 * np.sin(run.time)[after], atol=1e-4)
+
+
+@pytest.mark.parametrize("solver", ["dop853", "cvode", "radau"])
+def test_a_windlass_sets_a_load_down_and_lifts_it(solver):
+    run = lmoc.compile_text(WINDLASS).simulate(solver=solver)
+    down, up = math.pi - math.asin(2 / 3), 2 * math.pi + math.asin(2 / 3)
+    found = {e.kind: e.time for e in run.events if e.name == "drum"}
+    assert found["slack"] == pytest.approx((2 * math.pi + math.asin(2 / 3)) / 0.8, abs=1e-5)
+    assert found["taut"] == pytest.approx(down / 0.8, abs=1e-5) and up > down
+    assert run.energy.balance < 1e-4
+
+
+def test_random_lifting_scenes():
+    """`python tests/many_lifts.py` draws more of them."""
+    for seed in range(6):
+        compare(np.random.default_rng(seed))
+
+
+def compare(rng, rtol=1e-8):
+    """Compare a scene's events, without its bounces, with those found by hand; the number of events."""
+    text, lift, first, stop = draw(rng)
+    expected = [(t, kind) for t, kind in lifted(lift, first, 0.0, stop) if kind in ("taut", "slack")]
+    run = lmoc.compile_text(text).simulate(stop=stop, rtol=rtol)
+    found = [(e.time, e.kind) for e in run.events if e.name == "rope" and e.kind in ("taut", "slack")]
+    assert [kind for _, kind in found] == [kind for _, kind in expected], text
+    assert np.allclose([t for t, _ in found], [t for t, _ in expected], atol=1e-6, rtol=0), text
+    assert (run["load.q"] <= lift.floor + 1e-9).all() and (run["load.q"] <= lift.hand(run.time) + 1e-9).all(), text
+    return len(found)
