@@ -88,6 +88,15 @@ def test_singular_positions_are_counted_and_told_when_they_are(request, compiler
     assert float(note.split("t = ")[1].split()[0]) == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.parametrize(("solver", "tolerances"), [("taylor", (1e-7, 1e-8, 1e-9)), ("gauss", (1e-6,))])
+def test_neighbouring_tolerances_pass_alike_without_a_compiler(no_compiler, solver, tolerances):
+    """A step that leads too far is tried again from the branch on which it began, not from where it has ended."""
+    dae = lmoc.compile_text(PARALLELOGRAM)
+    for rtol in (rtol * (1 + k / 1000) for rtol in tolerances for k in (0, 1, 5)):
+        run = dae.simulate(stop=4, points=101, rtol=rtol, solver=solver)
+        assert np.abs(run["first.phi"] - np.pi / 2 + upright(1.2, -1, run.time)).max() < 100 * rtol
+
+
 @pytest.mark.parametrize("solver", ["taylor", "adams", "ida", "cvode"])
 def test_nothing_is_lost_where_a_singular_position_is_passed(solver):
     """The errors are those of the same solver on the equation of the angle, which has no such positions."""

@@ -48,6 +48,12 @@ class Follower:
         if self.before is not None:
             self._marked = self.before, self._solutions()
 
+    def go_back(self) -> None:
+        """Go on from the solutions marked last."""
+        if self._marked is not None:
+            self.before, marked = self._marked
+            self._restore(marked)
+
     def __call__(self, w: np.ndarray, times: np.ndarray) -> None:
         """Fill w (registers, times)."""
         for k, t in enumerate(times.tolist()):

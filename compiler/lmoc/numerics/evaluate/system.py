@@ -155,6 +155,13 @@ class System(ABC):
         """Take the last evaluation for a place to go back to: that of an accepted step."""
         return
 
+    def go_back(self) -> None:
+        """Have nonlinear blocks go on from the place marked last: a step from there has been rejected.
+
+        Where it has led too far, they may have come to another branch, which shorter steps would keep to.
+        """
+        return
+
     @property
     def unknowns(self) -> np.ndarray:
         """One register of each instance of the nonlinear blocks whose determinants are at hand."""

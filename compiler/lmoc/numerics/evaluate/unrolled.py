@@ -60,6 +60,7 @@ class UnrolledSystem(LoweredJacobian):
         self._call = Buffered(function, (self._time, self._values, self._z))
         self._steps: tuple | None = None  # functions of the stepper
         self._solved: tuple[np.ndarray, float] | None = None  # registers and time of the last solution
+        self._marked: tuple[tuple[np.ndarray, float], np.ndarray] | None = None  # and of one to go back to
 
     def _runner(self) -> Runner:
         return _Late(self.plan)
@@ -88,10 +89,20 @@ class UnrolledSystem(LoweredJacobian):
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
-        self._solved = None
+        self._solved = self._marked = None
         guess = np.where(self._guesses >= 0, self.w[self._guesses], 0.0)
         seeds = self.w[self._unknowns]
         self._z[:] = np.where(np.isfinite(seeds), seeds, np.where(np.isfinite(guess), guess, 0.0))
+
+    def mark(self) -> None:
+        super().mark()
+        if self._solved is not None:
+            self._marked = self._solved, self._z.copy()
+
+    def go_back(self) -> None:
+        super().go_back()
+        if self._marked is not None:
+            self._solved, self._z[:] = self._marked
 
     def _run(self, t: float, x: np.ndarray) -> None:
         w = self.w

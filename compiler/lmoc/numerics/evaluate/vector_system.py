@@ -75,6 +75,9 @@ class VectorSystem(System):
     def mark(self) -> None:
         self.follower.mark()
 
+    def go_back(self) -> None:
+        self.follower.go_back()
+
     def opened(self) -> OpenedSystem | None:
         if not len(open_blocks(self.plan.program)[1]):
             return None

@@ -102,6 +102,7 @@ class Dop853(Integration):
                     continue
                 return self._accept()
             self.rejected += 1
+            self.problem.system.go_back()
             self.lost = not math.isfinite(error)
             self.cuts += self.lost
             h *= RULES.retry if self.lost else max(RULES.shrink, RULES.safety * error**-0.125)

@@ -106,6 +106,7 @@ class Gauss(Integration):
                 else:
                     factor = 0.5
             self.rejected += 1
+            self.problem.system.go_back()
             self.growing, self.calm = False, 0
             h *= factor
             self.step_size = h

@@ -118,6 +118,7 @@ class TaylorInPython(Integration):
             if following is not None and self._defect(series, h, following) <= _ALLOWED:
                 break
             self.rejected += 1
+            problem.system.go_back()
             h *= _LOST if following is None else _MISSED
             if following is None and h <= 1e-14 * abs(self.t):
                 return Status.NOT_FINITE

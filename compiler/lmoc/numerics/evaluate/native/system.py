@@ -32,7 +32,7 @@ _SLOPE_ROWS = 5_000  # of a program with so many rows at the most
 
 def has_branches(plan: Plan) -> bool:
     """Return whether nonlinear blocks are constraints of a mechanism, which can be closed in several ways."""
-    return plan.reduced.nearby is not None
+    return plan.reduced.guess is not None
 
 
 class _Late:
