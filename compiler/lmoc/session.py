@@ -188,7 +188,7 @@ class Session:
         equations may depend on parameters.
         """
         reduced, values = prepared.reduced, prepared.values
-        if reduced.nearby is None or not (initial or self.flat.initial_groups):
+        if reduced.guess is None or not (initial or self.flat.initial_groups):
             return None
         initial = initial or {}
         key = tuple(sorted((n, np.asarray(v, float).tobytes()) for n, v in initial.items())), values.tobytes()
@@ -198,11 +198,26 @@ class Session:
             self._starts = {key: other}  # the last one only: starts are many
         other = self._starts[key]
         if other.state_names == reduced.state_names:
-            same_side = np.array_equal(other.nearby, reduced.nearby)
+            same_side = np.array_equal(other.guess.states, reduced.guess.states)
             return None if same_side else replace(prepared, reduced=other)
         lost = f"{', '.join(reduced.state_names)} cannot be the coordinates where this run starts"
         note = Diagnostic("N0631", f"the reduction was redone because {lost}")
         return replace(prepared, reduced=other, notes=(*prepared.notes, note))
+
+    def started(self, prepared: Prepared, initial: object, clock: Clock) -> Prepared:
+        """Return what is prepared, able to look for the start of a run with values of its own.
+
+        A reduction that has been kept on disk cannot where loops are closed: it is made again.
+        """
+        reduced = prepared.reduced
+        if not isinstance(initial, Mapping) or not initial or reduced.guess is None or reduced.guess_at is not None:
+            return prepared
+        made = pipeline.reduce(self.flat, prepared.values, self.scene.states, clock)
+        if reduced is self.reduced:
+            self.reduced = made
+        kept = self._reductions[_MODEL]
+        self._reductions[_MODEL] = [made if r is reduced else r for r in kept]
+        return replace(prepared, reduced=made)
 
     def continuing(self, prepared: Prepared, states: Sequence[str], clock: Clock) -> Prepared:
         """Return what is prepared, in the coordinates in which another run has ended."""

@@ -60,6 +60,7 @@ def simulate(session: Session, request: Request, clock: Clock | None = None) -> 
     at_work, prepared = session.prepare(request.parameters, clock)
     if isinstance(initial, End):
         prepared = at_work.continuing(prepared, initial.states, clock)
+    prepared = at_work.started(prepared, initial, clock)
     try:
         return run_prepared(at_work, prepared, request, clock)
     except ModelError as error:

@@ -11,7 +11,7 @@ from lmoc.ir.check.findings import CorruptStructureError
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import Apply, Role, Solve, Total
-from lmoc.ir.reduced import Guard, Reduced
+from lmoc.ir.reduced import Guard, Reduced, StartGuess
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.pipeline import Clock, Scene, flatten, parse
@@ -230,7 +230,9 @@ REDUCED = {
     "derivative in a step": lambda r: replace(r, rhs=swapped(r.rhs, last_apply(r), shape=slot(0, 1))),
     "way back": lambda r: replace(r, register_of=at(r.register_of, 0, r.registers.count)),
     "variable without register": lambda r: replace(r, undetermined=r.undetermined[:0]),
-    "nearby": lambda r: replace(r, nearby=np.zeros(len(r.states) + 1)),
+    "guess": lambda r: replace(
+        r, guess=StartGuess(np.zeros(len(r.states) + 1), np.zeros(0, int), np.zeros(0), True, np.zeros(0, int))
+    ),
     "guard": lambda r: replace(r, guards=(*r.guards, Guard(lambda values: False, "1 = 2"))),
     "parameter program": lambda r: replace(r, parameter_program=r.parameter_program[1:]),
 }

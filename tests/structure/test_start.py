@@ -254,7 +254,7 @@ def test_the_start_point_satisfies_the_constraints():
     flat = flat_model(LOOP)
     system = EquationSystem(normalize(flat, flat.parameter_values(), None, Report()))
     point = start_point(system, np.ones(system.rows, int), 0)
-    a, b, c, d, x, y = (point.value[0, flat.find(name)[0]] for name in "abcdxy")
+    a, b, c, d, x, y = (point.sample.value[0, flat.find(name)[0]] for name in "abcdxy")
     left = [np.cos(a) + 2 * np.cos(b) - 3 - np.cos(c), np.sin(a) + 2 * np.sin(b) - np.sin(c)]
     assert left == pytest.approx([0, 0], abs=1e-9)
     assert d == pytest.approx(0, abs=1e-9)
@@ -263,7 +263,7 @@ def test_the_start_point_satisfies_the_constraints():
 def test_the_start_point_of_contradictory_constraints_is_what_is_given():
     flat = flat_model("var x y\nstart x = 2\nx**2 + y**2 = -1\nx = sin(y) + 3")
     system = EquationSystem(normalize(flat, flat.parameter_values(), None, Report()))
-    assert start_point(system, np.ones(system.rows, int), 0).value[0, flat.find("x")] == 2
+    assert start_point(system, np.ones(system.rows, int), 0).sample.value[0, flat.find("x")] == 2
 
 
 def test_many_constraints_are_closed_sparsely(monkeypatch):

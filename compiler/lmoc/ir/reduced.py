@@ -114,6 +114,28 @@ class Invariants:
 
 
 @dataclass(frozen=True, eq=False)
+class StartGuess:
+    """Where a start with nonlinear constraints is looked for: the place nearest to the start values where they hold.
+
+    Attributes
+    ----------
+    states : (n,) values of the states
+    unknowns, values : registers of unknowns of nonlinear blocks, and their values
+    closed : whether the constraints hold there
+    tied : flat variables that they contain
+    ways : for each loop that can be put together in several ways: flat variables (m,) that tell them apart, and their
+        values (k, m) in each, in those taken first
+    """
+
+    states: np.ndarray
+    unknowns: np.ndarray
+    values: np.ndarray
+    closed: bool
+    tied: np.ndarray
+    ways: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Reduced:
     """The result of reduction.
 
@@ -144,12 +166,13 @@ class Reduced:
     guards : what depends on the parameter values
     notes : dropped redundant equations, chosen coordinates that deserve a word
     counts : {"parts", "equations", "after elimination", "states"} in the order of the stages, for people
-    nearby : (n,) values of the states with which the constraints hold, near the start values: a guess, no start; None
-        where there are no nonlinear constraints
+    guess : where the start is looked for with these parameter values and the model's start values; None where there
+        are no nonlinear constraints
+    guess_at : the same for other parameter values (flat.count,), and for variables with values that are fixed at the
+        start; None where there is nothing to guess, and in a reduction that has been kept on disk
     switched : where the laws are, whose modes are values of the equations; None without laws
     discrete : the discrete equations in their order, carried out at events
     constraints : what the choice of coordinates divides by; None where that never changes
-    block_guess : registers of unknowns of nonlinear blocks, and values near the start values where the constraints hold
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     invariants : the closures of its loops; None where no constraints change along the motion
     """
@@ -171,12 +194,12 @@ class Reduced:
     guards: tuple[Guard, ...] = ()
     notes: tuple[Diagnostic, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
-    nearby: np.ndarray | None = None
+    guess: StartGuess | None = None
+    guess_at: Callable[[np.ndarray, tuple[np.ndarray, np.ndarray]], StartGuess] | None = None
     switched: Switched | None = None
     lawful: FlatDAE | None = None  # of a switched form: the flat model with its laws
     free: Reduced | None = None  # of a switched form: all laws open and their forces given, in the same states
     constraints: Constraints | None = None
-    block_guess: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.zeros(0, int), np.zeros(0)))
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     discrete: tuple[DiscreteStep, ...] = ()
     invariants: Invariants | None = None

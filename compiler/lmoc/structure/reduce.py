@@ -16,7 +16,7 @@ from lmoc.expression.dag import ZERO
 from lmoc.ir.checked import checked
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
-from lmoc.ir.program import Apply, Program, Solve, split_program, walk
+from lmoc.ir.program import Apply, split_program
 from lmoc.ir.reduced import Guard, Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.structure import diagnosis
@@ -24,15 +24,16 @@ from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
 from lmoc.structure.coordinates.closures import closures, released
 from lmoc.structure.coordinates.constraints import changing_constraints
+from lmoc.structure.coordinates.coordinates import determined_at_start
 from lmoc.structure.coordinates.invariants import invariants
 from lmoc.structure.coordinates.mobility import immobile
 from lmoc.structure.coordinates.selection import Selection, select
+from lmoc.structure.coordinates.start_guess import block_unknowns, guess_at, guess_of
 from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.loops.manifold import without_dependent
-from lmoc.structure.loops.sample import UNMARKED
 from lmoc.structure.normalize import normalize
 from lmoc.structure.registers.assemble import Solved, assemble
 from lmoc.structure.registers.layout import RegisterLayout
@@ -110,6 +111,8 @@ def solve_structure(
     rhs, rest = split_program(block_program, registers + 1, layout.count + helpers)
     at_rest = (Apply(ZERO, np.zeros((len(rate), 0), np.int64), rate),) if len(rate) else ()
     guards = *normalized.guards, *_regularity(normalized, layout, solution), *(_start(minimal) if whole else ())
+    unknowns = block_unknowns((*rhs, *rest, *others))
+    guess = None if selection.start is None else guess_of(selection, selection.start, registers, unknowns)
     return Solved(
         system=system,
         layout=layout,
@@ -120,10 +123,10 @@ def solve_structure(
         helpers=helpers,
         guards=guards,
         notes=(*normalized.notes, *notes),
-        nearby=_nearby(selection, registers),
+        guess=guess,
+        guess_at=None if guess is None else partial(guess_at, selection, registers, unknowns),
         constraints=partial(changing_constraints, selection) if whole else None,
         invariants=None if found is None else partial(invariants, minimal, found, registers, rate),
-        block_guess=_block_guess(selection, (*rhs, *rest, *others)),
     )
 
 
@@ -143,32 +146,9 @@ def _holds(
     return not any(fails(registers).any() for fails in tests)
 
 
-def _nearby(selection: Selection, states: np.ndarray) -> np.ndarray | None:
-    """Return the values of the states where the constraints hold, near the start values."""
-    if selection.start is None:
-        return None
-    variable, order = selection.layout.jets
-    return selection.start.value[order[states], variable[states]]
-
-
-def _block_guess(selection: Selection, program: Program) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unknowns of nonlinear blocks that the constraints place near the start, and their values there."""
-    unknowns = [s.unknowns.ravel() for s in walk(program) if isinstance(s, Solve) and not s.linear]
-    if selection.start is None or not unknowns:
-        return np.zeros(0, np.int64), np.zeros(0)
-    registers = np.concatenate(unknowns)
-    registers = registers[registers < selection.layout.count]
-    variable, order = selection.layout.jets
-    place = selection.start.value
-    registers = registers[order[registers] < len(place)]
-    jets = order[registers], variable[registers]
-    moved = np.abs(place[jets]) > 2 * UNMARKED  # else nobody has said anything, and zero will do
-    return registers[moved], place[jets][moved]
-
-
 def _start(selection: Selection) -> list[Guard]:
     """The assumption that a motion with these coordinates can start where it is meant to."""
     changing = selection.start is not None and selection.system.flat.starts
-    if not changing or not selection.startable(selection.system.normalized.values):
+    if not changing or not determined_at_start(selection.tied, selection.c, selection.d, selection.choice):
         return []
     return [Guard(selection.startable, "the other coordinates follow from the states at the start")]

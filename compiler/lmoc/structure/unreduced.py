@@ -113,9 +113,9 @@ def _open(
         helpers=len(residual),
         guards=(),
         notes=(),
-        nearby=None,
+        guess=None,
+        guess_at=None,
         constraints=None,
-        block_guess=(np.zeros(0, np.int64), np.zeros(0)),
         invariants=None,
     )
     return Unreduced(assemble(solved), unknown, residual)

@@ -56,10 +56,12 @@ def _jets(reduced: Reduced, findings: Findings) -> bool:
         if findings.indices(registers, 0, count, name, (None,)):
             _roles(reduced, registers, role, name, findings)
         findings.indices(derivatives, 0, count, f"derivatives of {name}", (len(registers),))
-    findings.require(
-        reduced.nearby is None or len(reduced.nearby) == len(reduced.states), "nearby", "one for each state is needed"
-    )
-    findings.indices(reduced.block_guess[0], 0, count, "block_guess", (len(reduced.block_guess[1]),))
+    guess = reduced.guess
+    if guess is not None:
+        findings.require(len(guess.states) == len(reduced.states), "guess", "one for each state is needed")
+        findings.indices(guess.unknowns, 0, count, "guess, unknowns", (len(guess.values),))
+        for variables, _ in guess.ways:
+            findings.indices(variables, 0, flat, "guess, ways", (None,))
     findings.indices(reduced.register_of, -1, count, "register_of", (flat,))
     findings.indices(reduced.undetermined, 0, flat, "undetermined", (None,))
     return not findings.found

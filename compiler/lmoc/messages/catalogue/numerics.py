@@ -72,6 +72,17 @@ NUMERICS: dict[str, Entry] = {
         "Values given by `start` without `fixed = true` are met as closely as the constraints allow. These could not "
         "all be met.",
     ),
+    "N0533": Entry(
+        "where a guess has led",
+        "In a closed loop `start` without `fixed = true` is a guess: it chooses between the ways in which the loop "
+        "closes, and the nearest one is taken. What is fixed leaves no freedom to meet the guess itself.",
+    ),
+    "N0539": Entry(
+        "a loop that can be put together in several ways",
+        "A loop of bars of given lengths closes in several ways: a four-bar open or crossed, a slider crank on either "
+        "side. Without a guess the one with the smallest angles is taken. A start value for one of the angles (`start` "
+        "without `fixed`) chooses the nearest one to that.",
+    ),
     "E0534": Entry(
         "this cannot have an initial value",
         "Only unknowns have initial values. Parameters are set with `parameters=` or `--set`, inputs with `inputs=` "

@@ -12,7 +12,7 @@ from lmoc.numerics.coordinates.change import Place, continued
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
-from lmoc.numerics.start.initialization import initial_state, seed_blocks
+from lmoc.numerics.start.initialization import initial_state, seed_blocks, start_guess
 from lmoc.numerics.start.targets import targets
 
 
@@ -45,5 +45,6 @@ def first_states(
         return partial(continued, plan, initial)
     wanted = targets(plan, values, initial, report)
     report.check()
-    seed_blocks(plan, base, wanted)
-    return lambda now: initial_state(plan, now, signals, values, time, wanted, report, impacts)
+    guess = start_guess(plan, values, wanted)
+    seed_blocks(plan, base, wanted, guess)
+    return lambda now: initial_state(plan, now, signals, values, time, wanted, guess, report, impacts)

@@ -13,9 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
+from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan import Plan
+from lmoc.numerics.start.assembly_notes import note_assemblies
 from lmoc.numerics.start.targets import Targets
 
 
@@ -26,6 +28,7 @@ def initial_state(
     values: np.ndarray,
     time: float,
     wanted: Targets,
+    guess: StartGuess | None,
     report: Report,
     events: list[Event],
 ) -> np.ndarray:
@@ -35,6 +38,7 @@ def initial_state(
     ----------
     base : registers that do not change during the run (`Plan.base`)
     wanted : from `targets`
+    guess : from `start_guess`
     events : gets the impacts by which contradicting velocities of inertias come to agree
 
     Returns
@@ -53,7 +57,8 @@ def initial_state(
     counts = np.bincount(at[direct], minlength=len(x))
     if direct.all() and (counts <= 1).all() and not flat.initial_groups:
         x[at] = wanted.value
-        return x
+        note_assemblies(flat, guess, wanted, report)
+        return _guessed(guess, x, at) if guess is not None and guess.closed else x
     key = None if signals else (time, *(a.tobytes() for a in (base, values, *_columns(wanted))))
     last = plan.once(_Solved)
     if key is not None and last.key == key:
@@ -69,11 +74,13 @@ def initial_state(
     kept, said = Targets(*(column[open_] for column in _columns(wanted))), len(report.diagnostics)
     system = StartSystem(plan, base, signals, values, time, kept, report)
     if not report.errors:
-        impacts = solve(system, x, _guess(plan, x, at[direct]), report)
+        impacts = solve(system, x, _guessed(guess, x, at[direct]), guess, report)
         events += [impact.event(system) for impact in impacts]
         overruled = np.isin(at, np.concatenate([impact.states for impact in impacts])) if impacts else False
         own = direct & wanted.hard & ~np.broadcast_to(overruled, direct.shape)
         x[at[own]] = wanted.value[own]  # to the last digit
+        if not report.errors:
+            note_assemblies(flat, guess, wanted, report)
         if not impacts and len(report.diagnostics) == said:  # nothing to report again
             last.key, last.x = key, x.copy()
     return x
@@ -91,15 +98,31 @@ def _columns(wanted: Targets) -> tuple[np.ndarray, ...]:
     return wanted.variable, wanted.value, wanted.hard, wanted.given
 
 
-def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets) -> None:
-    """Let Newton's method begin at the values wanted for the unknowns of nonlinear blocks."""
+def seed_blocks(plan: Plan, base: np.ndarray, wanted: Targets, guess: StartGuess | None) -> None:
+    """Let Newton's method begin where the constraints hold nearby, else at the values wanted for its unknowns."""
     solved = plan.once(_solved)
-    if len(solved):
-        near, values = plan.reduced.block_guess
-        base[near] = values
-        register = plan.reduced.register_of[wanted.variable]
-        own = np.isin(register, solved)
-        base[register[own]] = wanted.value[own]
+    if not len(solved):
+        return
+    register = plan.reduced.register_of[wanted.variable]
+    own = np.isin(register, solved)
+    base[register[own]] = wanted.value[own]
+    if guess is not None:
+        kept = np.full(len(guess.unknowns), guess.closed) | ~np.isin(guess.unknowns, register[own])
+        base[guess.unknowns[kept]] = guess.values[kept]
+
+
+def start_guess(plan: Plan, values: np.ndarray, wanted: Targets) -> StartGuess | None:
+    """Return where a start with nonlinear constraints is looked for.
+
+    Parameters
+    ----------
+    values : (flat.count,) parameter values
+    """
+    reduced = plan.reduced
+    same = not wanted.given.any() and np.array_equal(values, reduced.values, equal_nan=True)
+    if same or reduced.guess_at is None:
+        return reduced.guess
+    return reduced.guess_at(values, (wanted.variable[wanted.given], wanted.value[wanted.given]))
 
 
 def _solved(plan: Plan) -> np.ndarray:
@@ -108,10 +131,10 @@ def _solved(plan: Plan) -> np.ndarray:
     return np.concatenate([np.zeros(0, int), *blocks])
 
 
-def _guess(plan: Plan, x: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _guessed(guess: StartGuess | None, x: np.ndarray, given: np.ndarray) -> np.ndarray:
     """(n,) another first point: where nobody has said anything, what the constraints allow."""
-    guess, nearby = x.copy(), plan.reduced.nearby
-    if nearby is not None:
-        guess[: len(nearby)] = nearby
-        guess[given] = x[given]
-    return guess
+    first = x.copy()
+    if guess is not None:
+        first[: len(guess.states)] = guess.states
+        first[given] = x[given]
+    return first

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.ranges import LOOKED_AT, report_alike
+from lmoc.numerics.start.assembly_notes import note_unmet_guesses
 from lmoc.numerics.start.gauss_newton import Start, descend, elsewhere, straight_rows
 from lmoc.numerics.start.lexicographic import split
 from lmoc.numerics.start.plastic import PlasticImpact, plastic_impact
@@ -14,26 +16,32 @@ from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import SHOWN, listed
 
 
-def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report) -> list[PlasticImpact]:
+def solve(
+    system: StartSystem, x: np.ndarray, guess: np.ndarray, nearby: StartGuess | None, report: Report
+) -> list[PlasticImpact]:
     """Put the states into x that meet what is wanted, and say what they do not meet.
 
     Parameters
     ----------
-    guess : (n,) where to begin instead, where x leads nowhere or to a place at which something is missed
+    guess : (n,) another place to begin at, where x leads nowhere or to a place at which something is missed
+    nearby : what it comes from; if loops are closed there, nearest to what is wanted, it is the first place to begin at
 
     Returns
     -------
     The impacts by which contradicting velocities of inertias have come to agree.
     """
-    _, jacobian = system.evaluate(x)
+    closed = nearby is not None and nearby.closed
+    _, jacobian = system.evaluate(guess if closed else x)
     components = split(jacobian, system.hard, len(x))
-    start = descend(system, components, x)
-    if not start.complete:
+    start = descend(system, components, guess if closed else x)
+    settled = closed and start.finite and not start.hard.any()
+    if not start.complete and not settled:
         rows, columns, _ = start.jacobian
         own = columns[components.together(np.flatnonzero(start.hard | start.soft))[rows]]
         beside = x.copy()
-        beside[own] = guess[own]
-        if (beside != x).any():
+        if not closed:
+            beside[own] = guess[own]
+        if closed or (beside != x).any():
             system.restart()  # blocks follow their branch: they begin again where the constraints allow it, too
             other = descend(system, components, beside)
             start = other if other.better_than(start) else start
@@ -44,7 +52,7 @@ def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report)
         x[own] = guess[own]
         start = descend(system, components, x)
     straight = np.ones(len(system.value), bool)
-    if not start.complete:
+    if not start.complete and not settled:
         straight = straight_rows(system, x)
         start = elsewhere(system, components, x, start, straight)
     x[:] = start.x
@@ -75,7 +83,7 @@ def solve(system: StartSystem, x: np.ndarray, guess: np.ndarray, report: Report)
         (_report_contradiction if certain else _report_nothing_found)(system, group, start, found)
     report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))  # type: ignore[attr-defined]
     if not start.hard.any():
-        _report_missed(system, np.flatnonzero(start.soft), start, report)
+        _report_missed(system, np.flatnonzero(start.soft), start, nearby, report)
     return impacts
 
 
@@ -98,10 +106,19 @@ def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, 
     report.error("E0532", message, system.span_of(group), found=found, hint=hint)
 
 
-def _report_missed(system: StartSystem, rows: np.ndarray, start: Start, report: Report) -> None:
+def _report_missed(
+    system: StartSystem, rows: np.ndarray, start: Start, nearby: StartGuess | None, report: Report
+) -> None:
+    value = system.value + start.residual
+    if nearby is not None and nearby.closed:
+        variable = system.targets.variable
+        guesses = [k for k in rows.tolist() if k < len(variable) and variable[k] in nearby.tied]
+        if guesses:
+            told = [(int(variable[k]), float(system.value[k]), float(value[k])) for k in guesses]
+            note_unmet_guesses(system.flat, nearby, told, report)
+        rows = np.setdiff1d(rows, guesses)
     if not len(rows):
         return
-    value = system.value + start.residual
     names = listed([f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows.tolist()])
     report.warning(
         "W0533",

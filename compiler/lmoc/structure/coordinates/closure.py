@@ -1,67 +1,144 @@
-"""The start of a scene: the nearest point to the start values that satisfies its constraints.
+"""The start of a scene: the point that satisfies its constraints nearest to its start values.
 
-Newton's method for fewer equations than unknowns: each step is the smallest one, in a weighted norm, that satisfies
+Constraints that share unknowns are looked at together, and all ways in which they can be satisfied are looked for
+(`assemblies`); very many by Newton's method alone, whose steps are the smallest ones, in a weighted norm, that satisfy
 the linearized constraints (Ben-Israel, J. Math. Anal. Appl. 15, 1966). Values that the user has given hardly move.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from lmoc.expression.calculus import differentiate
-from lmoc.expression.dag import Expr
-from lmoc.expression.evaluate import evaluate
-from lmoc.structure.coordinates.initial_rows import InitialRows, initial_rows
-from lmoc.structure.index.incidence import ranges
-from lmoc.structure.index.system import EquationBatch, EquationSystem
+from lmoc.ir.flat import Kind, StateSelect
+from lmoc.structure.coordinates.assemblies import Assemblies, Loops, Wishes
+from lmoc.structure.coordinates.constraint_rows import ConstraintRows
+from lmoc.structure.coordinates.initial_rows import initial_rows
+from lmoc.structure.index.system import EquationSystem
+from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.structure.loops.nearest import nearest
-from lmoc.structure.loops.sample import Sample, given
-from lmoc.support.distinct import distinct
+from lmoc.structure.loops.sample import FIXED, MEANT, Sample, given
+from lmoc.structure.messages.equations import Equations
+from lmoc.support.records import dataclass
 from lmoc.support.sizes import DENSE
 
-# steps until it is given up; relative size of the last one; what keeps the equations for it regular where constraints
-# repeat each other
-STEPS, CLOSED, DAMPING = 40, 1e-9, 1e-13
+# steps until it is given up; relative size of the last one
+STEPS, CLOSED = 40, 1e-9
 
 
-def start_point(system: EquationSystem, c: np.ndarray, highest: int) -> Sample:
-    """Return a point that satisfies all equations with c > 0 at the start time, near the start values of the model.
+@dataclass(frozen=True, eq=False)
+class StartPoint:
+    """Where a scene starts.
+
+    Attributes
+    ----------
+    sample : Sample
+    closed : whether the constraints hold there
+    jets : positions in the flattened sample of what they contain
+    loose : whether some of that may move though what is fixed and given stays
+    ways : as in `StartGuess`
+    """
+
+    sample: Sample
+    closed: bool
+    jets: np.ndarray
+    loose: bool = False
+    ways: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+
+
+def start_point(
+    system: EquationSystem,
+    c: np.ndarray,
+    highest: int,
+    fixed: tuple[np.ndarray, np.ndarray] | None = None,
+    at_rest: np.ndarray | None = None,
+) -> StartPoint:
+    """Return a point that satisfies all equations with c > 0 at the start time, nearest to the start values.
 
     Initial equations hold there, too, unless there is no such point. Where none is found at all, those values
     themselves: no more is known then.
+
+    Parameters
+    ----------
+    c, highest : how often each equation is differentiated, and the highest derivative of a variable
+    fixed : flat variables, and values that are given to them for one run
+    at_rest : roots that shall be zero if nothing is said about them
     """
-    sample, ease = given(system, highest)
+    sample, ease = given(system, highest, fixed)
+    if at_rest is not None:
+        unsaid = at_rest[ease[0, at_rest] == 1.0]
+        sample.value[0, unsaid], ease[0, unsaid] = 0.0, FIXED
+    wishes = _Wanted.of(system, sample, fixed)
     initial = initial_rows(system, highest)
-    found = _nearest(_Constraints(system, c, sample, initial), sample, ease) if initial else None
-    return found or _nearest(_Constraints(system, c, sample), sample, ease) or sample
+    found = _nearest(system, ConstraintRows.of(system, c, sample, initial), ease, wishes)
+    if found is None and initial:
+        found = _nearest(system, ConstraintRows.of(system, c, sample), ease, wishes)
+        found = None if found is None else replace(found, ways=())  # the initial equations may exclude some of them
+    return found or StartPoint(sample, False, np.zeros(0, np.int64))
 
 
-def _nearest(constraints: _Constraints, sample: Sample, ease: np.ndarray) -> Sample | None:
+def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> StartPoint | None:
     """The point nearest to a sample that satisfies constraints; None where none is found."""
-    weight = ease.ravel()[constraints.jets]
-    begin = sample.value.ravel()[constraints.jets]
+    weight = ease.ravel()[rows.jets]
+    values, ways, loose = rows.begin.copy(), [], False
+    held = weight <= FIXED
+    for own, columns in rows.components(held):
+        if not len(own):
+            continue
+        part = rows.take(own)
+        inside = np.searchsorted(rows.jets, part.jets)
+        if part.count <= DENSE and _geometric(system, part.source):
+            assemblies = _assemblies(part, weight[inside], wanted)
+            found = None if assemblies is None else assemblies.points[0]
+            if assemblies is not None:
+                loose |= not assemblies.isolated
+                ways += wanted.told_apart(part.jets, assemblies)
+        else:
+            found = _alone(part, values[inside], weight[inside])
+        if found is None:
+            return None
+        values[np.intersect1d(inside, columns)] = found[np.isin(inside, columns)]
+    value = rows.sample.value.copy()
+    value.flat[rows.jets] = values
+    return StartPoint(replace(rows.sample, value=value), True, rows.jets, loose, tuple(ways))
 
-    def at(values: np.ndarray) -> Sample:
-        value = sample.value.copy()
-        value.flat[constraints.jets] = values
-        return replace(sample, value=value)
 
-    if constraints.count <= DENSE:
-        found = nearest(begin, weight, lambda values: constraints.dense(at(values)), constraints.placed)
-    else:
-        found = _closed(constraints, at, begin, weight)
-    return None if found is None else at(found)
+def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
+    """The points that satisfy some constraints, the nearest first.
+
+    What is given is kept if it can be, then what is fixed; where nothing else helps, that gives way, too.
+    """
+    wishes, tried = wanted.among(part.jets), set()
+    for ease in (MEANT, FIXED, 0.0):
+        held = weight <= ease
+        if held.tobytes() not in tried:
+            tried.add(held.tobytes())
+            found = Loops(part.dense, part.residual, part.begin, held, wishes).found()
+            if found is not None:
+                return found
+    return None
 
 
-def _closed(
-    constraints: _Constraints, at: Callable[[np.ndarray], Sample], values: np.ndarray, weight: np.ndarray
-) -> np.ndarray | None:
+def _geometric(system: EquationSystem, source: np.ndarray) -> bool:
+    """Return whether equations are about lengths and angles alone, so that they close loops."""
+    equations = Equations(system.flat)
+    numbers = np.unique(source[source >= 0]).tolist()
+    blocks = [system.flat.block_at(v) for number in numbers for v in equations.unknowns(number)]
+    return not any((b.flow and b.connector) or (b.unit and b.unit not in LENGTHS_AND_ANGLES) for b in blocks)
+
+
+def _alone(part: ConstraintRows, values: np.ndarray, weight: np.ndarray) -> np.ndarray | None:
+    """The point that satisfies some constraints, from one first guess or, while they are few, from several."""
+    if part.count <= DENSE:
+        return nearest(values, weight, part.dense, part.placed)
+    return _closed(part, values, weight)
+
+
+def _closed(rows: ConstraintRows, values: np.ndarray, weight: np.ndarray) -> np.ndarray | None:
     """The values that Newton's method reaches, None where it diverges."""
     for _ in range(STEPS):
-        step = constraints.step(at(values), weight)
+        step = rows.step(values, weight)
         if not np.isfinite(step).all():
             return None
         values = values + step
@@ -70,91 +147,73 @@ def _closed(
     return None
 
 
-class _Constraints:
-    """The equations that are differentiated, and initial ones: their values and derivatives by the jets in them.
+@dataclass(frozen=True, eq=False)
+class _Wanted:
+    """What positions shall be near to: start values; zero for the others.
 
     Attributes
     ----------
-    jets : (unknowns,) positions in the flattened values
-    placed : whether initial equations contain some of those that are tied to each other
+    variable : (w,) flat variables
+    jet : (w,) positions in the flattened sample, in order; the variables are ``factor·jet + offset``
     """
 
-    def __init__(
-        self, system: EquationSystem, c: np.ndarray, sample: Sample, initial: Sequence[InitialRows] = ()
-    ) -> None:
-        self.parts: list[tuple[EquationBatch, list[tuple[Expr, Expr]]]] = []
-        width, first = sample.value.shape[1], 0
-        rows, jets = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        for b in system.batches:
-            mine = np.flatnonzero(c[b.row] > 0)
-            if not len(mine):
-                continue
-            part = b.take(mine)
-            self.parts.append((part, [differentiate(b.shape, leaf) for leaf in b.unknown]))
-            for leaf in b.unknown:
-                k, order = leaf.value
-                rows.append(first + np.arange(len(mine)))
-                jets.append(order * width + part.slots[:, k])
-            first += len(mine)
-        self.initial, self.placed, tied = initial, False, np.concatenate(jets)
-        for own in initial:
-            row, jet = own.entries
-            self.placed |= bool(np.isin(jet, tied).any())
-            rows.append(first + row)
-            jets.append(jet)
-            first += own.rows
-        s = system.sums
-        mine = np.flatnonzero(c[s.row] > 0)
-        entries = ranges(s.start, mine)
-        rows.append(first + np.repeat(np.arange(len(mine)), np.diff(s.start)[mine]))
-        jets.append(s.order[entries] * width + s.index[entries])
-        self.count = first + len(mine)
-        self.sum_rows, self.sum_jets, self.coefficient = rows[-1], jets[-1], s.coefficient[entries].astype(float)
-        self.row, found = np.concatenate(rows), np.concatenate(jets)
-        self.jets = distinct(found)
-        self.column = np.searchsorted(self.jets, found)
+    variable: np.ndarray
+    jet: np.ndarray
+    factor: np.ndarray
+    offset: np.ndarray
+    target: np.ndarray
+    level: np.ndarray
 
-    def step(self, at: Sample, weight: np.ndarray) -> np.ndarray:
-        """(unknowns,) the smallest step on which the linearized constraints vanish."""
-        residual, entry = self._linearized(at)
-        size = np.sqrt(np.bincount(self.row, weight[self.column] * entry**2, self.count))
-        size = np.where(size > 0, size, 1.0)
-        entry = entry / size[self.row]
-        multiplier = self._solve(entry, weight, -residual / size)
-        return weight * np.bincount(self.column, entry * multiplier[self.row], len(self.jets))
+    @staticmethod
+    def of(system: EquationSystem, sample: Sample, fixed: tuple[np.ndarray, np.ndarray] | None) -> _Wanted:
+        flat, n = system.flat, system.normalized
+        own = np.flatnonzero((flat.kind == Kind.UNKNOWN) & (n.order == 0) & (system.column[n.root] >= 0))
+        value = sample.value[0]
+        start = np.full(flat.count, np.nan)
+        for a in flat.starts:
+            start[a.target] = a.values(value)
+        if fixed is not None:
+            start[fixed[0]] = fixed[1]
+        factor = np.where(n.factor[own] >= 0, value[n.factor[own]], np.where(n.factor[own] == -2, -1.0, 1.0))
+        offset = np.where(n.offset[own] >= 0, value[n.offset[own]], 0.0)
+        has = np.isfinite(start[own])
+        marked = flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)[own]
+        level = np.where(has, 0, np.where(marked, 1, 2))
+        target = np.where(has, start[own], 0.0)
+        if n.near is not None:  # constraints that follow from these hold there, too
+            root, jet_order, numbers = n.near
+            there = np.full(len(system.kind), np.nan)
+            there[root[jet_order == 0]] = numbers[jet_order == 0]
+            there = there[n.root[own]]
+            known = np.isfinite(there)
+            target, level = np.where(known, factor * there + offset, target), np.where(known, -1, level)
+        order = np.argsort(n.root[own], kind="stable")
+        order = order[np.isfinite(factor[order]) & (factor[order] != 0) & np.isfinite(offset[order])]
+        return _Wanted(own[order], n.root[own][order], factor[order], offset[order], target[order], level[order])
 
-    def _linearized(self, at: Sample) -> tuple[np.ndarray, np.ndarray]:
-        residual, entries, first = np.zeros(self.count), [np.zeros(0)], 0
-        for part, partials in self.parts:
-            n, column = len(part.row), at.column(part)
-            residual[first : first + n] = evaluate(part.shape, column, at.time)
-            for p in partials:
-                entries.append(np.broadcast_to(np.asarray(evaluate(p, column, at.time), float), n))
-            first += n
-        for own in self.initial:
-            residual[first : first + own.rows], entry = own.linearized(at)
-            entries.append(entry)
-            first += own.rows
-        residual += np.bincount(self.sum_rows, self.coefficient * at.value.flat[self.sum_jets], self.count)
-        return residual, np.concatenate([*entries, self.coefficient])
+    def among(self, jets: np.ndarray) -> Wishes:
+        """Return what is wanted of some jets."""
+        own, at = self._places(jets)
+        return Wishes(at, self.factor[own], self.offset[own], self.target[own], self.level[own])
 
-    def dense(self, at: Sample) -> tuple[np.ndarray, np.ndarray]:
-        """Residual and Jacobian by the jets."""
-        residual, entry = self._linearized(at)
-        jacobian = np.zeros((self.count, len(self.jets)))
-        np.add.at(jacobian, (self.row, self.column), entry)
-        return residual, jacobian
+    def told_apart(self, jets: np.ndarray, found: Assemblies) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return the variables that tell assemblies apart, best those with a guess or a mark, and their values."""
+        if len(found.points) < 2 or not found.isolated:
+            return []
+        own, at = self._places(jets)
+        if (self.level[own] < 0).any():
+            return []  # elsewhere some of the constraints that follow from these need not hold
+        values = self.factor[own] * found.points[:, at] + self.offset[own]
+        differ = np.ptp(values, axis=0) > 1e-6 * (1.0 + np.abs(values).max(axis=0))
+        for level in (1, 2):
+            chosen = differ & (self.level[own] <= level)
+            if chosen.any():
+                order = np.argsort(self.variable[own[chosen]])
+                return [(self.variable[own[chosen]][order], values[:, chosen][:, order])]
+        return []
 
-    def _solve(self, entry: np.ndarray, weight: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """(rows,) the multipliers of the constraints; NaN where they cannot be determined."""
-        if not (np.isfinite(entry).all() and np.isfinite(right).all()):
-            return np.full(self.count, np.nan)
-        from scipy.sparse import csr_matrix, diags, identity
-        from scipy.sparse.linalg import splu
-
-        jacobian = csr_matrix((entry, (self.row, self.column)), (self.count, len(self.jets)))
-        normal = jacobian @ diags(weight) @ jacobian.T + DAMPING * identity(self.count)
-        try:
-            return splu(normal.tocsc()).solve(right)
-        except RuntimeError:  # SuperLU: "Factor is exactly singular"
-            return np.full(self.count, np.nan)
+    def _places(self, jets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of what is wanted of some jets, and the positions of those."""
+        at = np.minimum(np.searchsorted(jets, self.jet), len(jets) - 1)
+        own = np.flatnonzero(jets[at] == self.jet)
+        return own, at[own]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lmoc.expression.calculus import differentiate
@@ -10,7 +12,6 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Group
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import UNKNOWN
-from lmoc.structure.loops.sample import Sample
 from lmoc.support.records import dataclass
 
 
@@ -45,24 +46,40 @@ class InitialRows:
     rows: int
     leaves: dict[tuple[int, int], _Leaf]
 
+    def take(self, rows: np.ndarray) -> InitialRows:
+        """Return some of the equations."""
+        leaves = {
+            key: _Leaf(f.partial, f.jet[rows], f.factor[rows], f.offset[rows], f.unknown[rows])
+            for key, f in self.leaves.items()
+        }
+        return InitialRows(self.shape, len(rows), leaves)
+
     @property
     def entries(self) -> tuple[np.ndarray, np.ndarray]:
         """Return rows and jets (positions in the flattened values) of the entries of the Jacobian."""
         each = [(np.flatnonzero(leaf.unknown), leaf.jet[leaf.unknown]) for leaf in self.leaves.values()]
         return np.concatenate([r for r, _ in each]), np.concatenate([j for _, j in each])
 
-    def linearized(self, at: Sample) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals, and the entries of the Jacobian in the order of `entries`."""
+    def linearized(
+        self, value_of: Callable[[np.ndarray], np.ndarray], time: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals (…, rows), and the entries of the Jacobian (…, nnz) in the order of `entries`.
+
+        Parameters
+        ----------
+        value_of : from jets to their values (…, jets), at one point or at many
+        """
+        shape = value_of(np.zeros(self.rows, np.int64)).shape
 
         def column(k: int, order: int) -> np.ndarray:
             leaf = self.leaves[k, order]
-            return leaf.factor * at.value.flat[leaf.jet] + leaf.offset
+            return leaf.factor * value_of(leaf.jet) + leaf.offset
 
-        def of(shape: Expr) -> np.ndarray:
-            return np.broadcast_to(np.asarray(evaluate(shape, column, at.time), float), self.rows)
+        def of(expression: Expr) -> np.ndarray:
+            return np.broadcast_to(np.asarray(evaluate(expression, column, time), float), shape)
 
-        parts = [(of(leaf.partial) * leaf.factor)[leaf.unknown] for leaf in self.leaves.values()]
-        return of(self.shape), np.concatenate(parts)
+        parts = [(of(leaf.partial) * leaf.factor)[..., leaf.unknown] for leaf in self.leaves.values()]
+        return of(self.shape), np.concatenate(parts, axis=-1)
 
 
 def initial_rows(system: EquationSystem, highest: int) -> list[InitialRows]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates import preferences
+from lmoc.structure.coordinates.closure import StartPoint, start_point
 from lmoc.structure.coordinates.coordinates import Choice, choose, determined_at_start
 from lmoc.structure.coordinates.tied import Tied, constraint_matrix, tied_entries
 from lmoc.structure.index.system import EquationSystem
@@ -33,13 +34,14 @@ class Selection:
     wanted : columns the user requested, best first
     is_state : (registers,) jets that are integrated
     quadrature : (registers,) those of them that no equation reads
+    kept : the start that has been looked for last
     """
 
     system: EquationSystem
     c: np.ndarray
     d: np.ndarray
     sample: Sample
-    start: Sample | None
+    start: StartPoint | None
     tied: Tied
     choice: Choice
     match: np.ndarray
@@ -48,6 +50,7 @@ class Selection:
     square: SquareSystem | None = None
     is_state: np.ndarray | None = None
     quadrature: np.ndarray | None = None
+    kept: dict[tuple, StartPoint] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -61,11 +64,40 @@ class Selection:
         ----------
         values : (flat.count,) parameter values
         """
+        system, start = self._system(values), self.start_at(values)
+        sample = generic(system, len(self.sample.value) - 1)
+        tied, _ = constraint_matrix(system, self.c, self.d, sample, start)
+        return determined_at_start(tied, self.c, self.d, self.choice)
+
+    def start_at(
+        self,
+        values: np.ndarray | None,
+        fixed: tuple[np.ndarray, np.ndarray] | None = None,
+        at_rest: np.ndarray | None = None,
+    ) -> StartPoint:
+        """Return the point where the scene starts; the last one is kept.
+
+        Parameters
+        ----------
+        values : (flat.count,) parameter values; by default those that the reduction is made for
+        fixed : flat variables, and the values that are given to them for one run
+        at_rest : roots that shall be zero if nothing is said about them
+        """
+        given = (values, *(fixed or ()), at_rest)
+        key = tuple(b"" if a is None else a.tobytes() for a in given)
+        if key not in self.kept:
+            system = self.system if values is None else self._system(values)
+            found = start_point(system, self.c, len(self.sample.value) - 1, fixed, at_rest)
+            self.kept.clear()
+            self.kept[key] = found
+        return self.kept[key]
+
+    def _system(self, values: np.ndarray) -> EquationSystem:
+        """The equations with other parameter values."""
         system, normalized = copy(self.system), self.system.normalized
         derived = derived_values(normalized.derived, values)
         system.normalized = replace(normalized, values=values, derived_values=derived)
-        tied, _ = constraint_matrix(system, self.c, self.d, generic(system, len(self.sample.value) - 1))
-        return determined_at_start(tied, self.c, self.d, self.choice)
+        return system
 
     def derivatives(self) -> np.ndarray:
         """(registers,) the computed jets that are derivatives of states."""

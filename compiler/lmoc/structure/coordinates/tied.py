@@ -9,7 +9,7 @@ import numpy as np
 
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.evaluate import evaluate
-from lmoc.structure.coordinates.closure import start_point
+from lmoc.structure.coordinates.closure import StartPoint, start_point
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import is_constant
 from lmoc.structure.loops.sample import Sample
@@ -74,14 +74,19 @@ def tied_entries(system: EquationSystem, c: np.ndarray, d: np.ndarray, sample: S
 
 
 def constraint_matrix(
-    system: EquationSystem, c: np.ndarray, d: np.ndarray, sample: Sample
-) -> tuple[Tied, Sample | None]:
-    """The constraint matrix at the sample point and, where it changes along the motion, at the start: that point."""
+    system: EquationSystem, c: np.ndarray, d: np.ndarray, sample: Sample, start: StartPoint | None = None
+) -> tuple[Tied, StartPoint | None]:
+    """The constraint matrix at the sample point and, where it changes along the motion, at the start: that point.
+
+    Parameters
+    ----------
+    start : the point where the scene starts, if it is known
+    """
     tied = tied_entries(system, c, d, sample)
     if tied.constant.all():
         return tied, None
-    start = start_point(system, c, len(sample.value) - 1)
-    value = tied_entries(system, c, d, start).value
+    start = start or start_point(system, c, len(sample.value) - 1)
+    value = tied_entries(system, c, d, start.sample).value
     return replace(tied, at_start=np.where(np.isfinite(value), value, 0.0)), start
 
 

@@ -47,7 +47,7 @@ def reduce_with_laws(
 def _with_free(reduced: Reduced, free: Reduced) -> dict[str, object]:
     """Return the free scene as a part of the switched form, and the guards of both, where both have the same states."""
     names = [[r.register_name(int(k)) for k in (*r.states, *r.quadratures)] for r in (reduced, free)]
-    if sorted(names[0]) != sorted(names[1]) or free.nearby is not None:
+    if sorted(names[0]) != sorted(names[1]) or free.guess is not None:
         return {}
     first = len(free.states)
     order = np.array([names[1].index(name) for name in names[0]], int)

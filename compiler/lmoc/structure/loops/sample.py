@@ -6,9 +6,11 @@ What vanishes at the generic point vanishes everywhere; what vanishes at the sta
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from lmoc.expression.dag import const
 from lmoc.ir.flat import Assignments
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, KNOWN
@@ -17,6 +19,9 @@ from lmoc.support.records import dataclass
 
 # a time at which nothing special happens
 GENERIC_TIME = 0.1234
+
+# how easily a fixed value gives way, and a start value
+FIXED, MEANT = 1e-8, 1e-4
 
 # what a variable without start value begins with: near the zero that it is given where it becomes a state
 UNMARKED = 1e-2
@@ -54,8 +59,15 @@ def generic(system: EquationSystem, highest: int) -> Sample:
     return Sample(value, GENERIC_TIME)
 
 
-def given(system: EquationSystem, highest: int) -> tuple[Sample, np.ndarray]:
+def given(
+    system: EquationSystem, highest: int, fixed: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[Sample, np.ndarray]:
     """Return the start as the model states it: start values, and inputs at the start time; all else is nearly zero.
+
+    Parameters
+    ----------
+    highest : order of derivatives
+    fixed : flat variables, and values that are fixed for one run
 
     Returns
     -------
@@ -69,22 +81,38 @@ def given(system: EquationSystem, highest: int) -> tuple[Sample, np.ndarray]:
     for a in flat.input_bindings:
         numbers = a.values(value[0], time)
         value[0, a.target] = np.where(np.isfinite(numbers), numbers, value[0, a.target])
+    started = np.zeros(flat.count, bool)
     for a in flat.starts:
+        started[a.target] = True
         jets, found = _of_roots(system, a, value)
         value.flat[jets] = found
-        ease.flat[jets] = 1e-4
+        ease.flat[jets] = MEANT
     for a in flat.fixed:
-        held = a.values(value[0]) > 0
-        target = a.target[held]
-        root, order = system.normalized.root[target], system.normalized.order[target]
-        inside = (order >= 0) & (order <= highest)
-        ease[order[inside], root[inside]] *= 1e-4
+        target = a.target[a.values(value[0]) > 0]
+        _fix(system, target[started[target]], None, value, ease)
+        target = target[~started[target]]
+        _fix(system, target, np.zeros(len(target)), value, ease)  # fixed without a value: at zero
+    if fixed is not None:
+        _fix(system, *fixed, value, ease)
     if system.normalized.near is not None:
         root, order, numbers = system.normalized.near
         inside = order <= highest
         inside[inside] = ease[order[inside], root[inside]] == 1.0
         value[order[inside], root[inside]] = numbers[inside]
     return Sample(value, time), ease
+
+
+def _fix(
+    system: EquationSystem, target: np.ndarray, numbers: np.ndarray | None, value: np.ndarray, ease: np.ndarray
+) -> None:
+    """Let variables be fixed in `ease`, at some numbers where these are given."""
+    if not len(target):
+        return
+    a = Assignments(target, const(np.nan), np.zeros((len(target), 0), int), numbers=np.zeros(len(target)))
+    jets, found = _of_roots(system, a if numbers is None else replace(a, numbers=numbers), value)
+    ease.flat[jets] = FIXED
+    if numbers is not None:
+        value.flat[jets] = found
 
 
 def _small(system: EquationSystem, highest: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.expression.dag import slots
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import Apply, Program, Registers, Role, Solve, Step, read
-from lmoc.ir.reduced import Constraints, Guard, Invariants, Reduced
+from lmoc.ir.reduced import Constraints, Guard, Invariants, Reduced, StartGuess
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN
@@ -30,7 +30,7 @@ class Solved:
     ----------
     rhs, rest : the programs, over the layout's registers and `helpers` more
     states, quadratures : registers of jets
-    guards, notes, nearby, constraints, block_guess, invariants : as in `Reduced`
+    guards, notes, guess, guess_at, constraints, invariants : as in `Reduced`
     """
 
     system: EquationSystem
@@ -42,9 +42,9 @@ class Solved:
     helpers: int
     guards: tuple[Guard, ...]
     notes: tuple[Diagnostic, ...]
-    nearby: np.ndarray | None
+    guess: StartGuess | None
+    guess_at: Callable[[np.ndarray, tuple[np.ndarray, np.ndarray]], StartGuess] | None
     constraints: Callable[[int], Constraints | None] | None  # from the number of registers, as `invariants`
-    block_guess: tuple[np.ndarray, np.ndarray]
     invariants: Callable[[int], Invariants] | None
 
 
@@ -78,10 +78,10 @@ def assemble(solved: Solved) -> Reduced:
         register_of=register_of,
         guards=solved.guards,
         notes=solved.notes,
-        nearby=solved.nearby,
+        guess=solved.guess,
+        guess_at=solved.guess_at,
         constraints=None if solved.constraints is None else solved.constraints(count),
         invariants=None if solved.invariants is None else solved.invariants(count),
-        block_guess=solved.block_guess,
         counts={
             "parts": _part_count(flat),
             "equations": flat.equation_count,

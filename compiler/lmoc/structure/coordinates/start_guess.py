@@ -1,0 +1,68 @@
+"""Where the numerical start of a scene with nonlinear constraints is looked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.ir.program import Program, Solve, walk
+from lmoc.ir.reduced import StartGuess
+from lmoc.structure.coordinates.closure import StartPoint
+from lmoc.structure.coordinates.selection import Selection
+from lmoc.structure.loops.sample import UNMARKED
+
+Given = tuple[np.ndarray, np.ndarray]  # flat variables, and values that are fixed at the start
+
+
+def block_unknowns(program: Program) -> np.ndarray:
+    """Return the registers of the unknowns of nonlinear blocks."""
+    unknowns = [s.unknowns.ravel() for s in walk(program) if isinstance(s, Solve) and not s.linear]
+    return np.concatenate([np.zeros(0, np.int64), *unknowns])
+
+
+def guess_of(selection: Selection, start: StartPoint, states: np.ndarray, unknowns: np.ndarray) -> StartGuess:
+    """Return the guess with the values that the reduction was made for, and the model's start values.
+
+    Parameters
+    ----------
+    start : the point at which the coordinates have been chosen
+    states, unknowns : registers of the states, and of unknowns of nonlinear blocks
+    """
+    return _guess(selection, _settled(selection, start, states, None, None), states, unknowns)
+
+
+def guess_at(
+    selection: Selection, states: np.ndarray, unknowns: np.ndarray, values: np.ndarray, fixed: Given
+) -> StartGuess:
+    """Return the guess with other parameter values (flat.count,) and values that are fixed for one run."""
+    start = selection.start_at(values, fixed)
+    return _guess(selection, _settled(selection, start, states, values, fixed), states, unknowns)
+
+
+def _settled(
+    selection: Selection, start: StartPoint, states: np.ndarray, values: np.ndarray | None, fixed: Given | None
+) -> StartPoint:
+    """Return the start with states at zero that nobody has said anything about, where these are free to be there."""
+    if not (start.loose and start.closed):
+        return start
+    variable, order = selection.layout.jets
+    at_rest = variable[states[order[states] == 0]]
+    settled = selection.start_at(values, fixed, at_rest)
+    return settled if settled.closed else start
+
+
+def _guess(selection: Selection, start: StartPoint, states: np.ndarray, unknowns: np.ndarray) -> StartGuess:
+    variable, order = selection.layout.jets
+    place = start.sample.value
+    width = place.shape[1]
+    at = order[states], variable[states]
+    tied = start.closed & np.isin(at[0] * width + at[1], start.jets)
+    # what no constraint contains begins at zero, unless the model says otherwise: that is for the run to look up
+    guess = np.where(tied | (not start.closed), place[at], 0.0)
+    registers = unknowns[unknowns < selection.layout.count]
+    registers = registers[order[registers] < len(place)]
+    jets = order[registers], variable[registers]
+    tied = start.closed & np.isin(jets[0] * width + jets[1], start.jets)
+    moved = tied | (np.abs(place[jets]) > 2 * UNMARKED)  # else nobody has said anything, and zero will do
+    n = selection.system.normalized
+    tied_variables = np.flatnonzero((n.order == 0) & np.isin(n.root, start.jets[start.jets < width]))
+    return StartGuess(guess, registers[moved], place[jets][moved], start.closed, tied_variables, start.ways)

@@ -1,0 +1,102 @@
+"""Which way a closed loop is put together at the start: nearest to the guesses, told where nothing chooses."""
+
+import numpy as np
+import pytest
+from oracles.assemblies import check
+
+import lmoc
+
+FOURBAR = """model Fourbar
+  import Planar.*;
+  inner World world(g = 0);
+  Ground g1, g2(x = 1);
+  Revolute A(phi(start = 1, fixed = true), omega(start = 2, fixed = true)), B{B}, C{C}, D{D};
+  Bar a(l = 0.5, m = 1), b(l = 1.2, m = 1), c(l = 0.9, m = 1);
+equation
+  connect(g1.frame, A.a); connect(A.b, a.a); connect(a.b, B.a); connect(B.b, b.a); connect(b.b, C.a);
+  connect(C.b, c.b); connect(c.a, D.b); connect(D.a, g2.frame);
+end Fourbar;"""
+# the rocker stands above the ground, or below it: the circles about its foot and about the crank's end meet twice
+CRANK = 0.5 * np.array([np.cos(1), np.sin(1)])
+DISTANCE = np.hypot(1 - CRANK[0], CRANK[1])
+TOWARDS = np.arctan2(CRANK[1], CRANK[0] - 1)
+HALF = np.arccos((DISTANCE**2 + 0.9**2 - 1.2**2) / (2 * DISTANCE * 0.9))
+ABOVE, BELOW = TOWARDS - HALF, TOWARDS + HALF - 2 * np.pi
+
+
+def fourbar(**guesses: float) -> str:
+    return FOURBAR.format(**{k: f"(phi(start = {guesses[k]}))" if k in guesses else "" for k in "BCD"})
+
+
+def notes(run) -> list[str]:
+    return [d.code for d in run.notes if d.code in ("N0533", "W0533", "N0539")]
+
+
+@pytest.mark.parametrize("seed", [3, 8, 11, 17])
+def test_a_random_linkage_starts_where_it_closes_nearest_to_its_guesses(seed):
+    """`tests/many_assemblies.py` tries hundreds."""
+    check(seed)
+
+
+def test_without_a_guess_the_smallest_angles_are_taken_and_told():
+    run = lmoc.compile_text(fourbar()).simulate(times=[0.0])
+    assert run["D.phi"][0] == pytest.approx(ABOVE, abs=1e-9)
+    assert notes(run) == ["N0539"]
+    (note,) = [d for d in run.notes if d.code == "N0539"]
+    assert f"D.phi = {ABOVE:.4g}" in note.message and f"D.phi = {BELOW:.4g}" in note.found
+    assert "B.phi (start = " in note.hint
+
+
+@pytest.mark.parametrize(("guess", "place"), [(1.5, ABOVE), (-2.0, BELOW), (4.0, BELOW + 2 * np.pi)])
+def test_a_guess_chooses_and_is_explained(guess, place):
+    run = lmoc.compile_text(fourbar(D=guess)).simulate(times=[0.0])
+    assert run["D.phi"][0] == pytest.approx(place, abs=1e-9)
+    assert notes(run) == ["N0533"]
+
+
+def test_a_guess_that_is_met_needs_no_word():
+    run = lmoc.compile_text(fourbar(D=float(BELOW))).simulate(times=[0.0])
+    assert run["D.phi"][0] == pytest.approx(BELOW, abs=1e-9) and notes(run) == []
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+def test_a_guess_of_whole_turns_is_met(turns):
+    run = lmoc.compile_text(fourbar(D=float(ABOVE + 2 * np.pi * turns), B=0.0)).simulate(times=[0.0])
+    assert run["D.phi"][0] == pytest.approx(ABOVE + 2 * np.pi * turns, abs=1e-9)
+    assert abs(run["B.phi"][0]) < np.pi
+
+
+@pytest.mark.parametrize("angle", [0.3, 2.0, -2.5])
+def test_another_start_of_one_run_is_put_together_as_if_the_model_said_so(angle):
+    dae = lmoc.compile_text(fourbar(D=-2.0))
+    other = lmoc.compile_text(fourbar(D=-2.0).replace("start = 1,", f"start = {angle},"))
+    for k in "ABCD":
+        given = dae.simulate(times=[0.0], initial={"A.phi": angle})[f"{k}.phi"][0]
+        assert given == pytest.approx(other.simulate(times=[0.0])[f"{k}.phi"][0], abs=1e-9)
+
+
+def test_other_lengths_are_put_together_as_if_the_model_had_them():
+    dae = lmoc.compile_text(fourbar(D=-2.0))
+    other = lmoc.compile_text(fourbar(D=-2.0).replace("b(l = 1.2", "b(l = 1.35"))
+    run, own = dae.simulate(times=[0.0], parameters={"b.l": 1.35}), other.simulate(times=[0.0])
+    assert [run[f"{k}.phi"][0] for k in "BCD"] == pytest.approx([own[f"{k}.phi"][0] for k in "BCD"], abs=1e-9)
+
+
+@pytest.mark.parametrize(("guess", "sign"), [(1.2, 1), (-0.5, -1), (-3.0, -1)])
+def test_the_place_of_a_slider_chooses_its_side(guess, sign):
+    text = f"""model Slider
+      import Planar.*;
+      inner World world(g = 0);
+      Ground g;
+      Revolute A(phi(start = 0.7, fixed = true), omega(start = 1, fixed = true)), B, C;
+      Bar crank(l = 0.3, m = 1), rod(l = 0.8, m = 1);
+      Prismatic line(s(start = {guess}));
+      Body slider(m = 1, J = 1);
+    equation
+      connect(g.frame, A.a); connect(A.b, crank.a); connect(crank.b, B.a); connect(B.b, rod.a);
+      connect(rod.b, C.a); connect(C.b, line.b); connect(line.a, g.frame); connect(line.b, slider.frame);
+    end Slider;"""
+    run = lmoc.compile_text(text).simulate(times=[0.0])
+    place = 0.3 * np.cos(0.7) + sign * np.sqrt(0.8**2 - (0.3 * np.sin(0.7)) ** 2)
+    assert run["line.s"][0] == pytest.approx(place, abs=1e-9)
+    assert "W0533" not in notes(run) and "N0539" not in notes(run)
