@@ -44,10 +44,6 @@ def ratios(repeat: int) -> list[dict[str, object]]:
         dae = lmoc.compile(ROOT / f"models/classic/{name}.lmo")
         for rtol in TOLERANCES:
             run = dae.simulate(rtol=rtol, points=501)
-            deadline = time.monotonic() + 30  # until the compiler, which works beside, has made the code
-            while os.environ.get("LMOC_CC") != "" and run.stats["evaluation"] != "C" and time.monotonic() < deadline:
-                time.sleep(0.2)
-                run = dae.simulate(rtol=rtol, points=501)
             other = by_hand(make, rtol)
             solution = other()
             ours, theirs = [], []

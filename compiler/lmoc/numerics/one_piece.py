@@ -77,7 +77,7 @@ class PieceSolver:
     def __init__(self, task: Task, tolerances: Tolerances) -> None:
         options = task.options
         self.task, self.tolerances, self.cost = task, tolerances, Cost()
-        self._deadline = None if options.max_seconds is None else clock.monotonic() + options.max_seconds
+        self._deadline = None if options.max_seconds is None else clock.thread_time() + options.max_seconds
         self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
         self._lookout: Lookout | None = None
         self._spent: dict[Plan, Spent] = {}

@@ -79,7 +79,7 @@ class RunOptions:
     ----------
     start, …, step : the arguments of `lmoc.DAE.simulate` of these names
     max_steps : steps after which the run is given up
-    max_seconds : wall time after which the run is given up; None for no limit
+    max_seconds : of the processor in this thread, after which the run is given up; None for no limit
     """
 
     start: float | None = None

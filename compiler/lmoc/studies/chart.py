@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
 from lmoc.numerics.formulations.table import TABLE
 from lmoc.numerics.options import FIXED_STEP, FORMULATIONS, SOLVERS, solver_hint
 from lmoc.session import Session
 from lmoc.simulation import Request
 from lmoc.studies.chart_text import save, table
-from lmoc.studies.findings import Findings
-from lmoc.studies.points import Measurement, Runner, Setting, steps_for
-from lmoc.studies.reference import Probe, make_reference, probe, reach
+from lmoc.studies.findings import DIGITS, Findings
+from lmoc.studies.points import Measurement, Point, Runner, Setting, steps_for
+from lmoc.studies.reference import Probe, Reference, first_of, is_stiff, make_reference, probe
+from lmoc.studies.whole import Whole, try_whole
+from lmoc.studies.work import reached_with
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -30,8 +31,10 @@ _QUICK_RTOLS = 1e-3, 1e-5, 1e-7, 1e-9
 _QUICK = ("auto", "dop853", "taylor", "adams", "cvode", "radau", "gauss", "midpoint")
 _ELSEWHERE = "auto", "dop853", "taylor", "ida", "radau", "gauss"  # in other formulations, unless somebody asks
 _STEPS, _QUICK_STEPS = 6, 3  # lengths of fixed steps
-_QUICK_REFERENCE, _QUICK_SHARE = 0.2, 0.7  # of the time for it a run of the reference may take; of the way it gets then
-_QUICK_RUN = 0.04  # s, that a run by `auto` may take in a quick chart; of a longer one only the beginning is charted
+# work of a run by `auto` in a quick chart, and of a run of its reference, s as counted in `work`; where there is more,
+# only the beginning is charted
+_QUICK_RUN, _QUICK_REFERENCE = 0.1, 0.5
+_QUICK_WHOLE = 2.0  # s, that a run may take by which the advice is tried on the whole scene
 _LEAST_SHARE = 0.5  # of the time for a chart that is left for its points, however long the reference has taken
 
 Progress = Callable[[str, float], None]
@@ -125,12 +128,12 @@ def chart(
         raise ModelError([Diagnostic("E0541", "there is nothing to chart: the scene has no states to integrate")])
     until = clock.thread_time() + budget.total
     progress("auto at rtol 1e-6", 0.0)
-    first, note = probe(runner, budget.reference), ""
-    end = _quick_end(runner, first, budget) if quick else first.end
-    if end < first.end:
+    scene, note = runner, ""
+    end = _quick_end(runner, budget) if quick else runner.span.end
+    if end < scene.span.end:
         runner = runner.until(end)
-        note = f"to be quick, only until {end:.3g} s of {first.end:g} s"
-        first = probe(runner, budget.reference)
+        note = f"to be quick, only until {end:.3g} s of {scene.span.end:g} s"
+    first = probe(runner, budget.reference)
     reference = make_reference(runner, first, budget.reference, progress)
     settings = [
         _settings(solver, formulation, tolerances, first, quick)
@@ -142,17 +145,37 @@ def chart(
     measurement = Measurement(runner, reference.signals, budget.run, until, progress)
     measurement.measure(settings, budget.repeats)
     points = (measurement.points.get(setting) for series in settings for setting in series)
-    return Chart(session.flat.name, tuple(p for p in points if p is not None), reference, note, measurement.interrupted)
+    found = tuple(p for p in points if p is not None)
+    whole = None
+    if runner is not scene and not measurement.interrupted:
+        whole = _try_whole(scene, runner, found, reference, progress)
+    return Chart(session.flat.name, found, reference, note, measurement.interrupted, whole)
 
 
-def _quick_end(runner: Runner, first: Probe, budget: Budget) -> float:
-    """Return the end of the runs of a quick chart, s: `auto` gets there quickly, and so does the reference."""
-    end = first.end
-    if first.seconds > _QUICK_RUN:
-        end = first.begin + (first.reached - first.begin) * _QUICK_RUN / first.seconds
-    seconds = budget.reference * _QUICK_REFERENCE
-    reached = reach(runner if end == first.end else runner.until(end), replace(first, end=end), seconds)
-    return end if reached >= end else first.begin + _QUICK_SHARE * (reached - first.begin)
+def _quick_end(runner: Runner, budget: Budget) -> float:
+    """Return the end of the runs of a quick chart, s: `auto` gets there with little work, and so does the reference.
+
+    It follows from the scene, and not from the clock.
+    """
+    auto = reached_with(runner, Setting("auto", "reduced", 1e-6), _QUICK_RUN, budget.total)
+    part = runner if auto.end >= runner.span.end else runner.until(auto.end)
+    try:
+        return reached_with(part, first_of(is_stiff(auto.run)), _QUICK_REFERENCE, budget.total).end
+    except (SimulationError, ModelError):  # another method serves as reference
+        return auto.end
+
+
+def _try_whole(
+    scene: Runner, runner: Runner, points: Sequence[Point], reference: Reference, progress: Progress
+) -> Whole:
+    """Return what has come of trying the points with the most digits on the whole scene, of as many as any has."""
+    longer = (scene.span.end - scene.span.start) / (runner.span.end - runner.span.start)
+    names = reference.signals.names
+    for digits in range(DIGITS, 0, -1):
+        whole = try_whole(scene, points, names, 10.0**-digits, longer, _QUICK_WHOLE, progress)
+        if any(p.error <= 10.0**-digits for p in whole.tried) or whole.uncertainty == math.inf:
+            break
+    return whole
 
 
 def _budget(seconds: float | None, quick: bool) -> Budget:

@@ -22,6 +22,9 @@ def table(chart: Findings) -> str:
     lines = [f"{chart.name}: speed against accuracy", f"  reference: {chart.reference.text}"]
     if chart.note:
         lines.append(f"  {chart.note}")
+    if chart.whole is not None and chart.whole.tried:
+        tried = (f"{p.setting.text}: error {p.error:.0e}, {seconds_text(p.seconds)}" for p in chart.whole.tried)
+        lines.append(f"  of the whole run {'; '.join(tried)}")
     if chart.reference.uncertainty > 1e-6:
         lines.append("  the reference itself has fewer than 6 digits: do not trust smaller errors")
     lines += ["", *_times(chart), "", *_failures(chart), chart.recommendation]

@@ -66,7 +66,7 @@ def economy(session: Session, request: Request, seconds: float = 20.0) -> Econom
 
     Parameters
     ----------
-    seconds : wall time after which a form is given up
+    seconds : of the processor, after which a form is given up
 
     Raises
     ------

@@ -7,6 +7,7 @@ from typing import Any
 
 from lmoc.studies.points import Point
 from lmoc.studies.reference import Reference
+from lmoc.studies.whole import Whole
 from lmoc.support.records import dataclass
 
 DIGITS = 6  # that a recommendation is made for
@@ -27,6 +28,8 @@ class Findings:
     reference : what the errors are measured against
     note : what else there is to say
     interrupted : it was broken off; what had been measured is there
+    whole : the points come from the beginning of the scene, and what came of those with the most digits in all of it;
+        None where all points are of the whole run
     """
 
     name: str
@@ -34,6 +37,7 @@ class Findings:
     reference: Reference
     note: str = ""
     interrupted: bool = False
+    whole: Whole | None = None
 
     def to_dataframe(self):
         """Return a pandas DataFrame with the columns of `COLUMNS`, one row a point."""
@@ -50,19 +54,28 @@ class Findings:
         return rows
 
     def recommended(self, digits: int = DIGITS) -> Point | None:
-        """Return the fastest point with so many digits; None where no method has them, or the reference has not."""
-        if self.reference.uncertainty > 10.0**-digits:
+        """Return the fastest point with so many digits; None where no method has them, or the reference has not.
+
+        Where only the beginning is charted, it is a point of the whole run, as far as that has been tried.
+        """
+        points, doubt = self.points, self.reference.uncertainty
+        if self.whole is not None and self.whole.tried:
+            points, doubt = self.whole.tried, self.whole.uncertainty
+        if doubt > 10.0**-digits:
             return None
-        good = [p for p in self.points if p.ok and p.error <= 10.0**-digits]
+        good = [p for p in points if p.ok and p.error <= 10.0**-digits]
         return min(good, key=lambda p: p.seconds, default=None)
 
     @property
     def recommendation(self) -> str:
         """Return one line: ``for 6 digits: dop853 at rtol 1e-7, 4 ms``; of fewer digits where none has so many."""
+        which = ""
+        if self.whole is not None:
+            which = " for the whole run" if self.whole.tried else "; the whole run takes too long to be tried"
         for digits in range(DIGITS, 0, -1):
             point = self.recommended(digits)
             if point is not None:
-                return f"for {digits} digits: {point.setting.text}, {seconds_text(point.seconds)}"
+                return f"for {digits} digits: {point.setting.text}, {seconds_text(point.seconds)}{which}"
         return "no method reaches one digit"
 
 

@@ -28,7 +28,6 @@ from lmoc.support.records import dataclass
 _ONE_CALL = ("cvodes", "idas", "collocation", "collocation-radau")  # a run is one call, which nothing can stop
 NOT_RUN = "not run"  # what a status begins with where there was no time for a run
 TOO_SLOW = "it takes "  # what stands before how long a run took until it was given up
-_BUSY = 3.0  # wall time that a run may take for each second of the processor
 _SHORT = 1e-3  # of the span, a run that warms up
 
 
@@ -137,7 +136,7 @@ class Runner:
             formulation=setting.formulation,
             rtol=None if setting.fixed else setting.rtol,
             step=setting.step if setting.fixed else None,
-            max_seconds=None if limit is None or self._is_one_call(setting.solver) else _BUSY * limit,
+            max_seconds=None if limit is None or self._is_one_call(setting.solver) else limit,
         )
         request = replace(self.request, options=options)
         gc.disable()  # as timeit does
@@ -247,7 +246,7 @@ class Measurement:
             return Point(setting, status=str(failure).replace(Status.TOO_LONG.value, slow), note=_reached(failure))
         except ModelError as error:
             return Point(setting, status="refused: " + error.diagnostics[-1].message)
-        return _point(setting, run, seconds, self.reference)
+        return point_of(setting, run, seconds, self.reference)
 
     def _repeat(self, repeats: int) -> None:
         good = [setting for setting, point in self.points.items() if point.ok]
@@ -280,7 +279,7 @@ def _reached(failure: SimulationError) -> str:
     return f"reached {failure.time:.6g} s"
 
 
-def _point(setting: Setting, run: Run, seconds: float, reference: Signals) -> Point:
+def point_of(setting: Setting, run: Run, seconds: float, reference: Signals) -> Point:
     """Return what a run that has come to its end amounts to."""
     apart, stats = deviation(signals_of(run, reference.names), reference), run.stats
     notes = [apart.note]

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
 from lmoc.numerics.integrate.status import Status
+from lmoc.run import Run
 from lmoc.studies.deviation import Signals, compared_names, deviation, deviations, signals_of
 from lmoc.studies.points import Runner, Setting
 from lmoc.support.records import dataclass
@@ -92,20 +93,19 @@ def probe(runner: Runner, seconds: float) -> Probe:
         if run is None or Status.TOO_LONG.value not in str(failure):
             raise
     span = runner.span
-    stiff = bool(_STIFF_SOLVERS & set(str(run.stats["solver"]).split(", ")))
     step = (reached - span.start) / max(1, int(run.stats.get("steps", 1)))
-    return Probe(compared_names(run), tuple(run.states), span.start, reached, span.end, spent, step, stiff)
+    return Probe(compared_names(run), tuple(run.states), span.start, reached, span.end, spent, step, is_stiff(run))
 
 
-def reach(runner: Runner, first: Probe, seconds: float) -> float:
-    """Return how far the first method of a reference gets in so many seconds, s; the end where it gets there."""
-    solver, rtol = (_STIFF if first.stiff else _SMOOTH)[0]
-    try:
-        runner.run(Setting(solver, "reduced", rtol), seconds)
-    except SimulationError as failure:
-        if Status.TOO_LONG.value in str(failure):
-            return failure.time
-    return first.end
+def is_stiff(run: Run) -> bool:
+    """Return whether `auto` has found the scene of a run stiff."""
+    return bool(_STIFF_SOLVERS & set(str(run.stats["solver"]).split(", ")))
+
+
+def first_of(stiff: bool) -> Setting:
+    """Return the first method of a reference."""
+    solver, rtol = (_STIFF if stiff else _SMOOTH)[0]
+    return Setting(solver, "reduced", rtol)
 
 
 def make_reference(runner: Runner, first: Probe, seconds: float, progress: Callable[[str, float], None]) -> Reference:

@@ -86,7 +86,7 @@ def integrate(
     ----------
     y : (n,) at the start
     times : (k,) s
-    seconds : wall time after which it is given up
+    seconds : of the processor in this thread, after which it is given up
     """
     table = np.full((len(times), equations.n), np.nan)
     outline = VectorSystem(equations.plan)
@@ -96,7 +96,7 @@ def integrate(
         table[first : first + len(states)] = states
 
     atol = rtol * 1e-3 * np.fmax(1.0, np.abs(y))
-    deadline = clock.monotonic() + seconds
+    deadline = clock.thread_time() + seconds
     problem = Problem(
         outline, start, y, float(times[-1]), times, rtol, atol, sink, max_steps=_STEPS, deadline=deadline,
         index_one=equations,

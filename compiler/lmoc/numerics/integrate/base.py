@@ -52,7 +52,7 @@ class Problem:
     lookout : bounds the steps where something short happens in what depends on time alone
     max_steps : steps after which the run is given up
     overrun : steps by which these may be exceeded where so many are expected to reach the end
-    deadline : value of ``time.monotonic()`` at which to stop, None for no limit
+    deadline : value of ``time.thread_time()`` at which to stop, None for no limit
     progress : called with the time reached, a few times a second at the most
     patience : steps that an explicit method may still need where it finds the problem stiff; beyond, it gives up
     breaks : times within at which the right-hand side jumps or has a kink
@@ -378,4 +378,4 @@ class Watch:
         if self.progress is not None and now - self._told > self.EVERY:
             self._told = now
             self.progress(t)
-        return self.deadline is not None and now > self.deadline
+        return self.deadline is not None and clock.thread_time() > self.deadline
