@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import lmoc
+from lmoc.expression.units import parse_unit
 from lmoc.report.display import UNITS, display
 from lmoc.report.summary import summary
-from lmoc.semantics.values.units import parse_unit
 
 SCENE = """model M Inertia i(J = 2, theta(start = 0.5, fixed = true), omega(start = 3, fixed = true));
     Mass m(m = 1, q(start = 0.25, fixed = true)); output Real a(unit = "rad") = i.theta;

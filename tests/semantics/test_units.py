@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 from oracles.flattening import codes, equations, flat, mistakes
 
-from lmoc.semantics.values.units import BASE, UnitError, parse_unit, unit_text
+from lmoc.expression.units import BASE, UnitError, parse_unit, unit_text
 
 
 def exponents(text: str) -> dict[str, Fraction]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import prod
 
+from lmoc.expression.units import parse_unit
 from lmoc.ir.flat import Kind
 from lmoc.ir.law import COMPLEMENTARY, LawKind
 from lmoc.messages.diagnostics import nearest
@@ -21,7 +22,6 @@ from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import changes, dims_text
 from lmoc.semantics.values.unit_inference import unit_of_value
-from lmoc.semantics.values.units import parse_unit
 from lmoc.semantics.values.value import Value
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree

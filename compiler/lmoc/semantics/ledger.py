@@ -14,8 +14,8 @@ from functools import cache
 import numpy as np
 
 from lmoc.expression import dag
+from lmoc.expression.units import UnitError, parse_unit
 from lmoc.ir.flat import Block, Group, Kind, Part, Sums
-from lmoc.semantics.values.units import UnitError, parse_unit
 from lmoc.support.indices import INDEX
 from lmoc.support.records import dataclass
 

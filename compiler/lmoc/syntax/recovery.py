@@ -87,7 +87,7 @@ def _most_likely(trouble: Trouble, candidates: Iterator[Slip]) -> Slip | None:
     best, farthest = None, _PLAUSIBLE - 1
     for slip in candidates:
         reach = trouble.reach(slip.edit)
-        if reach >= CERTAIN:
+        if reach >= (_PLAUSIBLE if slip.sure else CERTAIN):
             return slip
         if reach > farthest:
             best, farthest = slip, reach

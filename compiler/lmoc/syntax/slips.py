@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from lmoc.expression.functions import CALLABLE
+from lmoc.expression.units import Unit, UnitError, parse_unit, unit_text
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.syntax.tables import END_OF_TEXT
 from lmoc.syntax.trouble import FRESH, Edit, Slip, Trouble
@@ -31,6 +32,7 @@ WANT_OPERAND = set("+ - * / ^ .+ .- .* ./ .^ < <= > >= == <> = := and or not ( [
 _SIGNS = {"=": (":=", "in", "=="), ":=": ("=", "in"), "==": ("=", ":=")}
 _CONDITIONS = {"if", "elseif", "when", "elsewhen", "while", "("}
 _DECLARES = {"parameter", "constant", "discrete", "input", "output", "flow", "final", "inner", "outer", "replaceable"}
+_OF_UNITS = {"IDENT", "NUMBER", "*", "/", "^", ".", "(", ")", "[", "]"}
 _FUNCTIONS = {"der", "pre", *CALLABLE}
 _ATTRIBUTES = set("start fixed unit min max nominal stateSelect displayUnit quantity".split())
 # So far back a misspelled keyword is looked for: it may have been taken for the name of a type.
@@ -43,6 +45,7 @@ def slips(trouble: Trouble) -> Iterator[Slip]:
         _capitalized_keyword,
         _semicolon_after_section,
         _decimal_comma,
+        _unit_behind_a_number,
         _subscripts_of_a_number,
         _missing_semicolon_at_line_end,
         _missing_semicolon_before,
@@ -152,6 +155,50 @@ def _decimal_comma(trouble: Trouble) -> Iterator[Slip]:
         message, hint = f"'{whole},{digits}' is no number", f"a decimal number has a point: {whole}.{digits}"
         place = trouble.span(at - 2, at)
         yield Slip(Edit(at - 1, 2, ()), partial(Diagnostic, "E0101", message, place, hint=hint))
+
+
+def _unit_behind_a_number(trouble: Trouble) -> Iterator[Slip]:
+    """``50 N/m``, ``2kg``, ``50 [N/m]``"""
+    if trouble.before != "NUMBER" or trouble.breaks_line or trouble.found not in ("IDENT", "[", "("):
+        return
+    symbols, at = trouble.tokens.symbols, trouble.at
+    stop = at
+    while symbols[stop] in _OF_UNITS:
+        stop += 1
+    for end in range(stop, at, -1):
+        text = "".join(trouble.tokens.texts[at:end])
+        unit = _unit(text)
+        if unit is not None and symbols[end] not in ("*", "/", "^", "."):  # 2 m*x is a product
+            explain = partial(_no_unit_here, trouble, end - 1, text, unit)
+            yield Slip(Edit(at, end - at, ()), explain, sure=True)
+            return
+
+
+def _unit(text: str) -> Unit | None:
+    """A unit as people write it behind a number; None where it is none."""
+    bare = text[1:-1] if text[0] + text[-1] in ("[]", "()") else text
+    try:
+        return parse_unit(bare.replace("*", ".").replace("^", "")) if bare[:1].isalpha() else None
+    except UnitError:
+        return None
+
+
+def _no_unit_here(trouble: Trouble, last: int, unit: str, meaning: Unit) -> Diagnostic:
+    """In SI units the number may be another one."""
+    given = _text(trouble, -1)
+    bare = unit.strip("[]()").replace("*", ".").replace("^", "")
+    if abs(meaning.factor - 1) > 1e-12 and bare not in ("degC", "degF"):
+        bare = unit_text(Unit(meaning.exponents)) if any(meaning.exponents) else "rad"  # deg, rev
+        number, same = f"{float(given) * meaning.factor:.6g}", f" (in {bare})"
+    else:
+        number, same = given, ""
+    product = f"; a product is written with '*': {given}*{unit}" if last == trouble.at else ""
+    return Diagnostic(
+        "E0125",
+        f"a number has no unit here: '{given} {unit}'",
+        trouble.span(trouble.at, last),
+        hint=f"write {number}{same}; parameters and variables have units: Real k(unit = \"{bare}\"){product}",
+    )
 
 
 def _subscripts_of_a_number(trouble: Trouble) -> Iterator[Slip]:

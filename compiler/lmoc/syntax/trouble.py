@@ -41,10 +41,14 @@ class Edit(NamedTuple):
 
 
 class Slip(NamedTuple):
-    """A change that might be what the writer meant, and how to say so."""
+    """A change that might be what the writer meant, and how to say so.
+
+    One that is `sure` is taken if reading goes on at all: what follows it may be the same slip once more.
+    """
 
     edit: Edit
     explain: Callable[[], Diagnostic]
+    sure: bool = False
 
 
 def advance(

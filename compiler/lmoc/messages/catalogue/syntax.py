@@ -102,6 +102,12 @@ SYNTAX: dict[str, Entry] = {
         "In a call, arguments without names come before those with names, and each name is given once.",
         "model A\n  Real x = max(1, y = 2, 3);\nend A;",
     ),
+    "E0125": Entry(
+        "a unit behind a number",
+        "A number has no unit: all are in SI units. The parameter or variable that it is given to has one, "
+        "`parameter Real k(unit = \"N/m\")`; those of the library's parts have theirs.",
+        "model A\n  Fixed wall;\n  Spring spring(k = 50 N/m);\nequation\n  connect(wall.flange, spring.a);\nend A;",
+    ),
     "E0119": Entry(
         "an operator is missing",
         "Two expressions stand next to each other; a product is written with '*'.",

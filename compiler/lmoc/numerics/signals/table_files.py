@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from lmoc.expression.units import SECOND, Unit, UnitError, parse_unit
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.messages.source import Source, Span
 from lmoc.numerics.signals import decimal_marks
 from lmoc.numerics.signals.delimited import NotText, Sheet, content, decoded, sheet
 from lmoc.numerics.signals.tables import Points
-from lmoc.semantics.values.units import SECOND, Unit, UnitError, parse_unit
 from lmoc.support.records import dataclass
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")

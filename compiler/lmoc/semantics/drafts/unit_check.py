@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 from lmoc.expression.dag import Expr
 from lmoc.expression.text import to_text
+from lmoc.expression.units import Unit, UnitError, parse_unit
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
 from lmoc.semantics.drafts.draft import Column, Drafts
 from lmoc.semantics.nodes.instance import Variable
 from lmoc.semantics.values.unit_inference import Mismatch, infer, unit_of
-from lmoc.semantics.values.units import Unit, UnitError, parse_unit
 
 
 def check_units(drafts: Drafts, report: Report) -> None:

@@ -33,6 +33,10 @@ BUILTIN_FUNCTIONS: dict[str, Handler] = {}
 
 KINKED = tuple(f.name for f in FUNCTIONS.values() if f.kind is Kind.KINKED and f.arity == 1)
 LATER = "delay spatialDistribution".split()
+_INSTEAD = {
+    "delay": "a formula of time is written with time - T in it, a table has its times shifted; what follows a state is "
+    "nearly a lag: T*der(y) = u - y"
+}
 
 
 def builtin(*names: str):
@@ -381,4 +385,5 @@ def _to_string(context: Context, call: tree.Call) -> Value:
 
 @builtin(*LATER)
 def _later(context: Context, call: tree.Call) -> Value:
-    raise Wrong("E0230", f"'{call.function}' is not available yet", call.span)
+    name = str(call.function)
+    raise Wrong("E0230", f"'{name}' is not available yet", call.span, hint=_INSTEAD.get(name, ""))

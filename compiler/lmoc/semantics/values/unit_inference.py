@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 from lmoc.expression.dag import Expr, postorder
 from lmoc.expression.functions import FUNCTIONS, UnitRule
+from lmoc.expression.units import ONE_UNIT, SECOND, Unit, UnitError, parse_unit
 from lmoc.semantics.nodes.instance import Variable
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.values.units import ONE_UNIT, SECOND, Unit, UnitError, parse_unit
 from lmoc.semantics.values.value import Value
 
 
