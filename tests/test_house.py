@@ -19,6 +19,7 @@ ORDER = (
     "sources",
     "semantics",
     "structure",
+    "lower",
     "engine",
     "numerics",
     "symbolic",

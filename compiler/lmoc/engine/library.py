@@ -6,7 +6,7 @@ import ctypes
 from functools import lru_cache
 from importlib import import_module
 
-_POINTER, _COUNT, _INT = ctypes.c_void_p, ctypes.c_int64, ctypes.c_int
+_POINTER, _COUNT, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_int, ctypes.c_double
 # Functions with their results and arguments, in the order of the headers in `c/`.
 _FUNCTIONS = {
     "lmoc_lu_new": (_POINTER, [_COUNT, _POINTER, _POINTER]),
@@ -16,6 +16,16 @@ _FUNCTIONS = {
     "lmoc_lu_refactor": (_INT, [_POINTER, _POINTER, _POINTER]),
     "lmoc_lu_factor": (_INT, [_POINTER, _POINTER, _POINTER]),
     "lmoc_lu_solve": (None, [_POINTER, _POINTER]),
+    "lmoc_operations": (ctypes.c_char_p, []),
+    "lmoc_tape_run": (_INT, [_REAL, _POINTER, _POINTER]),
+    "lmoc_evaluate": (_INT, [_POINTER, _REAL, _POINTER]),
+    "lmoc_mark": (None, [_POINTER]),
+    "lmoc_many": (None, [_POINTER, _COUNT, *[_POINTER] * 3, _COUNT, *[_POINTER] * 3]),
+    "lmoc_rhs": (_INT, [_REAL, *[_POINTER] * 3]),
+    "lmoc_residual": (_INT, [_REAL, *[_POINTER] * 4]),
+    "lmoc_dop853_attempt": (None, [_POINTER, _REAL, _REAL, _REAL, *[_POINTER] * 8]),
+    "lmoc_dop853_more": (None, [_POINTER, _REAL, _REAL, *[_POINTER] * 5]),
+    "lmoc_dop853_walk": (_INT, [_POINTER]),
 }
 
 
@@ -34,3 +44,8 @@ def library() -> ctypes.CDLL:
         function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
     return loaded
+
+
+def address(name: str) -> int:
+    """Return where a function of the engine, or a table of functions, stands."""
+    return ctypes.addressof(ctypes.c_char.in_dll(library(), name))

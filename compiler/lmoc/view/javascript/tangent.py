@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.expression.dag import ZERO, Expr, add, mul, slot, slots
 from lmoc.ir.program import Apply, Program, Solve, Step, Total
-from lmoc.numerics.evaluate.jacobian import partial
+from lmoc.lower.chain_rule import partial
 from lmoc.support.records import dataclass
 
 

@@ -1,0 +1,221 @@
+/* Steps of DOP853 with the control of their length, many at a time. The rules are those of `integrate/dop853.py`, which
+   makes the steps where Python looks at each of them: both come to the same steps. */
+
+#include "engine.h"
+
+typedef struct {
+  double safety, shrink, grow, retry;                 /* factors on the length of a step */
+  double rough_from, rough, careful, careful_steps;   /* where dense output is less accurate than the step */
+  double stiff_limit, stiff_steps, calm_steps;
+  double cuts, pace;                                  /* where values are not finite */
+  double least;                                       /* s */
+} rules;
+
+/* The state of the method. `k` are the stages of the last step, from `x` to `x_new`; while it is pending, they stand for
+   output, and `t` is already its end. Whoever judges it has moved its end to `landed` where there is one who lands. */
+typedef struct {
+  lmoc_call *call;
+  const rules *rules;
+  const double *weights, *nodes, *dense, *omitted, *atol;
+  double *x, *f, *x_new, *k, *last, *terms, *landed;
+  double t, before, step_size, length, error, stiffness, grow, stiff_count, calm_count, careful;
+  double cuts, cuts_since;
+  int64_t pending, staged, lost;
+  double rtol, end, max_step, patience;
+  int64_t steps, rejected, evaluations, most;         /* in this call; steps and rejected ones at most */
+  const double *times;                                /* output times ahead … */
+  double *out;                                        /* … and the states at them, as far as there is room */
+  int64_t outputs, reached, room;
+  const lmoc_hold *hold;                              /* or 0 */
+} steps;
+
+static void all_stages(steps *s, double time, double h) {
+  if (s->staged) return;
+  lmoc_dop853_more(s->call, time, h, s->weights, s->nodes, s->x, s->k, s->last);
+  s->evaluations += 3;
+  s->staged = 1;
+}
+
+/* Size of the last term of the dense output in tolerances. */
+static double roughness(const steps *s, double h) {
+  const int64_t n = s->call->n;
+  double sum = 0;
+  for (int64_t i = 0; i < n; i++) {
+    double e = 0;
+    for (int j = 0; j < 16; j++) e += s->omitted[j] * s->k[j*n + i];
+    e /= s->atol[i] + s->rtol*fabs(s->x[i]);
+    sum += e*e;
+  }
+  return h * sqrt(sum / (double)n);
+}
+
+/* Whether the latest steps get on though the values around are not finite. */
+static int gets_on(steps *s) {
+  if (s->cuts < s->rules->cuts) return 1;
+  const double advance = s->t - s->cuts_since, needed = s->cuts * s->rules->pace * (s->end - s->t);
+  s->cuts = 0;
+  s->cuts_since = s->t;
+  return advance >= needed;
+}
+
+/* Try steps until one is accurate enough: its end, or 0 with the reason in `found` where there is none. */
+static double attempt(steps *s, int *found) {
+  const rules *r = s->rules;
+  const double wanted = s->hold ? -INFINITY : s->reached < s->outputs ? s->times[s->reached] : INFINITY;
+  double h = fmin(s->step_size, s->max_step), result[2];
+  if (!gets_on(s)) {
+    *found = LMOC_LOST;
+    return 0;
+  }
+  for (;;) {
+    double reached = s->t + h;
+    if (s->t + 1.001*h >= s->end) { reached = s->end; h = s->end - s->t; }
+    if (!(h > 8e-16 * fabs(reached)) || h < r->least) {
+      s->step_size = h;
+      *found = s->lost ? LMOC_LOST : LMOC_SHORT;
+      return 0;
+    }
+    memcpy(s->k, s->f, s->call->n * sizeof(double));
+    lmoc_dop853_attempt(s->call, s->t, h, s->rtol, s->weights, s->nodes, s->x, s->atol, s->k, s->x_new, s->last,
+                        result);
+    s->evaluations += 12;
+    s->staged = 0;
+    s->length = h;
+    s->error = result[0];
+    s->stiffness = result[1];
+    if (s->error < 1) {
+      s->lost = 0;
+      if (!(s->stiffness >= r->rough_from && wanted < reached)) return reached;
+      all_stages(s, s->t, h);
+      if (!(roughness(s, h) > r->rough)) return reached;
+      s->careful = r->careful_steps;
+      h *= r->careful / s->stiffness;
+    } else {
+      s->lost = !(s->error * 0 == 0);
+      s->cuts += (double)s->lost;
+      h *= s->lost ? r->retry : fmax(r->shrink, r->safety * pow(s->error, -0.125));
+      s->grow = 1;
+    }
+    s->rejected++;
+  }
+}
+
+/* Whether the step just tried is certainly good. */
+static int is_certain(steps *s, double reached) {
+  const lmoc_hold *hold = s->hold;
+  if (!hold) return 1;
+  if (hold->look(hold->own, reached, s->x_new, 1)) return 0;
+  if (hold->land) {
+    memcpy(s->landed, s->x_new, s->call->n * sizeof(double));
+    if (hold->land(hold->own, reached, s->landed)) return 0;
+  }
+  hold->keep(hold->own);
+  return 1;
+}
+
+/* Accept the step just tried, and choose the length of the next. Returns 0, or STIFF where too many of them would lie
+   ahead and the last ones were limited by stability. */
+static int accept(steps *s, double reached) {
+  const rules *r = s->rules;
+  s->steps++;
+  s->careful -= s->careful > 0;
+  s->before = s->t;
+  s->t = reached;
+  s->pending = 1;
+  const double factor = s->error > 0 ? fmin(s->grow, fmax(r->shrink, r->safety * pow(s->error, -0.125))) : s->grow;
+  const int held = s->careful > 0 && factor * s->stiffness > r->careful;
+  s->grow = r->grow;
+  const int limited = held || s->stiffness > r->stiff_limit;
+  if (limited) {
+    s->stiff_count++;
+    s->calm_count = 0;
+    if (s->stiff_count >= r->stiff_steps && (s->end - s->t) / s->length > s->patience) {
+      s->step_size = s->length;
+      return LMOC_STIFF;
+    }
+  } else if (s->stiff_count > 0 && ++s->calm_count >= r->calm_steps) s->stiff_count = 0;
+  s->step_size = s->length * (held ? r->careful / s->stiffness : factor);
+  return 0;
+}
+
+/* Coefficients of the polynomial within the last step (Hairer, Nørsett, Wanner I, II.6), as in
+   `integrate/dense_output.py`. */
+static void polynomial(const steps *s) {
+  const int64_t n = s->call->n;
+  const double h = s->length, *k = s->k;
+  double *t = s->terms;
+  for (int64_t i = 0; i < n; i++) {
+    const double rise = s->x_new[i] - s->x[i];
+    t[i] = rise;
+    t[n + i] = h*k[i] - rise;
+    t[2*n + i] = 2*rise - h*(k[12*n + i] + k[i]);
+  }
+  for (int d = 0; d < 4; d++) {
+    double *own = t + (3 + d)*n;
+    for (int64_t i = 0; i < n; i++) own[i] = 0;
+    for (int j = 0; j < 16; j++) {
+      const double b = s->dense[16*d + j];
+      if (b != 0) for (int64_t i = 0; i < n; i++) own[i] += b * k[j*n + i];
+    }
+    for (int64_t i = 0; i < n; i++) own[i] *= h;
+  }
+}
+
+/* Whether the last step has reached an output time that has not been seen to. */
+static int shows(const steps *s) { return s->reached < s->outputs && s->times[s->reached] <= s->t; }
+
+/* The states at the output times that the last step has reached. Returns whether there was room for them. */
+static int output(steps *s) {
+  const int64_t n = s->call->n;
+  if (!shows(s)) return 1;
+  all_stages(s, s->before, s->length);
+  polynomial(s);
+  for (; shows(s); s->reached++) {
+    if (s->reached == s->room) return 0;
+    const double theta = (s->times[s->reached] - s->before) / s->length, rest = 1 - theta, *t = s->terms;
+    double *y = s->out + s->reached*n;
+    for (int64_t i = 0; i < n; i++) {
+      double v = t[6*n + i] * theta;
+      v = (v + t[5*n + i]) * rest;
+      v = (v + t[4*n + i]) * theta;
+      v = (v + t[3*n + i]) * rest;
+      v = (v + t[2*n + i]) * theta;
+      v = (v + t[n + i]) * rest;
+      v = (v + t[i]) * theta;
+      y[i] = v + s->x[i];
+    }
+  }
+  return 1;
+}
+
+/* Stand at the end of the last step, or at where it has been moved. */
+static void go_on(steps *s) {
+  const int64_t n = s->call->n;
+  const int moved = s->hold && s->hold->land;
+  s->pending = 0;
+  memcpy(s->x, moved ? s->landed : s->x_new, n * sizeof(double));
+  if (!moved) {
+    memcpy(s->f, s->k + 12*n, n * sizeof(double));
+    return;
+  }
+  lmoc_derivatives(s->call, s->t, s->x, s->f);
+  s->evaluations++;
+}
+
+/* Steps with their output: as many as allowed, until the end, or until there is no room for output, and the last step
+   stays pending. Returns what the last step has; a DOUBTFUL one has been tried and stands there to be judged. */
+int lmoc_dop853_walk(steps *s) {
+  int found = 0;
+  s->steps = s->rejected = s->evaluations = s->reached = 0;
+  for (;;) {
+    if (s->pending) {
+      if (!output(s)) return found;
+      go_on(s);
+    }
+    if (found || s->steps + s->rejected >= s->most || s->t >= s->end) return found;
+    const double reached = attempt(s, &found);
+    if (found) return found;
+    if (!is_certain(s, reached)) return LMOC_DOUBTFUL;
+    found = accept(s, reached);
+  }
+}

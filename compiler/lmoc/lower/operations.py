@@ -1,0 +1,31 @@
+"""The operations of a tape and their numbers, in the order of ``engine/c/tape.h``."""
+
+from __future__ import annotations
+
+from lmoc.expression.functions import FUNCTIONS
+
+UNARY = tuple(
+    "move neg sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log log10 abs sign floor ceil "
+    "integer not".split()
+)
+BINARY = tuple("add sub mul div pow atan2 min max mod rem div_integer lt le gt ge eq ne and or".split())
+OTHER = tuple(
+    "if dot rows gather strided scatter spread products fill linear newton correct ready constant implicit".split()
+)
+OPERATIONS = ("end", *UNARY, *BINARY, *OTHER)
+NUMBER = {name: k for k, name in enumerate(OPERATIONS)}
+
+# Length of an instruction with its number; of those that are not listed it stands in the instruction.
+LENGTH = (
+    dict.fromkeys(UNARY, 3)
+    | dict.fromkeys(BINARY, 4)
+    | {"end": 1, "if": 5, "products": 6, "fill": 4, "correct": 3, "ready": 3}
+    | dict.fromkeys(("linear", "newton", "constant", "implicit"), 2)
+)
+# The same inside of `rows`, where each operand is a place and a flag.
+LENGTH_OF_ROWS = (
+    dict.fromkeys(UNARY, 5)
+    | dict.fromkeys(BINARY, 7)
+    | {"if": 9, "gather": 4, "strided": 5, "scatter": 4, "spread": 5}
+)
+ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | {"move": 1}
