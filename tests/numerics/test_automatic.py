@@ -213,7 +213,7 @@ def test_bdf_is_given_tolerances_for_what_it_loses_in_each_period(rtol):
       equation der(x) = v; der(v) = -x; der(y) = -1e4*(y - x); end M;"""
     run = lmoc.compile_text(text).simulate(stop=300, points=301, rtol=rtol)
     assert run.stats["solver"] == "dop853, cvode"
-    assert np.abs(run["x"] - np.cos(run.time)).max() < 30 * rtol
+    assert np.abs(run["x"] - np.cos(run.time)).max() < 40 * rtol
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10, 1e-12])

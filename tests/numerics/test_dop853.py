@@ -7,7 +7,7 @@ from oracles.by_hand import Scene, oscillator
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import Report, SimulationError
-from lmoc.numerics.evaluate.explicit_system import CasadiSystem
+from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.stepper import NumpyStepper
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate import dop853_table
@@ -46,9 +46,9 @@ def terms(stepper, h):
     return dense_terms(np.array([h]), stepper.x[None], stepper.x_new[None], stepper.stages(0.0, h)[None])
 
 
-@pytest.mark.parametrize("stepper", [NumpyStepper, CasadiSystem.stepper])
+@pytest.mark.parametrize("stepper", [NumpyStepper, EngineSystem.stepper])
 def test_orders_of_the_step_and_of_its_dense_output(stepper):
-    system = made(CasadiSystem, oscillator(m=1.0, k=1.0, q0=1.0, ledger=False))
+    system = made(EngineSystem, oscillator(m=1.0, k=1.0, q0=1.0, ledger=False))
     errors = []
     for h in (0.8, 0.4):
         one = stepper(system)
@@ -63,7 +63,7 @@ def test_orders_of_the_step_and_of_its_dense_output(stepper):
 
 
 def test_both_steppers_agree():
-    one, two = (made(system, pendulum()).stepper() for system in (VectorSystem, CasadiSystem))
+    one, two = (made(system, pendulum()).stepper() for system in (VectorSystem, EngineSystem))
     for stepper in (one, two):
         stepper.start(0.0, np.array([2.0, 0.5]), 1e-6, np.full(2, 1e-9))
     assert one.attempt(0.0, 0.5) == pytest.approx(two.attempt(0.0, 0.5), rel=1e-6)

@@ -12,15 +12,8 @@ import lmoc
 from lmoc.ir.flat import FlatDAE, Sums
 from lmoc.ir.program import Solve, walk
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.evaluate.casadi_system import can_lower
-from lmoc.numerics.evaluate.explicit_system import CasadiSystem
-from lmoc.numerics.evaluate.native import system as native
-from lmoc.numerics.evaluate.native.c_code import Unsupported
-from lmoc.numerics.evaluate.native.compiler import find_compiler
-from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
-from lmoc.numerics.evaluate.segments import can_segment
+from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.choice import integrate
@@ -43,24 +36,11 @@ def compiled(path: Path) -> lmoc.DAE:
 
 
 def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
-    """Every way in which the program of a scene can be evaluated here, ready to be called; its relations as written."""
+    """The engine and numpy on the program of a scene, ready to be called; its relations as written."""
     report, prepared = Report(), dae.prepare()
     signals = bind_signals(prepared.reduced.flat, None, report)
     plan, _ = Simulator(prepared.reduced).system(signals, True, report)
-    found: dict[str, System] = {"numpy": VectorSystem(plan)}
-    if can_lower(plan.program):
-        found["casadi"] = CasadiSystem(plan)
-    elif can_segment(plan.program):
-        found["casadi, blocks"] = SegmentedSystem(plan)
-        if can_unroll(plan.program):
-            found["casadi, unrolled"] = UnrolledSystem(plan)
-    if find_compiler():
-        from lmoc.numerics.evaluate.native.system import NativeSystem
-
-        try:
-            found["C"] = NativeSystem(plan)
-        except Unsupported:
-            pass
+    found: dict[str, System] = {"numpy": VectorSystem(plan), "engine": EngineSystem(plan)}
     for system in found.values():
         system.prepare(seeded(plan, prepared.values, signals), signals)
     return plan, found
@@ -103,13 +83,9 @@ def points(dae: lmoc.DAE, plan: Plan, count: int) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: f"{p.parent.name}/{p.stem}")
-def test_casadi_numpy_and_c_agree(path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(native, "_BY_NUMPY", 0)
+def test_the_engine_and_numpy_agree(path: Path) -> None:
     dae = compiled(path)
     plan, found = systems(dae)
-    if len(found) == 1 and find_compiler() is None:
-        pytest.skip("no C compiler, and too large for casadi")
-    assert len(found) > 1  # else the comparison is empty
     for t, x in zip((0.0, 0.37), points(dae, plan, 2), strict=True):
         reference = derivatives(found["numpy"], t, x)
         jacobian = found["numpy"].jacobian(t, x) if len(x) else np.zeros((0, 0))

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
+from lmoc.engine.kernel import Kernel
 from lmoc.expression import dag
 from lmoc.expression.dag import function, slot, slots
 from lmoc.expression.functions import BINARY, LOGICAL, UNARY
 from lmoc.ir.program import Apply, Solve, Total
+from lmoc.lower.blocks import values_tape
 from lmoc.numerics.evaluate.casadi_system import Lowered
 from lmoc.numerics.evaluate.interpreter import Interpreter, segment_sums
 from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.evaluate.native.compiler import find_compiler
-from lmoc.numerics.evaluate.native.kernel import Kernel
 from lmoc.numerics.evaluate.newton import Newton
 from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
 
@@ -215,11 +215,10 @@ def test_all_evaluators_agree_on_every_function_of_odd_numbers():
     Interpreter(tuple(program), count).run(w, 0.0)
     expected = w[outputs].reshape(len(shapes), rows)
     found = {"casadi": np.array(Lowered(program, count, inputs, [], [], outputs).function()(0.0, w[inputs], [], []))}
-    if find_compiler() is not None:
-        kernel = Kernel(tuple(program), count)
-        kernel.w[inputs] = w[inputs]
-        kernel(0.0)
-        found["C"] = kernel.w[outputs]
+    kernel = Kernel(values_tape(tuple(program), count))
+    kernel.w[inputs] = w[inputs]
+    kernel(0.0)
+    found["engine"] = kernel.w[outputs]
     for name, values in found.items():
         for shape, one, two in zip(shapes, values.reshape(len(shapes), rows), expected, strict=True):
             known = np.isfinite(pairs[: len(slots(shape))]).all(axis=0) | (shape.op in ("min", "max", "sign", "abs"))

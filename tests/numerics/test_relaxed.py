@@ -10,15 +10,15 @@ import pytest
 
 import lmoc
 from lmoc.messages.diagnostics import ModelError, Report
+from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.newton import Newton, shortest_solution, vanishes
-from lmoc.numerics.evaluate.segmented_system import SegmentedSystem
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.signals.signals import bind_signals
 from lmoc.numerics.simulate import Simulator
 
 STIFFNESS = (1.0, 2.0, 3.0)
 SOLVERS = ["dop853", "radau", "cvode", "adams", "ida", "cvodes"]
-WAYS = {"numpy": VectorSystem, "casadi, blocks": SegmentedSystem}
+WAYS = {"numpy": VectorSystem, "engine": EngineSystem}
 
 
 def effective(count: int) -> float:

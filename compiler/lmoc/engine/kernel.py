@@ -81,13 +81,14 @@ class Kernel:
         """
         Parameters
         ----------
-        patient : nonlinear blocks may be approached slowly; else they have several solutions, of which only the one that
-            continues the last counts
+        patient : nonlinear blocks may be approached slowly; else they have several solutions, of which only the one
+            that continues the last counts
         """
         self.tape, self._patient = tape, patient
         self.w = np.zeros(tape.size)
         self.w[tape.constants[0]] = tape.constants[1]
-        self._library, self._kept = library(), []
+        self._library = library()
+        self._kept: list[object] = []  # what C points to
         self._blocks = (_Block * max(1, len(tape.blocks)))(*map(self._block, tape.blocks))
         self._tape = _Tape(
             address("lmoc_tape_run"), tape.code.ctypes.data, tape.index.ctypes.data, ctypes.addressof(self._blocks),
@@ -149,11 +150,12 @@ class Kernel:
 
     def __call__(self, time: float) -> int:
         """Run the tape on `w`; 0, or the bits FAILED (a block has no solution that was found) and FAR (none near)."""
-        return self._library.lmoc_tape_run(time, *self._at)
+        return int(self._library.lmoc_tape_run(time, *self._at))
 
     def results(self) -> np.ndarray:
         """Return what has been asked for beside registers."""
-        return self.w[self.tape.results]
+        found: np.ndarray = self.w[self.tape.results]
+        return found
 
     def evaluate(self, call: Call, time: float, x: np.ndarray) -> bool:
         """Run the tape for states x, with the nonlinear blocks near their last solution; whether there is one."""
@@ -178,7 +180,13 @@ class Kernel:
             self._calls[key] = self._new_call(states, derivatives, sampled, rescue)
         return self._calls[key]
 
-    def _new_call(self, states: np.ndarray, derivatives: np.ndarray, sampled, rescue) -> Call:
+    def _new_call(
+        self,
+        states: np.ndarray,
+        derivatives: np.ndarray,
+        sampled: np.ndarray | None,
+        rescue: Callable[[float], bool] | None,
+    ) -> Call:
         given = states if sampled is None else np.concatenate([states, sampled])
         tables = [np.ascontiguousarray(r, np.int32) for r in (given, derivatives, self.unknowns)]
         memory = np.zeros(3 * (len(self.unknowns) + len(given)))
@@ -195,6 +203,11 @@ class Kernel:
     def mark(self, call: Call) -> None:
         """Mark the last solution of nonlinear blocks as one to go back to where the way from a later one fails."""
         self._library.lmoc_mark(call.reference)
+
+    def go_back(self, call: Call) -> None:
+        """Go on from the solution marked last."""
+        if call.marked:
+            self._library.lmoc_go_back(call.reference)
 
 
 def _guess(block: Block) -> np.ndarray:

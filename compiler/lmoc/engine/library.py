@@ -20,6 +20,7 @@ _FUNCTIONS = {
     "lmoc_tape_run": (_INT, [_REAL, _POINTER, _POINTER]),
     "lmoc_evaluate": (_INT, [_POINTER, _REAL, _POINTER]),
     "lmoc_mark": (None, [_POINTER]),
+    "lmoc_go_back": (None, [_POINTER]),
     "lmoc_many": (None, [_POINTER, _COUNT, *[_POINTER] * 3, _COUNT, *[_POINTER] * 3]),
     "lmoc_rhs": (_INT, [_REAL, *[_POINTER] * 3]),
     "lmoc_residual": (_INT, [_REAL, *[_POINTER] * 4]),

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.ir.program import Program, Solve, needed_steps, written
-from lmoc.lower.chain_rule import ChainRule, Implicit
+from lmoc.lower.chain_rule import ChainRule
 from lmoc.lower.derivatives import Ahead, Derivatives, write_derivatives
+from lmoc.lower.matrices import block_matrix
 from lmoc.lower.steps import write_step
 from lmoc.lower.tape import Block, Tape
 from lmoc.lower.writer import Writer
@@ -96,7 +97,7 @@ def _block(writer: Writer, step: Solve, rule: ChainRule, found: Derivatives, kep
     """The block whose matrix has been written."""
     instances, size = step.unknowns.shape
     instance, row = np.divmod(rule.rows, size)
-    fill, pattern = _matrix(writer, (instances, size), instance, row, rule.columns % size, found.results)
+    fill, pattern = block_matrix(writer, (instances, size), found.results, instance, row, rule.columns % size)
     work = 0 if step.linear else writer.reserve(instances * (2 * size + 2))
     return writer.block(
         Block(
@@ -104,35 +105,3 @@ def _block(writer: Writer, step: Solve, rule: ChainRule, found: Derivatives, kep
             writer.reserve(fill.size if kept else fill.shape[1]), writer.reserve(size), work, 0, kept,
         )  # fmt: skip
     )
-
-
-def _matrix(writer: Writer, shape: tuple[int, int], instance, row, column, places):
-    """Where the entries of the matrices stand, (instances, each), and the pattern of sparse ones."""
-    instances, size = shape
-    if size <= DENSE_IN_C:
-        fill = np.full((instances, size * size), writer.zero, np.int32)
-        fill[instance, row * size + column] = places
-        return fill, None
-    entries, place = np.unique(column * size + row, return_inverse=True)
-    fill = np.full((instances, len(entries)), writer.zero, np.int32)
-    fill[instance, place.ravel()] = places
-    columns, rows = np.divmod(entries, size)
-    return fill, (np.searchsorted(columns, np.arange(size + 1)).astype(np.int32), rows.astype(np.int32))
-
-
-def write_implicit(found: Derivatives, stage: Implicit) -> None:
-    """Write ``x = -A⁻¹ B``, the derivatives of a block's unknowns, one column after the other."""
-    writer, (instances, size, width) = found.writer, stage.shape
-    if not width:
-        return
-    fill, pattern = _matrix(writer, (instances, size), *stage.a_place, found.place[stage.a_source])
-    right = np.full((instances, width, size), writer.zero, np.int32)
-    instance, row, column = stage.b_place
-    right[instance, column, row] = found.place[stage.b_source]
-    x = writer.reserve(right.size)
-    instance, row, column = stage.result
-    found.place[stage.first : stage.stop] = x + (instance * width + column) * size + row
-    step = stage.step
-    a, b = writer.reserve(fill.shape[1]), writer.reserve(size)
-    number = writer.block(Block(step, step.unknowns, step.residuals, fill, right, pattern, a, b, 0, x, False))
-    writer.on_block("implicit", number)

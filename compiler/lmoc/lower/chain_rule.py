@@ -90,7 +90,10 @@ class ChainRule:
                 self._solve(step)
 
     def _apply(self, step: Apply) -> None:
-        partials, which, sources, rows = [], [], [], []
+        partials: list[tuple[Expr, int]] = []
+        which: list[np.ndarray] = []
+        sources: list[np.ndarray] = []
+        rows: list[np.ndarray] = []
         n = len(step.out)
         for leaf in slots(step.shape):
             registers = step.slots[:, leaf.value[0]]
@@ -111,11 +114,18 @@ class ChainRule:
         row = np.repeat(np.arange(len(step.out)), np.diff(step.start))[term]
         self._product(step, (), [term], [source], [row])
 
-    def _product(self, step, partials, which, sources, rows) -> None:
+    def _product(
+        self,
+        step: Apply | Total,
+        partials: tuple[tuple[Expr, int], ...],
+        every_which: list[np.ndarray],
+        sources: list[np.ndarray],
+        rows: list[np.ndarray],
+    ) -> None:
         self._start[step.out], self._length[step.out] = 0, 0
         if not rows or not sum(map(len, rows)):
             return
-        which, source, row = np.concatenate(which), np.concatenate(sources), np.concatenate(rows)
+        which, source, row = np.concatenate(every_which), np.concatenate(sources), np.concatenate(rows)
         key = row * self._columns_total + self._column[source]
         order = np.argsort(key, kind="stable")
         key = key[order]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from lmoc.ir.program import Program, Solve, Step, Total
 from lmoc.lower.chain_rule import ChainRule, Implicit, Product
+from lmoc.lower.matrices import write_implicit
 from lmoc.lower.steps import coefficients, write_shapes, write_step, write_total
 from lmoc.lower.writer import Writer
 
@@ -45,7 +46,8 @@ class Derivatives:
     @property
     def results(self) -> np.ndarray:
         """Return where the entries of the Jacobian stand."""
-        return self.place[self.rule.source]
+        found: np.ndarray = self.place[self.rule.source]
+        return found
 
     def product(self, stage: Product, values: bool) -> None:
         """Write the entries of an explicit step, and its values."""
@@ -89,7 +91,9 @@ class Derivatives:
             self.place[stage.first + k] = writer.dot(pairs[ends[k] : ends[k + 1]])
 
 
-def write_derivatives(found: Derivatives, program: Program, ahead: Ahead, values: bool, solve) -> None:
+def write_derivatives(
+    found: Derivatives, program: Program, ahead: Ahead, values: bool, solve: Callable[[Writer, Solve], None]
+) -> None:
     """Write the derivatives of a program.
 
     Parameters
@@ -97,8 +101,6 @@ def write_derivatives(found: Derivatives, program: Program, ahead: Ahead, values
     values : whether the registers themselves are computed as well, else they are as the program has left them
     solve : writes a block
     """
-    from lmoc.lower.blocks import write_implicit
-
     for step in program:
         if isinstance(step, Solve):
             if values:
@@ -106,11 +108,11 @@ def write_derivatives(found: Derivatives, program: Program, ahead: Ahead, values
             write_derivatives(found, step.inner, ahead, False, solve)
             stage = ahead.take(step)
             assert isinstance(stage, Implicit)
-            write_implicit(found, stage)
+            write_implicit(found.writer, stage, found.place)
             write_derivatives(found, step.inner, ahead, False, solve)
         else:
             own = ahead.take(step)
-            if own is not None:
+            if isinstance(own, Product):
                 found.product(own, values)
             elif values and len(step.out):
                 write_step(found.writer, step)

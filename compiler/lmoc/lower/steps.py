@@ -61,7 +61,7 @@ def _single(writer: Writer, shape: Expr, row: list[int], place: dict[int, int], 
 def _node(writer: Writer, node: Expr, row: list[int], place: dict[int, int], out: int) -> int:
     op = node.op
     if op == "slot":
-        return row[node.value[0]]
+        return row[int(node.value[0])]
     if op == "const":
         return writer.constant(node.value)
     if op == "time":

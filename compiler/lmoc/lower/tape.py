@@ -4,22 +4,22 @@ Registers, constants, time and scratch have their places in that vector. The eng
 (``engine/c/tape.c``), or a C compiler does what they say, operation by operation in the same order, with the same
 bits. An instruction is a few int32: the number of its operation and places, or where a table of places begins:
 
-=================================== ==================================================================================
-op out a [b]                        ``w[out] = op(w[a], w[b])``
-if out c a b                        ``w[out] = w[a] if w[c] else w[b]``
-dot out n (a b)…                    ``w[out] = Σ w[a]·w[b]``
-rows n length …                     the instructions within, on n rows, in pieces that stay in the cache
-products n out start factor source  ``w[out[k]] = Σ_j w[factor[j]]·w[source[j]]`` over ``start[k] … start[k+1]-1``; tables;
-                                    without segments (-1) one j for each k, without factors (-1) a sum
-fill n out a                        ``w[out[k]] = w[a]``, a table
-linear, constant k                  the unknowns of block k; `constant`: its matrix depends on parameters only
-ready k to                          go on there if the matrix of this block has been factorized
-newton k … correct k back           what stands between them until all instances are solved
-implicit k                          the derivatives of the unknowns
-=================================== ==================================================================================
+============================= ========================================================================================
+op out a [b]                  ``w[out] = op(w[a], w[b])``
+if out c a b                  ``w[out] = w[a] if w[c] else w[b]``
+dot out n (a b)…              ``w[out] = Σ w[a]·w[b]``
+rows n length …               the instructions within, on n rows, in pieces that stay in the cache
+products n out start f source ``w[out[k]] = Σ_j w[f[j]]·w[source[j]]`` over ``start[k] … start[k+1]-1``; tables. Without
+                              segments (-1) there is one j for each k, without factors (-1) it is a sum
+fill n out a                  ``w[out[k]] = w[a]``, a table
+linear, constant k            the unknowns of block k; `constant`: its matrix depends on parameters only
+ready k to                    go on there if the matrix of this block has been factorized
+newton k … correct k back     what stands between them until all instances are solved
+implicit k                    the derivatives of the unknowns
+============================= ========================================================================================
 
-Within `rows`, an operand is a place and a flag: 1 where it goes on from row to row, 0 for a buffer, -1 for one number. `gather`
-and `strided` fill a buffer; `scatter` and `spread` empty one.
+Within `rows`, an operand is a place and a flag: 1 where it goes on from row to row, 0 for a buffer, -1 for one number.
+`gather` and `strided` fill a buffer; `scatter` and `spread` empty one.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from lmoc.lower.operations import NUMBER
 from lmoc.lower.tape import Block, Tape
 
 _MANY = 256  # registers written at once after which nothing is taken for known
+_Known = dict[tuple[int, ...], tuple[int, int]]
 _JUMPS = (NUMBER["correct"], NUMBER["ready"])
 
 
@@ -30,7 +31,7 @@ class Writer:
         self._tables: list[np.ndarray] = []
         self._indexed = 0
         self._content: dict[int, int] = {}  # number of what stands at a place, where it has been overwritten
-        self._known: dict[tuple[int, ...], tuple[int, int]] = {}
+        self._known: _Known = {}
         self._fresh = 0
         self._read: set[int] = set()  # places read by more than single operations
         self._buffers: list[int] = []
@@ -112,7 +113,9 @@ class Writer:
         x, y = self.number(a), self.number(b)
         return self.constant(x * y) if x is not None and y is not None else self.value("mul", a, b)
 
-    def products(self, out: np.ndarray, start: np.ndarray | None, factor: np.ndarray | None, source: np.ndarray) -> None:
+    def products(
+        self, out: np.ndarray, start: np.ndarray | None, factor: np.ndarray | None, source: np.ndarray
+    ) -> None:
         """Write sums of products, or products where there are no segments; arrays of places."""
         tables = [-1 if t is None else self.table(t) for t in (out, start, factor, source)]
         self._written_by_table(out)
@@ -181,12 +184,12 @@ class Writer:
         self.code.append((NUMBER["correct"], number, begin))
         self.overwritten(self.blocks[number].unknowns)
 
-    def begin_unless_ready(self) -> tuple[int, dict]:
+    def begin_unless_ready(self) -> tuple[int, _Known]:
         """Begin what is done only where a block is not ready; values computed there are not known afterwards."""
         self.code.append(None)
         return len(self.code), dict(self._known)
 
-    def end_unless_ready(self, begun: tuple[int, dict], number: int) -> None:
+    def end_unless_ready(self, begun: tuple[int, _Known], number: int) -> None:
         """End it."""
         at, self._known = begun
         self.code[at - 1] = (NUMBER["ready"], number, len(self.code))
@@ -219,7 +222,7 @@ class Writer:
         """Drop single operations whose result nobody reads."""
         used = np.zeros(self.size + 1, bool)
         used[: self.registers] = True
-        used[index[(index >= 0) & (index < self.size)]] = True  # tables of segments as well: what is kept too much is harmless
+        used[index[(index >= 0) & (index < self.size)]] = True  # of segments too: what is kept too much is harmless
         used[results] = True
         used[list(self._read)] = True
         for block in self.blocks:

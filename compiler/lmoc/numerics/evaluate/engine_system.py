@@ -27,7 +27,7 @@ from lmoc.support.records import dataclass
 
 def has_branches(plan: Plan) -> bool:
     """Return whether nonlinear blocks are constraints of a mechanism, which can be closed in several ways."""
-    return plan.reduced.nearby is not None
+    return plan.reduced.guess is not None
 
 
 def plan_tape(plan: Plan) -> Tape:
@@ -167,6 +167,9 @@ class EngineSystem(System):
 
     def mark(self) -> None:
         self.kernel.mark(self._own)
+
+    def go_back(self) -> None:
+        self.kernel.go_back(self._own)
 
     # ------------------------------------------------------------------ derivatives
 

@@ -193,10 +193,12 @@ class Observer:
         self, path: Path, unknowns: np.ndarray, times: np.ndarray, states: np.ndarray
     ) -> np.ndarray | None:
         """Return the solutions (times, unknowns) by the compiled program; None where it has none, or is not there."""
-        from lmoc.numerics.evaluate.native.observed import Compiled
+        from lmoc.numerics.evaluate.observed import Observed
 
-        observed = self.plan.once(Compiled).observed
-        if observed is None or not np.isin(unknowns, observed.unknowns).all():
+        if len(self.plan.sampled):
+            return None
+        observed = self.plan.once(Observed)
+        if not np.isin(unknowns, observed.unknowns).all():
             return None
         guesses = path.between(path.of(observed.unknowns), times)
         return observed(self.base, times, states, guesses, unknowns)

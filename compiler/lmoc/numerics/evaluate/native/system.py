@@ -11,7 +11,6 @@ import numpy as np
 from lmoc.ir.program import Program
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.native.kernel import Call, Kernel, Source
-from lmoc.numerics.evaluate.native.observed import Compiled
 from lmoc.numerics.evaluate.native.stepper import NativeStepper
 from lmoc.numerics.evaluate.newton import Retries
 from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
@@ -65,7 +64,7 @@ class NativeSystem(VectorSystem):
     and where the matrix is singular at the solution.
     """
 
-    description = "C"
+    description = "engine"
 
     def __init__(self, plan: Plan, source: Source | None = None) -> None:
         """
@@ -81,7 +80,6 @@ class NativeSystem(VectorSystem):
             There is no compiler.
         """
         self.kernel = Kernel(plan.program, plan.count, has_branches(plan), source)
-        plan.once(Compiled).kernel = self.kernel
         super().__init__(plan)
         self.w = self.kernel.w[: plan.count]
         self._x = np.zeros(len(plan.states) + len(plan.sampled))

@@ -1,4 +1,4 @@
-"""Implicit blocks in C: the same solutions as elsewhere, their branch kept, pivots watched, failures told."""
+"""Implicit blocks in the engine: the same solutions as elsewhere, their branch kept, pivots watched, failures told."""
 
 from __future__ import annotations
 
@@ -6,22 +6,16 @@ import numpy as np
 import pytest
 
 import lmoc
+from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import function, slot
 from lmoc.ir.program import Apply, Program, Solve
+from lmoc.lower.blocks import values_tape
 from lmoc.messages.diagnostics import Report
+from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.native.c_program import generate
-from lmoc.numerics.evaluate.native.compiler import find_compiler
-from lmoc.numerics.evaluate.native.kernel import Kernel
-from lmoc.numerics.evaluate.native.pivots import choose
-from lmoc.numerics.evaluate.native.rolled import Rolled, roll
-from lmoc.numerics.evaluate.native.slopes import Slopes
-from lmoc.numerics.evaluate.native.system import NativeSystem
 from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.plan import build_plan
 from lmoc.numerics.signals.signals import bind_signals
-
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
 CHAIN = "models/planar/chain.lmo"
 # x is given by a crank, u follows from cos(u) = x/2 near one of its two solutions
@@ -45,12 +39,12 @@ end Pairs;
 """
 
 
-def native(dae: lmoc.DAE, energy: bool = True) -> tuple[NativeSystem, VectorSystem]:
+def both(dae: lmoc.DAE, energy: bool = True) -> tuple[EngineSystem, VectorSystem]:
     """The system of a model in C and in numpy, ready to be called."""
     report = Report()
     signals = bind_signals(dae.flat, None, report)
     plan = build_plan(dae.reduced, signals, energy, report)
-    found = NativeSystem(plan), VectorSystem(plan)
+    found = EngineSystem(plan), VectorSystem(plan)
     for system in found:
         system.prepare(plan.base(dae.values, signals), signals)
     return found
@@ -60,47 +54,6 @@ def rates(system, t: float, x: np.ndarray) -> np.ndarray:
     out = np.empty(system.n)
     system.rhs(t, x, out)
     return out
-
-
-def sparse(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compressed columns."""
-    rows = [np.flatnonzero(column) for column in matrix.T]
-    indptr = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
-    return indptr, np.concatenate(rows), matrix.T[matrix.T != 0]
-
-
-# ------------------------------------------------------------------------------------------------ sparse matrices
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_pivots_give_the_factors_of_a_random_matrix(seed):
-    random = np.random.default_rng(seed)
-    n = int(random.integers(1, 60))
-    a = np.where(random.random((n, n)) < 3 / n, random.normal(size=(n, n)), 0.0)
-    a[random.permutation(n), np.arange(n)] = random.normal(size=n)  # there is a perfect matching
-    order = choose(*sparse(a))
-    if order is None:
-        assert np.linalg.matrix_rank(a) < n
-        return
-    permuted = a[np.ix_(order.row, order.column)]
-    lower, upper = np.eye(n), np.zeros((n, n))
-    for k in range(n):  # elimination in that order stays within the patterns
-        below = order.lower[1][order.lower[0][k] : order.lower[0][k + 1]]
-        above = order.upper[1][order.upper[0][k] : order.upper[0][k + 1]]
-        upper[above, k] = lower[k, k] = 1.0
-        lower[below, k], upper[k, k] = 1.0, 1.0
-    pattern = (lower != 0) | (upper != 0)
-    work = permuted.copy()
-    for k in range(n):
-        work[k + 1 :, k] /= work[k, k]
-        work[k + 1 :, k + 1 :] -= np.outer(work[k + 1 :, k], work[k, k + 1 :])
-    assert not (np.abs(work) > 1e-14)[~pattern].any()
-    assert np.abs(np.tril(work, -1)).max(initial=0.0) <= 10.0  # threshold pivoting bounds the multipliers
-
-
-def test_pivots_of_a_singular_matrix():
-    a = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
-    assert choose(*sparse(a)) is None
 
 
 def linear_program(n: int) -> tuple[Program, np.ndarray, np.ndarray]:
@@ -118,7 +71,7 @@ def linear_program(n: int) -> tuple[Program, np.ndarray, np.ndarray]:
 def test_a_varying_block_is_refactorized_and_gets_new_pivots_where_they_have_become_weak(n):
     program, given, unknowns = linear_program(n)
     count = 2 * n + 4
-    kernel, numpy = Kernel(program, count), Interpreter(program, count)
+    kernel, numpy = Kernel(values_tape(program, count)), Interpreter(program, count)
     for values in ([4.0, 1.0, 1.0], [4.1, 1.2, 1.0], [1e-9, 1.0, 1.0], [4.0, 1e-9, 2.0], [1e-30, 1e-30, 1e-30]):
         if values[0] == 1e-9 and n % 2:
             continue  # singular to rounding: an odd number of unknowns and no diagonal
@@ -135,7 +88,7 @@ def test_a_varying_block_is_refactorized_and_gets_new_pivots_where_they_have_bec
 @pytest.mark.parametrize("n", [3, 40])
 def test_a_singular_block_gives_no_numbers_and_later_ones_do(n):
     program, given, unknowns = linear_program(n)
-    kernel = Kernel(program, 2 * n + 4)
+    kernel = Kernel(values_tape(program, 2 * n + 4))
     for values, good in (([4.0, 1.0, 1.0], True), ([0.0, 0.0, 1.0], False), ([np.nan, 1.0, 1.0], False)):
         kernel.w[given] = values
         kernel(0.0)
@@ -147,37 +100,23 @@ def test_a_singular_block_gives_no_numbers_and_later_ones_do(n):
 
 @pytest.mark.parametrize("n", [10, 40, 100])
 def test_a_chain_of_bars_as_numpy_has_it(n):
-    c, numpy = native(lmoc.compile(CHAIN, parameters={"n": n}))
+    c, numpy = both(lmoc.compile(CHAIN, parameters={"n": n}))
     for seed in range(3):
         x = np.random.default_rng(seed).uniform(-2, 2, c.n)
         reference = rates(numpy, 0.0, x)
         np.testing.assert_allclose(rates(c, 0.0, x), reference, rtol=1e-9, atol=1e-10 * np.abs(reference).max())
 
 
-# ---------------------------------------------------------------------------------------------------------- loops
-
-
-def test_the_steps_of_a_long_chain_are_rounds_of_a_loop():
-    texts = []
-    for n in (200, 300):
-        program = lmoc.compile(CHAIN, parameters={"n": n}).reduced.rhs
-        rounds = [item for item in roll(program) if isinstance(item, Rolled)]
-        assert sum(r.rounds for r in rounds) >= n - 5 and len(list(roll(program))) < 40
-        texts.append(generate(program, 40 * n).text)
-    assert texts[0] == texts[1]  # one compiled file serves both
-
-
-def test_rounds_read_what_the_one_before_has_written():
+def test_single_rows_read_what_the_one_before_has_written():
     steps = []
     for k in range(20):  # w[k+1] = w[k] + sin(w[k]), then its square behind
         steps.append(Apply(slot(0) + function("sin", slot(0)), np.array([[k]]), np.array([k + 1])))
         steps.append(Apply(slot(0) * slot(0), np.array([[k + 1]]), np.array([30 + k])))
-    kernel, w = Kernel(tuple(steps), 60), np.zeros(60)
+    kernel, w = Kernel(values_tape(tuple(steps), 60)), np.zeros(60)
     w[0] = kernel.w[0] = 0.1
     Interpreter(tuple(steps), 60).run(w, 0.0)
     kernel(0.0)
     np.testing.assert_allclose(kernel.w[:60], w, rtol=1e-14)
-    assert any(isinstance(item, Rolled) for item in roll(tuple(steps)))
 
 
 # -------------------------------------------------------------------------------------------------------- Newton
@@ -185,14 +124,14 @@ def test_rounds_read_what_the_one_before_has_written():
 
 @pytest.mark.parametrize(("start", "sign"), [(1.2, 1), (-1.2, -1)])
 def test_a_solution_follows_the_one_before_even_over_long_ways(start, sign):
-    c, _ = native(lmoc.compile_text(ARC.format(start=start)), energy=False)
+    c, _ = both(lmoc.compile_text(ARC.format(start=start)), energy=False)
     for x in (0.3, 0.9, -0.95, 0.99, -0.2):
         rates(c, 0.0, np.array([x, 0.0]))
         assert c.w[c.unknowns[0]] == pytest.approx(sign * np.arccos(x), abs=1e-9)
 
 
 def test_where_there_is_no_solution_the_evaluation_says_so_and_the_last_one_is_kept():
-    c, _ = native(lmoc.compile_text(ARC.format(start=1.2)), energy=False)
+    c, _ = both(lmoc.compile_text(ARC.format(start=1.2)), energy=False)
     assert np.isfinite(rates(c, 0.0, np.array([0.3, 0.0]))).all()
     assert np.isnan(rates(c, 0.0, np.array([1.1, 0.0]))).any()
     rates(c, 0.0, np.array([0.5, 0.0]))
@@ -202,7 +141,7 @@ def test_where_there_is_no_solution_the_evaluation_says_so_and_the_last_one_is_k
 def test_cubic_springs_in_series_relax_and_go_on():
     """Their equations have a singular matrix where both are relaxed; f = k·d³ with k^(-1/3) the sum of both."""
     dae = lmoc.compile_text(PAIRS)
-    c, _ = native(dae, energy=False)
+    c, _ = both(dae, energy=False)
     names = [dae.reduced.register_name(int(r)) for r in c.plan.states]
     k = np.array([((i + 1.5) ** (-1 / 3) + 2.0 ** (-1 / 3)) ** -3 for i in range(3)])
     for q in (1.0, 0.5, 0.1, 0.0, 1e-3, -0.2, -2.0):
@@ -221,18 +160,16 @@ def test_solvers_run_compiled_blocks(solver):
 
 
 def test_determinants_are_those_of_the_blocks():
-    c, _ = native(lmoc.compile_text(ARC.format(start=1.2)), energy=False)
+    c, _ = both(lmoc.compile_text(ARC.format(start=1.2)), energy=False)
     for x in (0.3, 0.9, 0.999):
         rates(c, 0.0, np.array([x, 0.0]))
         assert abs(c.determinants()[0]) == pytest.approx(np.sqrt(1 - x * x), rel=1e-6)
 
 
-def test_the_first_run_is_in_c_as_well_and_has_the_same_bits(tmp_path, monkeypatch):
-    monkeypatch.setenv("LMOC_CACHE", str(tmp_path))  # nothing is compiled yet
+def test_a_second_run_has_the_same_bits():
     dae = lmoc.compile("models/classic/slider_crank.lmo")
     for solver in ("auto", "radau"):  # radau asks for many Jacobians
         first, later = (dae.simulate(stop=0.5, points=11, rtol=1e-6, solver=solver) for _ in range(2))
-        assert first.stats["evaluation"] == later.stats["evaluation"] == "C"
         for name in dae.states:
             assert first[name].tobytes() == later[name].tobytes()
 
@@ -248,63 +185,12 @@ def test_ida_gets_the_same_from_c_and_from_python(model, monkeypatch):
         asked.append(implicit)
 
     in_c = dae.simulate(**options)
-    monkeypatch.setattr(NativeSystem, "callback", none)
+    monkeypatch.setattr(EngineSystem, "callback", none)
     in_python = dae.simulate(**options)
     assert in_c.stats["evaluations"] == in_python.stats["evaluations"]
-    if in_python.stats["evaluation"] == "C":
-        assert asked == [True]
+    assert asked == [True]
     for name in dae.states:
         np.testing.assert_allclose(in_c[name], in_python[name], rtol=1e-9, atol=1e-12)
-
-
-def test_a_jacobian_that_is_requested_again_and_again_is_compiled(monkeypatch):
-    dae = lmoc.compile("models/classic/slider_crank.lmo")
-    c, numpy = native(dae, energy=False)
-    run = dae.simulate(points=2, stop=1e-3, energy=False)
-    x = np.array([run[c.plan.reduced.register_name(int(r))][0] for r in c.plan.states])
-    expected, found = np.empty((2, len(c.pattern()[1])))
-    numpy.jacobian_values(0.0, x, expected)
-    called, compiled, call = [], [], Slopes.__call__
-    monkeypatch.setattr(Slopes, "__call__", lambda *given: called.append(True) or call(*given))
-    for _ in range(2):  # a second run begins with numpy again
-        for _ in range(6):
-            c.jacobian_values(0.0, x, found)
-            compiled.append(len(called))
-            np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
-        c.prepare(*c.given)
-    assert compiled == [0, 0, 0, 1, 2, 3, 3, 3, 3, 4, 5, 6]
-
-
-def test_literal_numbers_and_tables_give_the_same(monkeypatch):
-    from lmoc.numerics.evaluate.native import c_program
-
-    dae = lmoc.compile("models/classic/andrews.lmo")
-    small, _ = native(dae)
-    monkeypatch.setattr(c_program, "LITERAL_ROWS", 0)
-    large, _ = native(dae)
-    assert small.kernel.data.numbers.size < large.kernel.data.numbers.size
-    x = np.array([dae.simulate(times=[0.0])[n][0] for n in dae.states] + [0.0] * (small.n - len(dae.states)))
-    np.testing.assert_allclose(rates(large, 0.0, x), rates(small, 0.0, x), rtol=1e-11)
-
-
-# ------------------------------------------------------------------------------------------- without a compiler
-
-
-def test_blocks_written_out_in_casadi_follow_their_branch_and_say_where_there_is_none():
-    from lmoc.numerics.evaluate.unrolled import UnrolledSystem, can_unroll
-
-    for start, sign in ((1.2, 1), (-1.2, -1)):
-        dae = lmoc.compile_text(ARC.format(start=start))
-        report = Report()
-        signals = bind_signals(dae.flat, None, report)
-        plan = build_plan(dae.reduced, signals, False, report)
-        assert can_unroll(plan.program)
-        system = UnrolledSystem(plan)
-        system.prepare(plan.base(dae.values, signals), signals)
-        for x in (0.3, 0.9, -0.95, 0.99, -0.2):  # ways that are too long for a few iterations
-            assert rates(system, 0.0, np.array([x, 0.0]))[1] == pytest.approx(sign * np.sqrt(1 - x * x), abs=1e-9)
-        assert np.isnan(rates(system, 0.0, np.array([1.1, 0.0]))).any()
-        assert rates(system, 0.0, np.array([0.5, 0.0]))[1] == pytest.approx(sign * np.sqrt(0.75), abs=1e-9)
 
 
 def test_elimination_written_out_pivots():
