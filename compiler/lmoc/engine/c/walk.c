@@ -91,6 +91,7 @@ static double attempt(steps *s, int *found) {
       s->careful = r->careful_steps;
       h *= r->careful / s->stiffness;
     } else {
+      if (s->call->marked) lmoc_go_back(s->call);
       s->lost = !(s->error * 0 == 0);
       s->cuts += (double)s->lost;
       h *= s->lost ? r->retry : fmax(r->shrink, r->safety * pow(s->error, -0.125));
