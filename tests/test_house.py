@@ -37,6 +37,7 @@ ORDER = (
     "studies",
     "interface",
     "compilation",
+    "export",
     "editor",
     "cli",
 )

@@ -13,6 +13,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers know it; importing `typing` would come before the command's care for Ctrl-C
 if TYPE_CHECKING:
     from lmoc.compilation import compile, compile_text
+    from lmoc.export.environment import Environment
     from lmoc.interface import DAE
     from lmoc.messages.diagnostics import ModelError, SimulationError
     from lmoc.report.compare import compare
@@ -21,13 +22,14 @@ if TYPE_CHECKING:
     from lmoc.support.budget import budget
     from lmoc.support.version import __version__
 
-__all__ = ["__version__", "DAE", "ModelError", "Run", "SimulationError"]
+__all__ = ["__version__", "DAE", "Environment", "ModelError", "Run", "SimulationError"]
 __all__ += ["budget", "compare", "compile", "compile_text", "plot"]
 
 # Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
 _HOME = {
     "__version__": "lmoc.support.version",
     "DAE": "lmoc.interface",
+    "Environment": "lmoc.export.environment",
     "budget": "lmoc.support.budget",
     "compare": "lmoc.report.compare",
     "compile": "lmoc.compilation",
@@ -43,6 +45,11 @@ def __getattr__(name: str):
     if name in _HOME:
         return getattr(import_module(_HOME[name]), name)
     raise AttributeError(f"module 'lmoc' has no attribute '{name}'")
+
+
+def load_ipython_extension(shell) -> None:
+    """Give notebooks the cell magic ``%%lmo NAME``: called by ``%load_ext lmoc``."""
+    import_module("lmoc.editor.notebook").load(shell)
 
 
 def __dir__() -> list[str]:

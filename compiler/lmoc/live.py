@@ -75,7 +75,7 @@ class Live:
 
     @budgeted("the step")
     def advance(self, dt: float) -> float:
-        """Go on by dt seconds; returns the time there.
+        """Go on by dt seconds; returns the time there, which is an earlier one where the model says `terminate`.
 
         Raises
         ------
@@ -91,6 +91,7 @@ class Live:
         if self._smooth is None:
             run = self._simulated(self._end, target)
             self._run, self._end = run, run.trajectory.end
+            target = float(self._end.time)  # earlier where the model has ended the run
         elif not self._smooth.go(target):
             self._stand(self._simulated(self._here(self._smooth.run.t), target))
         self.time = target

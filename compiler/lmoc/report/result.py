@@ -245,6 +245,30 @@ class Result:
         columns = self.columns(names)
         return pandas.DataFrame(columns).set_index("time")
 
+    def to_xarray(self, names: str | Sequence[str] | None = None):
+        """Return an `xarray.Dataset` over time, with units and descriptions; names as of `columns`.
+
+        Raises
+        ------
+        ImportError
+            xarray is not installed: ``pip install 'lmoc[studies]'``.
+        """
+        import xarray
+
+        columns = self.columns(names)
+        time = ("time", columns.pop("time"), {"units": "s"})
+        data = {name: ("time", values, self._attributes(name)) for name, values in columns.items()}
+        return xarray.Dataset(data, {"time": time}, {"model": self.flat.name, "title": self.flat.description})
+
+    def _attributes(self, name: str) -> dict[str, str]:
+        """Unit and description of a variable, as xarray and its plots name them."""
+        found = self.flat.find(name)
+        if found is None:
+            return {}
+        block = self.flat.block_at(int(found[0]))
+        given = {"units": block.unit, "long_name": block.description}
+        return {key: text for key, text in given.items() if text}
+
     def __repr__(self) -> str:
         end = "" if self.complete else f", broke off at {self.broke_off:.6g} s"
         return f"<Run of {self.flat.name}: {len(self.time)} times from {self.time[0]:g} to {self.time[-1]:g} s{end}>"

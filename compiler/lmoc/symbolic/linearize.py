@@ -19,6 +19,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
+from lmoc.symbolic.names import without_dots
 from lmoc.symbolic.notebook import MOST_SHOWN, matrices_html
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
@@ -194,7 +195,7 @@ class LinearModel:
         return StateSpace(*self.matrices())
 
     def to_control(self):
-        """Return a control.StateSpace.
+        """Return a control.StateSpace; its names have ``_`` for the dots, which python-control keeps for subsystems.
 
         Raises
         ------
@@ -204,7 +205,9 @@ class LinearModel:
             E0660, as `matrices`.
         """
         control = python_control()
-        return control.ss(*self.matrices(), states=self.states, inputs=self.inputs, outputs=self.outputs)
+        given = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        names = {kind: without_dots(listed) for kind, listed in given.items()}
+        return control.ss(*self.matrices(), **names)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """A, B, C, D, the point x0, u0, y0 and the names as arrays, for files.

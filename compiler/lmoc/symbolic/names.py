@@ -99,3 +99,14 @@ def _whole(name: str) -> str:
 
 
 _FORMS: tuple[Callable[[str], str | None], ...] = (_last, _numbered, _with_first, _with_part, _whole)
+
+
+def without_dots(names: Iterable[str]) -> list[str]:
+    """Return names for libraries that keep dots for themselves: ``_`` in their place, more where two become alike."""
+    made: dict[str, None] = {}
+    for name in names:
+        plain = name.replace(".", "_")
+        while plain in made:
+            plain += "_"
+        made[plain] = None
+    return list(made)

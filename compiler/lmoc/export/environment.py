@@ -1,0 +1,122 @@
+"""A scene as an environment of Gymnasium: for controllers that learn, or that are tried out in a loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from lmoc.interface import DAE
+from lmoc.live import Live
+
+Range = tuple[float, float]
+Values = Mapping[str, float]
+
+
+class Environment(gymnasium.Env):
+    """A scene that is stepped by actions at its inputs.
+
+    Parameters
+    ----------
+    dae : of `lmoc.compile`
+    actions : {input: (low, high)}, the numbers that an action holds, in this order
+    observations : names of variables that are seen; by default the states
+    step : s, for which an action is held
+    reward : of (values of the observations and actions, whether the episode has ended); 1 a step by default
+    bounds : {variable: (low, high)}: the episode has ended where one is left, or where the model says `terminate`
+    start : {state: (low, high)}: start values are drawn between these; others are those of the model
+    horizon : s, after which an episode is cut off; the model's StopTime by default
+    parameters, rtol : as in `DAE.simulate`
+
+    Notes
+    -----
+    The actions are clipped to their ranges. `step` returns what Gymnasium asks for: observation, reward, terminated,
+    truncated, info; a run that fails ends the episode, and `info["error"]` says why.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["svg"], "render_fps": 50}
+
+    def __init__(
+        self,
+        dae: DAE,
+        actions: Mapping[str, Range],
+        observations: Sequence[str] | None = None,
+        step: float = 0.02,
+        reward: Callable[[Values, bool], float] | None = None,
+        bounds: Mapping[str, Range] | None = None,
+        start: Mapping[str, Range] | None = None,
+        horizon: float | None = None,
+        parameters: Mapping[str, float] | None = None,
+        rtol: float | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if not 0 < step < math.inf:
+            raise ValueError(f"a step of {step!r} s is not possible")
+        self.dae, self.dt, self.render_mode = dae, float(step), render_mode
+        self.inputs, self.names = tuple(actions), tuple(dae.states if observations is None else observations)
+        self.bounds, self._drawn = dict(bounds or {}), dict(start or {})
+        self._reward = reward if reward is not None else lambda values, ended: 1.0
+        given = dae.flat.experiment.stop if horizon is None else horizon
+        self.horizon = math.inf if given is None else float(given)
+        self._options = {"parameters": parameters, "rtol": rtol}
+        low, high = np.array([actions[n] for n in self.inputs], np.float64).reshape(-1, 2).T
+        self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
+        shape = (len(self.names),)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, shape, np.float64)
+        self._low, self._high = low, high
+        self._first: Live | None = None
+        self.live: Live | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+        """Begin an episode; `options` may have {"initial": {name: value}} in place of what is drawn."""
+        super().reset(seed=seed)
+        drawn = {name: float(self.np_random.uniform(*ends)) for name, ends in self._drawn.items()}
+        drawn |= (options or {}).get("initial", {})
+        if self._first is None:
+            start = {name: min(max(0.0, low), high) for name, (low, high) in zip(self.inputs, self._ranges())}
+            self._first = self.dae.live(inputs=start, **self._options)
+        self.live = self._first.copy()
+        for name, value in drawn.items():
+            self.live.set(name, value)
+        return self._seen(), {"time": self.live.time}
+
+    def step(self, action: Sequence[float] | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Hold an action for one step."""
+        live = self.live
+        if live is None:
+            raise gymnasium.error.ResetNeeded("call reset first")
+        held = np.clip(np.asarray(action, np.float64).reshape(-1), self._low, self._high)
+        for name, value in zip(self.inputs, held.tolist(), strict=True):
+            live.inputs[name] = value
+        target = live.time + self.dt
+        info: dict[str, Any] = {}
+        try:
+            live.advance(self.dt)
+        except Exception as error:
+            from lmoc.messages.diagnostics import SimulationError
+
+            if not isinstance(error, SimulationError):
+                raise
+            info["error"] = str(error)
+        seen = self._seen()
+        ended = "error" in info or live.time < target - 1e-9 * self.dt or self._outside()
+        values = dict(zip((*self.names, *self.inputs), (*seen.tolist(), *held.tolist())))
+        info["time"] = live.time
+        truncated = not ended and live.time >= self.horizon - 1e-9 * self.dt
+        return seen, float(self._reward(values, ended)), ended, truncated, info
+
+    def render(self) -> str | None:
+        """Return the scene at its start as SVG, where `render_mode` is "svg"."""
+        return self.dae.draw().svg if self.render_mode == "svg" else None
+
+    def _ranges(self) -> list[Range]:
+        return list(zip(self._low.tolist(), self._high.tolist()))
+
+    def _seen(self) -> np.ndarray:
+        return np.array([self.live[name] for name in self.names])
+
+    def _outside(self) -> bool:
+        return any(not low <= self.live[name] <= high for name, (low, high) in self.bounds.items())
