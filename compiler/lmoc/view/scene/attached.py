@@ -10,12 +10,15 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
 from lmoc.view.scene.between import between
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import End, Item, Move, Point, Turn
+from lmoc.view.scene.picture import Circle, End, Item, Move, Point, Turn
 from lmoc.view.scene.placing import Wish
 from lmoc.view.scene.planar import Plane
 from lmoc.view.scene.strip import BODIES, HELD, Strip
 
+HALF = 22.0  # px along a rail, of a body on it
+BUILT = 76.0  # px along a rail to a wall whose place is not to scale
 BESIDE = 30.0  # px, across, between a rail and what is drawn beside it
+FLYWHEEL = 34.0  # px, radius of a wheel about a pin: it has no size in the model
 SHORTEST = 34.0  # px, of a spring that is still drawn along the rail
 
 
@@ -77,8 +80,9 @@ def _along(plane: Plane, carrier: Element, strip: Strip) -> set[str]:
         still = n not in names or (strip.held(n) is not None and strip.held(n).symbol == "wall")
         return End(x, y, () if still else (Move(names[n], s * dx, -s * dy, q),))
 
+    meets = strip.meets
     done: set[str] = set()
-    beside = 0
+    beside = apart = 0
     for element, a, b in strip.links:
         other = b if a == node else a
         outside = node in (a, b) and place[other] > place[node]
@@ -86,35 +90,51 @@ def _along(plane: Plane, carrier: Element, strip: Strip) -> set[str]:
             beside += 1
         across = 0.0 if outside else BESIDE * beside
         first, second = end(a, across), end(b, across)
-        if abs(place[b] - place[a]) * s < SHORTEST:
+        walled = next((n for n in (a, b) if strip.held(n) is not None and strip.held(n).symbol == "wall"), None)
+        if abs(place[b] - place[a]) * s < SHORTEST and walled is not None and node in (a, b):
+            # the wall is where the reference line is, not where it would be built: it is drawn apart, behind the body
+            beside -= not outside
+            own = end(node, BESIDE * apart).shifted(-HALF * dx, HALF * dy)
+            at = End(own.x - dx * BUILT, own.y + dy * BUILT)
+            first, second = (at, own) if walled == a else (own, at)
+            apart, across = apart + 1, 0.0
+        elif abs(place[b] - place[a]) * s < SHORTEST:
             continue
         done.add(element.name)
         made = between(element, element.symbol, first, second, False, plane.names)
         if element.symbol == "spring-damper":
             made = symbols.spring_damper(element.name, first, second)
-        plane.items.append(replace(made, variables={"force": f"{element.name}.f"}))
+        plane.items.append(replace(made, variables={"force": f"{element.name}.f"}, nodes=(meets(a), meets(b))))
         middle = End((first.x + second.x) / 2, (first.y + second.y) / 2)
         plane.wishes.append(Wish(plane.names.part(element, "k", "c"), middle, element.name, 16.0))
         for n, at in ((a, first), (b, second)):
             held = strip.held(n)
             if held is not None and held.symbol == "wall":
-                plane.back.append(_wall(held.name, at, (dx, -dy), 1.0 if place[n] >= place[node] else -1.0))
+                plane.back.append(_wall(held.name, at, (dx, -dy), 1.0 if place[n] * s >= place[node] * s + SHORTEST else -1.0))
             elif across:
                 stem = symbols.line("joint", "", end(n, 0.0), at, 1.2)
-                plane.items.append(stem)
+                plane.items.append(replace(stem, nodes=(meets(n), meets(n))))
     for n in strip.nodes:
         for element in strip.on[n]:
             if element.symbol not in HELD:
                 done.add(element.name)
+                known = len(plane.items), len(plane.front)
                 _on(plane, element, end(n, 0.0), (dx, -dy))
+                _meeting(plane, known, meets(n))
     return done
+
+
+def _meeting(plane: Plane, known: tuple[int, int], node: int) -> None:
+    """Note of the items that have come since that they are at a node."""
+    for layer, first in zip((plane.items, plane.front), known, strict=True):
+        layer[first:] = [replace(item, nodes=(node,) * len(item.ends)) for item in layer[first:]]
 
 
 def _wall(part: str, at: End, direction: Point, sense: float) -> Item:
     """A piece of wall across a rail."""
     ux, uy = direction[0] * sense, direction[1] * sense
     a, b = (-uy * 16, ux * 16), (uy * 16, -ux * 16)
-    return Item("wall", part, (at,), tuple(symbols.hatching(a, b, -1)))
+    return Item("wall", part, (at,), tuple(symbols.hatching(a, b, 1)))
 
 
 def _on(plane: Plane, element: Element, at: End, direction: Point) -> None:
@@ -142,13 +162,34 @@ def _about(plane: Plane, carrier: Element, strip: Strip, node: int) -> set[str]:
     """Draw what turns a pin, and what holds it on the ground."""
     at = plane.end(carrier.port("a"))
     done: set[str] = set()
+    known = len(plane.items), len(plane.front)
+    wheels = [e for e in strip.on[node] if e.symbol in BODIES]
+    radius = FLYWHEEL + 9.0 * len(wheels) if wheels else 24.0
+    for k, element in enumerate(wheels):
+        _flywheel(plane, carrier, element, at, FLYWHEEL + 9.0 * k)
     for element in strip.on[node]:
         if element.symbol == "torque":
-            plane.around(element, at, plane.names.signal(element, "tau"), "force")
-            done.add(element.name)
+            plane.around(element, at, plane.names.signal(element, "tau"), "force", radius)
+        elif element.symbol == "rotation":
+            plane.around(element, at, plane.names.signal(element, "theta"), "ink", radius)
+        elif element not in wheels:
+            continue
+        done.add(element.name)
     for element, a, b in strip.links:
         held = strip.held(b if a == node else a)
         if node in (a, b) and held is not None and held.symbol == "fixed-shaft":
             plane.spiral(element, at)
             done.add(element.name)
+    _meeting(plane, known, node)
     return done
+
+
+def _flywheel(plane: Plane, carrier: Element, element: Element, at: End, radius: float) -> None:
+    """A wheel about a pin, behind the mechanism."""
+    turn = Turn(0.0, f"{carrier.name}.phi")
+    met = tuple(p.node for p in element.ports)
+    spoke = symbols.path((0, 0), (radius, 0), colour="muted", width=1.0)
+    disk = Circle((0.0, 0.0, 0.0), radius, "body")
+    plane.back.insert(0, Item("wheel", element.name, (at,), (disk, spoke), turn, {"angle": turn.variable}, nodes=met))
+    rim = End(at.x - 0.7 * radius, at.y + 0.7 * radius, at.moves)
+    plane.wishes.append(Wish(plane.names.part(element, "J", "m"), rim, element.name, 10.0))

@@ -12,6 +12,7 @@ from lmoc.view.scene.abbreviate import shown
 from lmoc.view.scene.attached import attach
 from lmoc.view.scene.block import Block, packed
 from lmoc.view.scene.elements import Graph
+from lmoc.view.scene.joined import joined
 from lmoc.view.scene.names import Names, shortened, symbol
 from lmoc.view.scene.picture import End, Picture
 from lmoc.view.scene.planar import draw_plane, finish, is_planar
@@ -53,7 +54,7 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
         blocks.append(finish(plane))
     if rest:
         blocks.append(Schematic(graph, rest, style).block())
-    block = packed([b for b in blocks if b.items], WIDTH, GAP)
+    block = joined(packed([b for b in blocks if b.items], WIDTH, GAP), graph)
     if not block.items:
         return without_parts(flat)
     if gravity := gravity_name(graph, names):

@@ -50,7 +50,9 @@ def _bar(element: Element, points: Sequence[tuple[float, float]], shaft: Turning
     """The lever itself, turning about (0, 0)."""
     vertices = tuple((0.0, x, y) for x, y in sorted((*points, (0.0, 0.0))))
     turn = Turn(0.0, hanging.style.variables.get(shaft.node, "") if shaft else "")
-    return Item("lever", element.name, (End(0, 0),), (Path(vertices, width=5.0),), turn, {"angle": turn.variable})
+    met = tuple(p.node for p in element.ports)
+    shape = Path(vertices, width=5.0)
+    return Item("lever", element.name, (End(0, 0),), (shape,), turn, {"angle": turn.variable}, nodes=met)
 
 
 def _pivot(element: Element, shaft: Turning | None, hanging: Hanging, down: bool) -> list[Item]:
@@ -59,7 +61,9 @@ def _pivot(element: Element, shaft: Turning | None, hanging: Hanging, down: bool
         more, legs = decorated(shaft, hanging.style, 18.0, down, title=False)
         names = [hanging.style.names.part(e, "J", "m") for e in shaft.on if e.symbol in BODIES]
         if names:
-            part = next(e.name for e in shaft.on if e.symbol in BODIES)
+            bodies = [e.name for e in shaft.on if e.symbol in BODIES]
+            part = bodies[0]
+            more += [Item("body", name, (End(0, 0),), (), nodes=(shaft.node,)) for name in bodies]
             more.append(symbols.label(" + ".join(names), End(0, 0), 22, 10 if down else 4, "start", part))
         items += [*legs, *more]
     return items
@@ -92,7 +96,7 @@ def _upright(element: Element, shaft: Turning | None, ends: Sequence[Tip], hangi
 def _joint_dot(tip: Tip, at: tuple[float, float], direction: Direction, hanging: Hanging) -> Item:
     variable = hanging.style.variables.get(tip.node)
     moves = (Move(variable, direction[0], direction[1], None, GROUP),) if variable else ()
-    return Item("joint", "", (End(*at, moves),), (symbols.Circle((0, 0, 0), 3.0, "paper"),))
+    return Item("joint", "", (End(*at, moves),), (symbols.Circle((0, 0, 0), 3.0, "paper"),), nodes=(tip.node,))
 
 
 def _scale(placed: Sequence[tuple[Tip, Block, bool]]) -> float:
@@ -169,13 +173,15 @@ def _beam(element: Element, contents: Sequence[tuple[Tip, float, Block]], scale:
         moves = (Move(variable, *UP, None, GROUP),) if variable else ()
         ends.append(End(length * scale, 0.0, moves))
     corners = ((0, -8, -5), (1, 8, -5), (1, 8, 5), (0, -8, 5))
-    return Item("beam", element.name, tuple(ends), (Path(corners, True, "body"),), Turn(), {})
+    met = tuple(tip.node for tip, _, _ in sorted(contents, key=lambda c: c[1])[:: len(contents) - 1 or 1])
+    return Item("beam", element.name, tuple(ends), (Path(corners, True, "body"),), Turn(), {}, nodes=met)
 
 
 def _beam_names(element: Element, pivot: int, hanging: Hanging) -> list[Item]:
     names, style = hanging.style.names, hanging.style
     text = names.part(element, "m", "J")
-    items = [Item("pivot", "", (End(0, 0),), (symbols.Circle((0, 0, 0), 3.5, "paper"),))]
+    hinge = symbols.Circle((0, 0, 0), 3.5, "paper")
+    items = [Item("pivot", element.name, (End(0, 0),), (hinge,), nodes=(pivot,))]
     items.append(Item("label", element.name, (End(0, 0),), (Label(text, (0, 0, -20)),)))
     if pivot in style.coordinates:
         shapes = (Label(style.coordinates[pivot], (0, -10, -40), "end"),)

@@ -105,7 +105,8 @@ def frame(layout: Layout, element: Element, base: int, flange: int) -> None:
     shapes = [Path(((0, 0, 0), (1, 0, 0)), width=1.2), symbols.head((1, 0, 0), (1, 0))]
     shapes += [Path(((f, 0, -5), (f, 0, 20)), False, "", "muted", 1.0, (4, 3)) for f in (0, 1)]
     variables = {"coordinate": f"{element.name}.q"}
-    layout.labels.append(Item("coordinate", element.name, (a, b), tuple(shapes), Turn(), variables))
+    met = layout.strip.meets(base), layout.strip.meets(flange)
+    layout.labels.append(Item("coordinate", element.name, (a, b), tuple(shapes), Turn(), variables, nodes=met))
     centre = middle(a, b)
     dx, dy = (-8, 0) if layout.upright else (0, -11)
     layout.labels.append(symbols.label(text, centre, dx, dy, "end" if layout.upright else "middle", element.name))

@@ -173,6 +173,7 @@ class Item:
     turn : for items with one end
     variables : names a reader may ask for: the coordinate of a body, the force in a spring
     slack : px by which a string is longer than the way between its ends as drawn: then it hangs in a curve (`drawn`)
+    nodes : connection sets that are met: at the first end and at the second (-1: none), or by an item with one end
     """
 
     symbol: str
@@ -182,6 +183,7 @@ class Item:
     turn: Turn = Turn()
     variables: Mapping[str, str] = field(default_factory=dict)
     slack: float = 0.0
+    nodes: tuple[int, ...] = ()
 
     @property
     def drawn(self) -> tuple[Shape, ...]:

@@ -69,7 +69,18 @@ class Plane:
 
     def draw(self, element: Element) -> None:
         """Draw one element."""
-        ports = [p for p in element.ports if p.domain in DOMAINS]
+        layers = self.back, self.items, self.front
+        known = [set(map(id, layer)) for layer in layers]
+        self._draw(element, [p for p in element.ports if p.domain in DOMAINS])
+        met = tuple(p.node for p in element.ports)
+        for layer, old in zip(layers, known, strict=True):
+            for k, item in enumerate(layer):
+                if id(item) not in old:
+                    spans = len(item.ends) == 2
+                    between = spans or any(len(i.ends) == 2 and i.part == element.name for i in layer)
+                    layer[k] = replace(item, nodes=met[:2] if spans else met[:1] if between else met)
+
+    def _draw(self, element: Element, ports: Sequence[Port]) -> None:
         drawer = DRAWERS.get(element.symbol) if not element.look.drawing else None
         if drawer is not None:
             drawer(self, element, ports)
@@ -288,11 +299,11 @@ class Plane:
         """A given torque."""
         self.around(element, self.end(ports[0]), self.names.signal(element, "tau"), "force")
 
-    def around(self, element: Element, at: End, text: str, colour: str) -> None:
+    def around(self, element: Element, at: End, text: str, colour: str, radius: float = 24.0) -> None:
         """An arrow around a point, with a label."""
-        made = symbols.turning_arrow(element.symbol, element.name, at, 24.0, 1.2, 2.9, colour)
+        made = symbols.turning_arrow(element.symbol, element.name, at, radius, 1.2, 2.9, colour)
         self.front.append(replace(made, variables={"torque": f"{element.name}.tau"}))
-        self.wishes.append(Wish(text, at, element.name, 28.0, colour))
+        self.wishes.append(Wish(text, at, element.name, radius + 4.0, colour))
 
     def torsion(self, element: Element, ports: Sequence[Port]) -> None:
         """A spiral about the point where two bodies are joined, or two arcs with a gap for a damper."""

@@ -146,7 +146,8 @@ class Hanging:
             dx, dy = direction or self.direction(node)
             ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, dx, dy, None, GROUP),))
         made = symbols.line("string", part, ends[0], ends[1], 1.4, "string")
-        return replace(made, variables=self.style.names.slack(part))
+        met = () if node is None else (node, node)
+        return replace(made, variables=self.style.names.slack(part), nodes=met)
 
     def direction(self, node: int) -> tuple[float, float]:
         strip = self.strips.get(node)
@@ -172,13 +173,14 @@ def _around_a_corner(joint: Joint, level: int, hung: int, left: Block, hanging: 
     content = hanging.hang(hung)
     wide = -min(content.corners[0], 0.0) if content.items else 0.0
     r = max(r, min(60.0, wide - 8.0))
+    met = (*joint.ends, joint.axle)
     items = [
         hanging.string(part, level, (-LEAST_RADIUS - 40, -r), (0, -r), 0, RIGHT),
-        Item("string", part, (End(0, 0),), (Path(arc(r, 1.5708, 0), colour="string", width=1.4),)),
+        Item("string", part, (End(0, 0),), (Path(arc(r, 1.5708, 0), colour="string", width=1.4),), nodes=met),
         hanging.string(part, hung, (r, 0), (r, FALL), 1),
         Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (-r * 0.6, r + 14), width=2.0),)),
         symbols.wall("", End(-r * 0.6, r + 14), (0, 1), -16, 16, "bearing"),
-        symbols.pulley(part, End(0, 0), r),
+        replace(symbols.pulley(part, End(0, 0), r), nodes=(joint.axle,)),
     ]
     block = Block(tuple(items)).beside(left.at(0, -r), content.at(r, FALL))
     return block
@@ -205,7 +207,7 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         if node is None:
             continue
         before, after = joints[k - 1] if k else None, joints[k] if k < len(joints) else None
-        part = before.elements[-1].name if before is not None else after.elements[0].name
+        part = _over(before or after, node).name
         tops = [0.0 for j in (before, after) if j is not None and not j.below]
         bottoms = [depth for j in (before, after) if j is not None and j.below]
         if len(tops) == 1 and bottoms:
@@ -224,12 +226,22 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         move = hanging.style.variables.get(axle)
         moves = (Move(move, *hanging.direction(axle), None, GROUP),) if move else ()
         for centre, _ in own:
-            items.append(symbols.line("rod", "", End(centre, depth, moves), End(centre, low, moves), 2.0))
+            items.append(_rod(axle, End(centre, depth, moves), End(centre, low, moves)))
         if len(own) > 1:
-            items.append(symbols.line("rod", "", End(own[0][0], low, moves), End(own[-1][0], low, moves), 3.0))
-        items.append(symbols.line("rod", "", End(middle, low, moves), End(middle, low + 14, moves), 2.0))
+            items.append(_rod(axle, End(own[0][0], low, moves), End(own[-1][0], low, moves), 3.0))
+        items.append(_rod(axle, End(middle, low, moves), End(middle, low + 14, moves)))
         block = block.beside(load.at(middle, low + 14))
     return Block(tuple(items)).beside(block)
+
+
+def _rod(node: int, a: End, b: End, thick: float = 2.0) -> Item:
+    """A rod from an axle to what hangs there."""
+    return replace(symbols.line("rod", "", a, b, thick), nodes=(node, node))
+
+
+def _over(joint: Joint, node: int) -> Element:
+    """The pulley or drum of a joint over which the rope at a node goes."""
+    return next((e for e in joint.elements if any(p.node == node for p in e.ports)), joint.elements[0])
 
 
 def _counted(joint: Joint, left: int | None, right: int | None, hanging: Hanging) -> Joint:
@@ -292,19 +304,20 @@ def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging) -> Blo
     """A wheel or a pulley at (0, 0), with its support."""
     part = joint.elements[0].name
     over = (3.14159, 6.28318) if joint.below else (3.14159, 0.0)
-    if len(joint.ends) == 2:
-        string = Item("string", part, (End(0, 0),), (Path(arc(radius, *over), colour="string", width=1.4),))
-    else:
-        string = Item("string", part, (End(0, 0),), (Path(arc(radius, 1.2, 0.0), colour="string", width=1.4),))
+    over = over if len(joint.ends) == 2 else (1.2, 0.0)
+    rope = Path(arc(radius, *over), colour="string", width=1.4)
+    met = joint.ends if joint.axle is None else (*joint.ends, joint.axle)
+    string = Item("string", part, (End(0, 0),), (rope,), nodes=met)
     if joint.shaft is not None:
+        strings = [replace(string, part=e.name, nodes=tuple(p.node for p in e.ports)) for e in joint.elements]
         items, legs = decorated(joint.shaft, hanging.style, radius, False, held=True)
-        return Block((*legs, *wheel(joint.shaft, hanging.style, [radius], False), string, *items))
+        return Block((*legs, *wheel(joint.shaft, hanging.style, [radius], False), *strings, *items))
     if joint.below:
         variable = hanging.style.variables.get(joint.axle)
         moves = (Move(variable, *hanging.direction(joint.axle), None, GROUP),) if variable else ()
-        made = symbols.pulley(part, End(0, 0, moves), radius)
-        return Block((made, Item("string", part, (End(0, 0, moves),), string.shapes)))
-    stem = Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (0, ceiling), width=2.0),))
+        made = replace(symbols.pulley(part, End(0, 0, moves), radius), nodes=(joint.axle,))
+        return Block((made, replace(string, ends=(End(0, 0, moves),))))
+    stem = Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (0, ceiling), width=2.0),), nodes=(joint.axle,))
     if joint.hung:
         return Block((symbols.pulley(part, End(0, 0), radius), stem, string), {joint.axle: (0.0, ceiling)})
     hatch = symbols.wall("", End(0, ceiling), (0, -1), -16, 16, "bearing")

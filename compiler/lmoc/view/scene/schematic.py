@@ -118,7 +118,7 @@ class Schematic:
         strip = next((s for s in self.shafts if port.node in s.nodes), None)
         if strip is None:
             return Turning(port.node, (), ())
-        single = [n for n in strip.nodes if strip.held(n) is None]
+        single = [n for n in strip.nodes if (held := strip.held(n)) is None or held.symbol == "rotation"]
         if len(single) == 1 and id(strip) not in self.wheel_shafts:
             self.wheel_shafts.add(id(strip))
             return turning(strip, port.node)
@@ -165,7 +165,8 @@ class Schematic:
         for node, drums in wheels.items():
             strip = next((s for s in self.shafts if node in s.nodes), None)
             if strip is not None and gears_of(strip) and len(drums) <= 2:
-                hung = [Drum(d.name, self.hanging.hang(d.port("flange").node)) for d in drums]
+                flanges = [(d, d.port("flange").node) for d in drums]
+                hung = [Drum(d.name, n, self.hanging.hang(n)) for d, n in flanges]
                 self.drums[node] = hung
                 continue
             shaft = self._turning(drums[0].port("shaft"))

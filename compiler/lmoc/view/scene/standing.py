@@ -28,14 +28,17 @@ def body(layout: Layout, node: int, low: float, high: float) -> None:
     thick = max(THICK, width(title, 13) / 2 + 9 - tall) if layout.upright else THICK
     corners = rectangle(layout, layout.half[node], -tall - thick, tall + thick)
     variables = {"coordinate": layout.style.variables[node]}
-    part = layout.strip.bodies(node)[0].name
+    part, *others = (e.name for e in layout.strip.bodies(node))
     layout.items.append(symbols.box("mass", part, layout.end(node), corners, title, variables))
+    layout.items += [Item("mass", name, (layout.end(node),), ()) for name in others]
 
 
-def goes_on(number: str, end: End) -> Item:
-    """Return the mark at which a row of a long strip ends, and the next one begins."""
-    label = Label(number, (0.0, 0.0, 0.0), size=11.0, colour="muted")
-    return Item("continuation", "", (end,), (Circle((0.0, 0.0, 0.0), MARK, "paper", "muted"), label))
+def goes_on(node: int, end: End) -> Item:
+    """Return the mark at which a line breaks off that goes on at a node; its number is given later (`joined`)."""
+    label = Label("", (0.0, 0.0, 0.0), size=11.0, colour="muted")
+    return Item(
+        "continuation", "", (end,), (Circle((0.0, 0.0, 0.0), MARK, "paper", "muted"), label), nodes=(node,)
+    )
 
 
 def hub(layout: Layout, node: int, low: float, high: float) -> None:

@@ -41,7 +41,8 @@ class Strip:
     on : {node: elements that stand on it alone}
     frames : moving frames (element, base, flange)
     hubs : {node in the middle of a part with three ports or more: that part}
-    marks : {node where a row of a long strip ends or begins: the number of the break}
+    marks : {node where a line breaks off: the one where it goes on}
+    same : {node that was made: the one that it stands for}
     """
 
     shaft: bool
@@ -50,11 +51,12 @@ class Strip:
     on: dict[int, list[Element]] = field(default_factory=lambda: defaultdict(list))
     frames: list[tuple[Element, int, int]] = field(default_factory=list)
     hubs: dict[int, Element] = field(default_factory=dict)
-    marks: dict[int, str] = field(default_factory=dict)
+    marks: dict[int, int] = field(default_factory=dict)
+    same: dict[int, int] = field(default_factory=dict)
 
     def apart(self) -> Strip:
         """Return the strip with a wall of its own for each element that ends at one."""
-        made = Strip(self.shaft, [], [], self.on, self.frames, self.hubs, self.marks)
+        made = Strip(self.shaft, [], [], self.on, self.frames, self.hubs, self.marks, self.same)
         fresh = min(self.nodes) - 1
 
         def own(node: int) -> int:
@@ -71,6 +73,10 @@ class Strip:
         walled = [n for n in self.nodes if self.held(n) is None or self.held(n).symbol in ("motion", "rotation")]
         made.nodes += [n for n in walled if n not in made.nodes]
         return made
+
+    def meets(self, node: int) -> int:
+        """Return the connection set that a node shows, -1 for none: the inside of a part, or a piece of a wall."""
+        return max(self.marks.get(node, self.same.get(node, node)), -1)
 
     def bodies(self, node: int) -> list[Element]:
         """The bodies at a node."""
@@ -102,12 +108,14 @@ class DrawnStrip:
 
     Attributes
     ----------
+    strip : what was drawn: with a wall of its own for each element, it may be, or with lines broken off
     block : its anchors are the nodes' middles
     reach : {node: half of its body along the line}
     along : {node: place along the line}
     conflicts : crossings that are left
     """
 
+    strip: Strip
     block: Block
     reach: Mapping[int, float]
     along: Mapping[int, float]

@@ -10,6 +10,7 @@ from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.layout import Layout
 from lmoc.view.scene.marks import coordinate, force, frame
+from lmoc.view.scene.picture import Item
 from lmoc.view.scene.side import shaft_node
 from lmoc.view.scene.standing import body, goes_on, hub, other, wall
 from lmoc.view.scene.strip import BODIES, HELD, PUSHED, RIGHT, Direction, DrawnStrip, Strip, Style
@@ -29,14 +30,22 @@ def draw_strip(strip: Strip, style: Style, direction: Direction = RIGHT) -> Draw
     for k, (element, a, b, kind) in enumerate(layout.parts):
         _element(layout, k, element, a, b, kind)
     for node in layout.strip.nodes:
+        items, labels = len(layout.items), len(layout.labels)
         _node(layout, node)
+        _meeting(layout.items, items, layout.strip.meets(node))
+        _meeting(layout.labels, labels, layout.strip.meets(node))
     for element, base, flange in layout.strip.frames:
         frame(layout, element, base, flange)
     ends = {node: layout.end(node) for node in layout.strip.nodes}
     anchors = {node: (end.x, end.y) for node, end in ends.items()}
     reach = {node: layout.edge(node) for node in layout.strip.nodes}
     block = Block((*layout.items, *layout.labels), anchors)
-    return DrawnStrip(block, reach, layout.rows.along, layout.rows.conflicts)
+    return DrawnStrip(layout.strip, block, reach, layout.rows.along, layout.rows.conflicts)
+
+
+def _meeting(items: list[Item], first: int, node: int) -> None:
+    """Note of the items from the first on that they are at a node."""
+    items[first:] = [i if i.nodes or i.symbol == "label" else replace(i, nodes=(node,) * len(i.ends)) for i in items[first:]]
 
 
 def _element(layout: Layout, k: int, element: Element, a: int, b: int, kind: str) -> None:
@@ -50,7 +59,8 @@ def _element(layout: Layout, k: int, element: Element, a: int, b: int, kind: str
     variables = {"force": f"{element.name}.{flow}"} if known else {}
     if made.symbol in ("string", "elastic-string"):
         variables |= layout.names.slack(element.name)
-    layout.items.append(replace(made, variables=variables))
+    met = layout.strip.meets(a), layout.strip.meets(b)
+    layout.items.append(replace(made, variables=variables, nodes=met))
     text = layout.text(element, kind)
     if text and made.symbol != "box":
         room = 28.0 if element.look.drawing else breadth(kind)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import cos, radians, sin
 
 from lmoc.support.records import dataclass
@@ -104,6 +105,7 @@ def decorated(
             x, y, anchor = 0, 0.52 * radius, "middle"
         part = next(e.name for e in shaft.on if e.symbol in BODIES)
         items.append(symbols.label(text, CENTRE, x, y, anchor, part))
+    items = [i if i.symbol == "label" else replace(i, nodes=(shaft.node,)) for i in items]
     return items, _legs(shaft, style, radius, down, held)
 
 
@@ -131,7 +133,9 @@ def _brake(part: str, name: str, radius: float) -> list[Item]:
 def _box(part: str, name: str, y: float) -> Item:
     """A part without a symbol."""
     half = width(name, 13) / 2 + 7
-    return symbols.box("box", part, CENTRE, (-half, y - 12, half, y + 12), name)
+    made = symbols.box("box", part, CENTRE, (-half, y - 12, half, y + 12), name)
+    stem = symbols.path((0, 0), (0, y - 12 if y > 0 else y + 12))
+    return replace(made, shapes=(stem, *made.shapes))
 
 
 def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -> list[Item]:
@@ -146,13 +150,16 @@ def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -
     n = len(shaft.legs)
     top = radius + 12
     xs = [(k - (n - 1) / 2) * APART for k in range(n)]
-    items = [Item("shaft", "", (End(0, 0),), (symbols.path((0, way * radius), (0, way * top), width=2.0),))]
+    met = (shaft.node,)
+    stem = symbols.path((0, way * radius), (0, way * top), width=2.0)
+    items = [Item("shaft", "", (CENTRE,), (stem,), nodes=met)]
     if n > 1:
         bar = symbols.path((xs[0], way * top), (xs[-1], way * top), width=2.0)
-        items.append(Item("joint", "", (End(0, 0),), (bar,)))
+        items.append(Item("joint", "", (CENTRE,), (bar,), nodes=met))
     for x, element in zip(xs, shaft.legs):
         a, b = End(x, way * top), End(x, way * (top + LEG))
-        items.append(between(element, element.symbol, a, b, True, style.names))
+        made = between(element, element.symbol, a, b, True, style.names)
+        items.append(replace(made, nodes=(shaft.node, -1)))
         items.append(symbols.wall("", b, (0, way), -18, 18, "fixed-shaft"))
         text = style.names.part(element, "k", "c", "tau")
         items.append(symbols.label(text, End(x, way * (top + 12)), 9, 0, "start", element.name))
@@ -167,7 +174,9 @@ def wheel(shaft: Turning, style: Style, radii: Sequence[float], gear: bool) -> l
     variables = {"angle": turn.variable} if turn.variable else {}
     made = symbols.wheel("wheel", parts[0] if parts else "", End(0, 0), largest, turn, gear, variables)
     inner = tuple(Circle((0.0, 0.0, 0.0), r, "body") for r in smaller)
-    return [Item(made.symbol, made.part, made.ends, (*made.shapes, *inner), made.turn, made.variables)]
+    met = (shaft.node,)
+    others = [Item("wheel", name, made.ends, (), nodes=met) for name in parts[1:]]
+    return [replace(made, shapes=(*made.shapes, *inner), nodes=met), *others]
 
 
 # ------------------------------------------------------------------------------ gears in mesh
@@ -178,6 +187,7 @@ class Drum:
     """A rope on a shaft, and what hangs on it: a block with its top in the middle at (0, 0)."""
 
     part: str
+    node: int
     content: Block
 
 
@@ -247,7 +257,9 @@ def gear_row(
         block = block.beside(own.at(placed[node], 0.0))
     contacts: list[Item] = []
     for (element, a, _), pair in zip(meshes, size):
-        contacts += _contact(element, style, placed[a] + pair[0], min(pair), -1 if pair[0] <= pair[1] else 1)
+        met = tuple(p.node for p in element.ports)
+        made = _contact(element, style, placed[a] + pair[0], min(pair), -1 if pair[0] <= pair[1] else 1)
+        contacts += [replace(i, nodes=met if i.symbol == "mesh" else ()) for i in made]
     return Block((*block.items, *contacts), block.anchors)
 
 
@@ -260,6 +272,7 @@ def _gear(shaft: Turning, style: Style, radii: list[float], window: Window, drum
     for drum, side in zip(drums, (1.0, -1.0)):
         x, y = side * winding[0], largest + 30.0
         rope = symbols.line("string", drum.part, End(x, 0.0), End(x, y), 1.4, "string")
+        rope = replace(rope, nodes=(shaft.node, drum.node))
         own = own.beside(Block((rope,)), drum.content.at(x, y))
     return own
 

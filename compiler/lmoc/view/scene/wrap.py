@@ -30,6 +30,7 @@ def draw_wrapped(strip: Strip, style: Style, direction: Direction) -> Block:
         return drawn.block
     for candidate in (strip, strip.apart()):
         whole = draw_strip(candidate, style, direction)
+        candidate = whole.strip
         span = max(whole.along.values()) - min(whole.along.values())
         room = LONGEST - (_length(whole, direction) - span)  # bodies and arrows stand out beyond the nodes
         places = _breaks(whole.along, _cuts(candidate, whole.along), max(room, LONGEST / 2))
@@ -99,13 +100,13 @@ def _rows(strip: Strip, along: Mapping[int, float], places: Sequence[int]) -> li
     ends = [-inf, *(along[n] for n in places), inf]
     rows = []
     for k in range(len(places) + 1):
-        row = Strip(strip.shaft, on=strip.on, hubs=dict(strip.hubs))
+        row = Strip(strip.shaft, on=strip.on, hubs=dict(strip.hubs), marks=dict(strip.marks), same=dict(strip.same))
         same = {places[k - 1]: _numbers(k - 1)[2]} if k else {}
         if k:
             _, begin, node = _numbers(k - 1)
             row.nodes += [begin, node]
             row.links.append((CONTINUED, begin, node))
-            row.marks[begin] = str(k)
+            row.marks[begin] = row.same[node] = strip.meets(places[k - 1])
         row.nodes += [n for n in strip.nodes if ends[k] < along[n] <= ends[k + 1]]
         for links, mine in ((strip.links, row.links), (strip.frames, row.frames)):
             for element, a, b in links:
@@ -114,6 +115,6 @@ def _rows(strip: Strip, along: Mapping[int, float], places: Sequence[int]) -> li
         if k < len(places):
             row.nodes.append(_numbers(k)[0])
             row.links.append((CONTINUED, places[k], _numbers(k)[0]))
-            row.marks[_numbers(k)[0]] = str(k + 1)
+            row.marks[_numbers(k)[0]] = strip.meets(places[k])
         rows.append(row)
     return rows

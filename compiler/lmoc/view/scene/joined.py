@@ -1,0 +1,188 @@
+"""What is joined in the model and stands apart in the picture: numbered circles say where a line goes on.
+
+Every item says which connection sets it meets (`Item.nodes`). The items that meet one of them and touch each other are
+a piece of it; a connection set in several pieces gets the same number at each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import cos, hypot, pi, sin
+
+from lmoc.view.scene import symbols
+from lmoc.view.scene.block import Block, Corners, shape_corners, united
+from lmoc.view.scene.elements import Element, Graph
+from lmoc.view.scene.picture import End, Item, Label, Point
+from lmoc.view.scene.placing import points_of
+from lmoc.view.scene.standing import MARK, goes_on
+
+GROUNDS = ("wall", "fixed-shaft", "ground", "anchor")  # hatching says it all
+BESIDE = ("coordinate", "force", "torque", "contact")  # beside what they belong to, without touching it
+TOUCHING = 5.0  # px
+NEAR = 60.0  # px, from an arrow to what it belongs to
+LEADER = 9.0  # px, the shortest line from a piece to its number
+
+
+def joined(block: Block, graph: Graph) -> Block:
+    """Return the picture with numbers where a connection is not drawn as a line, and with every part in it."""
+    block = _with_the_rest(block, graph)
+    items = list(block.items)
+    numbers: dict[int, str] = {}
+    for node, pieces in _pieces(items, graph).items():
+        marked = [any(items[k].symbol == "continuation" for k in piece) for piece in pieces]
+        if len(pieces) < 2 and not any(marked):
+            continue
+        numbers[node] = str(len(numbers) + 1)
+        if len(pieces) > 1:
+            for piece, has in zip(pieces, marked, strict=True):
+                items += [] if has else _mark(items, piece, node)
+    return Block(tuple(_numbered(item, numbers) for item in items), block.anchors)
+
+
+def lost(block: Block, graph: Graph) -> list[tuple[str, str]]:
+    """Return the ports (part, port) of a scene that no item of a picture meets."""
+    met = {(item.part, node) for item in block.items for node in item.nodes}
+    grounds = _grounds(graph)
+    return [
+        (e.name, p.name)
+        for e in graph.elements
+        for p in e.ports
+        if p.domain != "other" and p.node not in grounds and (e.name, p.node) not in met
+    ]
+
+
+def _grounds(graph: Graph) -> set[int]:
+    return {p.node for e in graph.elements if e.symbol in GROUNDS for p in e.ports}
+
+
+def _with_the_rest(block: Block, graph: Graph) -> Block:
+    """Return the picture with a box for each part that has no place in it, and the lines to ports that were left out."""
+    missing: dict[str, list[int]] = {}
+    for name, port in lost(block, graph):
+        element = next(e for e in graph.elements if e.name == name)
+        missing.setdefault(name, []).append(next(p.node for p in element.ports if p.name == port))
+    drawn = {item.part: item for item in block.items if item.symbol != "label" and item.part}
+    boxes: list[Block] = []
+    more: list[Item] = []
+    for name, nodes in missing.items():
+        own = drawn.get(name)
+        if own is None:
+            element = next(e for e in graph.elements if e.name == name)
+            boxes.append(Block((_box(element, nodes),)))
+        else:
+            more += [_stub(own, node, k) for k, node in enumerate(dict.fromkeys(nodes))]
+    block = Block((*block.items, *more), block.anchors)
+    _, _, right, bottom = block.corners if block.items else (0.0, 0.0, 0.0, 0.0)
+    x = 0.0
+    for made in boxes:
+        left, top, right, _ = made.corners
+        block = block.beside(made.at(x - left, bottom + 40.0 - top))
+        x += right - left + 60.0
+    return block
+
+
+def _box(element: Element, nodes: Sequence[int]) -> Item:
+    from lmoc.view.scene.names import shortened
+    from lmoc.view.scene.text import width
+
+    text = shortened(element.name)
+    half = width(text, 13) / 2 + 9
+    return replace(symbols.box("box", element.name, End(0, 0), (-half, -14, half, 14), text), nodes=tuple(nodes))
+
+
+def _stub(item: Item, node: int, k: int) -> Item:
+    """A line from an item to a port of it that is elsewhere."""
+    x, y = _middle(_corners(item))
+    at = End(x, y, item.ends[0].moves)
+    return replace(symbols.line("joint", item.part, at, at.shifted(10.0 + 8.0 * k, 16.0), 1.2), nodes=(-1, node))
+
+
+def _corners(item: Item) -> Corners:
+    frame = item.frame()
+    found = united(shape_corners(s, frame) for s in item.drawn if not isinstance(s, Label))
+    x, y = item.ends[0].x, item.ends[0].y
+    return united([found, (x, y, x, y)]) if len(item.ends) == 1 else found
+
+
+def _middle(c: Corners) -> Point:
+    return (c[0] + c[2]) / 2, (c[1] + c[3]) / 2
+
+
+def places(item: Item, node: int) -> list[Corners]:
+    """Return where an item meets a connection set: an end of it, or all of an item with one end."""
+    if len(item.ends) == 1 or set(item.nodes) == {node}:
+        return [_corners(item)]
+    return [(e.x, e.y, e.x, e.y) for e, n in zip(item.ends, item.nodes, strict=True) if n == node]
+
+
+def _touch(a: Item, b: Item, node: int) -> bool:
+    room = NEAR if a.symbol in BESIDE or b.symbol in BESIDE else TOUCHING
+    return any(_distance(p, q) < room for p in places(a, node) for q in places(b, node))
+
+
+def _distance(a: Corners, b: Corners) -> float:
+    return hypot(max(a[0] - b[2], b[0] - a[2], 0.0), max(a[1] - b[3], b[1] - a[3], 0.0))
+
+
+def _pieces(items: Sequence[Item], graph: Graph) -> dict[int, list[list[int]]]:
+    """Return for each connection set the groups of items that touch each other."""
+    grounds = _grounds(graph)
+    at: dict[int, list[int]] = {}
+    for k, item in enumerate(items):
+        for node in dict.fromkeys(item.nodes):
+            if node >= 0 and node not in grounds and item.symbol != "label":
+                at.setdefault(node, []).append(k)
+    return {node: _groups(items, members, node) for node, members in at.items()}
+
+
+def _groups(items: Sequence[Item], members: Sequence[int], node: int) -> list[list[int]]:
+    """Return items in groups of those that touch, also by way of others."""
+    groups: list[list[int]] = []
+    for k in members:
+        near = [g for g in groups if any(_touch(items[k], items[j], node) for j in g)]
+        groups = [g for g in groups if g not in near] + [sorted([*sum(near, []), k])]
+    return sorted(groups)
+
+
+def _mark(items: Sequence[Item], piece: Sequence[int], node: int) -> list[Item]:
+    """Return a circle beside a piece, where it covers least, and the line that leads to it."""
+    lines = [p for item in items for p in points_of(item)]
+    taken = [shape_corners(s, i.frame()) for i in items for s in i.drawn if isinstance(s, Label)]
+    best: tuple[float, End, End] | None = None
+    for item in sorted((items[k] for k in piece), key=lambda i: i.symbol in BESIDE)[:4]:
+        for corners in places(item, node):
+            end = next((e for e, n in zip(item.ends, item.nodes) if n == node), item.ends[0])
+            for start, centre in _candidates(corners):
+                cost = _cost(centre, lines, taken) + hypot(centre[0] - start[0], centre[1] - start[1])
+                if best is None or cost < best[0]:
+                    best = cost, End(*start, end.moves), End(*centre, end.moves)
+    _, start, centre = best
+    leader = replace(symbols.line("joint", "", start, centre, 1.2, "muted"), nodes=(node, node))
+    return [leader, goes_on(node, centre)]
+
+
+def _candidates(corners: Corners) -> Iterable[tuple[Point, Point]]:
+    """Yield points at the rim of a rectangle, each with a place for a circle beyond it."""
+    x, y = _middle(corners)
+    wide, high = (corners[2] - corners[0]) / 2, (corners[3] - corners[1]) / 2
+    for away in (LEADER, 2 * LEADER, 4 * LEADER, 7 * LEADER):
+        for k in range(8):
+            dx, dy = cos(k * pi / 4), sin(k * pi / 4)
+            start = x + max(-wide, min(wide, 2 * wide * dx)), y + max(-high, min(high, 2 * high * dy))
+            yield start, (start[0] + (away + MARK) * dx, start[1] + (away + MARK) * dy)
+
+
+def _cost(centre: Point, lines: Sequence[Point], taken: Sequence[Corners]) -> float:
+    x, y = centre
+    room = MARK + 3.0
+    own = x - room, y - room, x + room, y + room
+    over = sum(_distance(own, c) == 0.0 for c in taken)
+    return 1000.0 * over + 40.0 * sum(abs(p - x) < room and abs(q - y) < room for p, q in lines)
+
+
+def _numbered(item: Item, numbers: dict[int, str]) -> Item:
+    if item.symbol != "continuation":
+        return item
+    text = numbers.get(item.nodes[0], "")
+    return replace(item, shapes=tuple(replace(s, text=text) if isinstance(s, Label) else s for s in item.shapes))
