@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
+from oracles.connections import lost, numbers_mean_one_thing, overlapping
 
 from lmoc.interface import DAE
 from lmoc.ir.flat import FlatDAE
@@ -148,3 +149,17 @@ def test_every_part_is_shown(path):
     drawn = {item.part for item in p.items}
     silent = {e.name for e in elements if e.symbol in ("wall", "fixed-shaft")}  # told by the hatching
     assert {e.name for e in elements} - silent - drawn == set()
+
+
+OTHERS = [p for folder in ("classic", "bench") for p in (MODELS / folder).glob("*.lmo")]
+FOUND = (Path(__file__).parents[1] / "data" / "pictures").glob("*.lmo")
+
+
+@pytest.mark.parametrize("path", sorted([*SCENES, *OTHERS, *FOUND]), ids=lambda p: p.stem)
+def test_no_connection_of_the_model_is_missing(path):
+    flat = flattened(path)[1]
+    if shown(flat, flat.parameter_values()).graph is None:
+        return  # a table of its parts
+    assert lost(flat, picture(path)) == []
+    assert numbers_mean_one_thing(picture(path))
+    assert overlapping(picture(path)) == []

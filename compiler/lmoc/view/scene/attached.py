@@ -110,7 +110,8 @@ def _along(plane: Plane, carrier: Element, strip: Strip) -> set[str]:
         for n, at in ((a, first), (b, second)):
             held = strip.held(n)
             if held is not None and held.symbol == "wall":
-                plane.back.append(_wall(held.name, at, (dx, -dy), 1.0 if place[n] * s >= place[node] * s + SHORTEST else -1.0))
+                beyond = s * (place[n] - place[node]) >= SHORTEST
+                plane.back.append(_wall(held.name, at, (dx, -dy), 1.0 if beyond else -1.0))
             elif across:
                 stem = symbols.line("joint", "", end(n, 0.0), at, 1.2)
                 plane.items.append(replace(stem, nodes=(meets(n), meets(n))))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
+from itertools import combinations
 from math import inf
 
 from lmoc.support.records import dataclass
@@ -12,6 +13,7 @@ from lmoc.view.scene.text import box
 
 Corners = tuple[float, float, float, float]  # left, top, right, bottom
 NOTHING: Corners = (inf, inf, -inf, -inf)
+TANGLED = 1.0  # px by which things overlap that stand on each other
 
 
 def shape_corners(shape: Shape, frame: Frame) -> Corners:
@@ -95,3 +97,14 @@ def packed(blocks: Sequence[Block], width: float, gap: float) -> Block:
             x += right - left + gap
         y += high + gap
     return Block(()).beside(*placed)
+
+
+def tangled(block: Block) -> bool:
+    """Return whether bodies or labels of a block stand on each other."""
+    boxes = [corners_of([i]) for i in block.items if i.symbol in ("mass", "box", "lever", "beam") and i.shapes]
+    labels = [box(s, i.frame()) for i in block.items for s in i.drawn if isinstance(s, Label) and s.text]
+    return any(
+        min(min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])) > TANGLED
+        for found in (boxes, labels)
+        for a, b in combinations(found, 2)
+    )

@@ -10,11 +10,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import cos, hypot, pi, sin
 
+import numpy as np
+
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block, Corners, shape_corners, united
 from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.picture import End, Item, Label, Point
-from lmoc.view.scene.placing import points_of
+from lmoc.view.scene.placing import Ink, cleared
 from lmoc.view.scene.standing import MARK, goes_on
 
 GROUNDS = ("wall", "fixed-shaft", "ground", "anchor")  # hatching says it all
@@ -29,6 +31,7 @@ def joined(block: Block, graph: Graph) -> Block:
     block = _with_the_rest(block, graph)
     items = list(block.items)
     numbers: dict[int, str] = {}
+    ink = Ink(items)
     for node, pieces in _pieces(items, graph).items():
         marked = [any(items[k].symbol == "continuation" for k in piece) for piece in pieces]
         if len(pieces) < 2 and not any(marked):
@@ -36,8 +39,8 @@ def joined(block: Block, graph: Graph) -> Block:
         numbers[node] = str(len(numbers) + 1)
         if len(pieces) > 1:
             for piece, has in zip(pieces, marked, strict=True):
-                items += [] if has else _mark(items, piece, node)
-    return Block(tuple(_numbered(item, numbers) for item in items), block.anchors)
+                items += [] if has else _mark(items, piece, node, ink)
+    return Block(tuple(cleared([_numbered(item, numbers) for item in items])), block.anchors)
 
 
 def lost(block: Block, graph: Graph) -> list[tuple[str, str]]:
@@ -57,7 +60,7 @@ def _grounds(graph: Graph) -> set[int]:
 
 
 def _with_the_rest(block: Block, graph: Graph) -> Block:
-    """Return the picture with a box for each part that has no place in it, and the lines to ports that were left out."""
+    """Return the picture with a box for each part without a place in it, and lines to the ports that were left out."""
     missing: dict[str, list[int]] = {}
     for name, port in lost(block, graph):
         element = next(e for e in graph.elements if e.name == name)
@@ -145,21 +148,21 @@ def _groups(items: Sequence[Item], members: Sequence[int], node: int) -> list[li
     return sorted(groups)
 
 
-def _mark(items: Sequence[Item], piece: Sequence[int], node: int) -> list[Item]:
+def _mark(items: Sequence[Item], piece: Sequence[int], node: int, ink: Ink) -> list[Item]:
     """Return a circle beside a piece, where it covers least, and the line that leads to it."""
-    lines = [p for item in items for p in points_of(item)]
-    taken = [shape_corners(s, i.frame()) for i in items for s in i.drawn if isinstance(s, Label)]
-    best: tuple[float, End, End] | None = None
+    found: list[tuple[End, Point]] = []
     for item in sorted((items[k] for k in piece), key=lambda i: i.symbol in BESIDE)[:4]:
         for corners in places(item, node):
             end = next((e for e, n in zip(item.ends, item.nodes) if n == node), item.ends[0])
-            for start, centre in _candidates(corners):
-                cost = _cost(centre, lines, taken) + hypot(centre[0] - start[0], centre[1] - start[1])
-                if best is None or cost < best[0]:
-                    best = cost, End(*start, end.moves), End(*centre, end.moves)
-    _, start, centre = best
-    leader = replace(symbols.line("joint", "", start, centre, 1.2, "muted"), nodes=(node, node))
-    return [leader, goes_on(node, centre)]
+            found += [(End(*start, end.moves), centre) for start, centre in _candidates(corners)]
+    room = MARK + 3.0
+    boxes = [(x - room, y - room, x + room, y + room) for _, (x, y) in found]
+    costs = ink.costs(boxes, 40.0) + np.array([hypot(x - start.x, y - start.y) for start, (x, y) in found])
+    start, centre = found[int(costs.argmin())]
+    leader = replace(symbols.line("joint", "", start, End(*centre, start.moves), 1.2, "muted"), nodes=(node, node))
+    made = [leader, goes_on(node, End(*centre, start.moves))]
+    ink.add(made)
+    return made
 
 
 def _candidates(corners: Corners) -> Iterable[tuple[Point, Point]]:
@@ -171,14 +174,6 @@ def _candidates(corners: Corners) -> Iterable[tuple[Point, Point]]:
             dx, dy = cos(k * pi / 4), sin(k * pi / 4)
             start = x + max(-wide, min(wide, 2 * wide * dx)), y + max(-high, min(high, 2 * high * dy))
             yield start, (start[0] + (away + MARK) * dx, start[1] + (away + MARK) * dy)
-
-
-def _cost(centre: Point, lines: Sequence[Point], taken: Sequence[Corners]) -> float:
-    x, y = centre
-    room = MARK + 3.0
-    own = x - room, y - room, x + room, y + room
-    over = sum(_distance(own, c) == 0.0 for c in taken)
-    return 1000.0 * over + 40.0 * sum(abs(p - x) < room and abs(q - y) < room for p, q in lines)
 
 
 def _numbered(item: Item, numbers: dict[int, str]) -> Item:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import ceil, cos, hypot, pi, sin
+
+import numpy as np
 
 from lmoc.support.records import dataclass
 from lmoc.view.scene.block import Corners, shape_corners
@@ -12,6 +15,7 @@ from lmoc.view.scene.text import box
 
 NEAR = 2.5  # px between a label and a line
 STEP = 6.0  # px between the points of a line that are looked at
+RINGS = (6.0, 10.0, 14.0, 18.0, 24.0, 32.0, 42.0, 56.0)  # px that a label may move
 OFFSETS = ((0, -1), (1, -1), (1, 0), (-1, -1), (-1, 0), (1, 1), (-1, 1), (0, 1))
 
 
@@ -77,3 +81,67 @@ def _overlap(a: Corners, b: Corners) -> bool:
 
 def _inside(p: Point, c: Corners) -> bool:
     return c[0] - NEAR < p[0] < c[2] + NEAR and c[1] - NEAR < p[1] < c[3] + NEAR
+
+
+class Ink:
+    """What a picture covers: the points of its lines, and its labels."""
+
+    def __init__(self, items: Iterable[Item]) -> None:
+        self.points = np.zeros((0, 2))
+        self.labels = np.zeros((0, 4))
+        self.add(items)
+
+    def add(self, items: Iterable[Item]) -> None:
+        """Cover more."""
+        items = list(items)
+        points = [p for item in items for p in points_of(item)]
+        labels = [box(s, i.frame()) for i in items for s in i.drawn if isinstance(s, Label) and s.text]
+        self.points = np.concatenate([self.points, np.array(points).reshape(-1, 2)])
+        self.labels = np.concatenate([self.labels, np.array(labels).reshape(-1, 4)])
+
+    def costs(self, boxes: Sequence[Corners], line: float) -> np.ndarray:
+        """Return for some rectangles what they would cover: a label costs 1000, a point of a line `line`."""
+        b = np.array(boxes)[:, None]
+        x, y = self.points[:, 0], self.points[:, 1]
+        inside = (b[..., 0] < x) & (x < b[..., 2]) & (b[..., 1] < y) & (y < b[..., 3])
+        over = overlap(b, self.labels) > 0
+        return 1000.0 * over.sum(axis=1) + line * inside.sum(axis=1)
+
+
+def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the breadth of the overlap of rectangles, px; negative where they are apart."""
+    wide = np.minimum(a[..., 2], b[..., 2]) - np.maximum(a[..., 0], b[..., 0])
+    high = np.minimum(a[..., 3], b[..., 3]) - np.maximum(a[..., 1], b[..., 1])
+    return np.minimum(wide, high)
+
+
+def cleared(items: Sequence[Item]) -> list[Item]:
+    """Return a picture in which no label stands on another: those that do move to the nearest free place."""
+    made = list(items)
+    where = [
+        (k, n) for k, i in enumerate(made) for n, s in enumerate(i.drawn) if isinstance(s, Label) and s.text
+    ]
+    boxes = np.array([box(made[k].drawn[n], made[k].frame()) for k, n in where]).reshape(-1, 4)
+    points = np.array([p for item in made for p in points_of(item)]).reshape(-1, 2)
+    for i, (k, n) in enumerate(where):
+        others = np.arange(len(boxes)) != i
+        if made[k].symbol == "continuation" or not (overlap(boxes[i], boxes[others]) > 0.5).any():
+            continue
+        shifts = [(r * dx, r * dy) for r in RINGS for dx, dy in OFFSETS]
+        candidates = np.array([boxes[i] + (dx, dy, dx, dy) for dx, dy in shifts])
+        ink = Ink(())
+        ink.points, ink.labels = points, boxes[others]
+        costs = ink.costs(candidates, 10.0) + np.array([hypot(*s) for s in shifts])
+        best = int(costs.argmin())
+        boxes[i] = candidates[best]
+        made[k] = _with_label_at(made[k], n, shifts[best])
+    return made
+
+
+def _with_label_at(item: Item, n: int, shift: Point) -> Item:
+    """An item with one of its labels moved, px in the picture."""
+    frame, label = item.frame(), item.shapes[n]
+    f, x, y = label.at
+    along, across = shift[0] * frame.cos + shift[1] * frame.sin, shift[1] * frame.cos - shift[0] * frame.sin
+    moved = replace(label, at=(f, x + along, y + across))
+    return replace(item, shapes=(*item.shapes[:n], moved, *item.shapes[n + 1 :]))

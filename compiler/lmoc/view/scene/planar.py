@@ -245,6 +245,8 @@ class Plane:
             block = symbols.path((-13, -9), (13, -9), (13, 9), (-13, 9), closed=True, fill="paper")
             turn = Turn(-atan2(ey, ex))
             self.items.append(Item("slider", element.name, (b,), (block,), turn))
+        else:
+            self.items.append(Item("slider", element.name, (b,), ()))  # the body itself slides
         if own := self.names.own(self.graph.variable(element, "s")):
             self.wishes.append(Wish(symbol(own), b, element.name, 24.0))
 

@@ -104,7 +104,7 @@ class Hanging:
     def hang(self, node: int) -> Block:
         """Return what hangs at a node, its top in the middle at (0, 0)."""
         if node in self.hung:
-            return self.hung[node]
+            return self.hung.pop(node)
         strip = self.strips.get(node)
         if strip is None or id(strip) in self.used or not self.shown(strip):
             return Block((), {node: (0.0, 0.0)})

@@ -9,11 +9,17 @@ people draw them; planar graphs have such rows.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import combinations, permutations
 
+import numpy as np
+
 from lmoc.support.records import dataclass
+from lmoc.view.scene.columns import BETWEEN, separated
+from lmoc.view.scene.columns import along as _along
 
 MOST_IMPROVED = 60  # elements; with more, the first rows found are kept
+MOST_EXCHANGED = 16  # chains
 MOST_PERMUTED = 7  # chains
 CONFLICT = 1000.0
 SLIGHT = 0.5  # what the middle of a bar may cost more than its end
@@ -39,6 +45,7 @@ class Rows:
     span : {node: (first row, last row)}
     turned : segments that run from right to left
     conflicts : overlaps that are left
+    crossing : segments without which none would be left
     """
 
     along: dict[int, float]
@@ -46,6 +53,7 @@ class Rows:
     span: dict[int, tuple[float, float]]
     turned: frozenset[int]
     conflicts: int
+    crossing: tuple[int, ...] = ()
 
 
 def lay_out(nodes: Sequence[int], half: Mapping[int, float], segments: Sequence[Segment]) -> Rows:
@@ -56,12 +64,22 @@ def lay_out(nodes: Sequence[int], half: Mapping[int, float], segments: Sequence[
     nodes : in the order in which they are preferred on the left
     half : {node: half of its extent along the line}
     """
+    return _laid_out(tuple(nodes), tuple(half[n] for n in nodes), tuple(segments))
+
+
+@lru_cache(maxsize=64)  # a strip is laid out several times before it is known how it is drawn
+def _laid_out(nodes: tuple[int, ...], halves: tuple[float, ...], segments: tuple[Segment, ...]) -> Rows:
+    half = dict(zip(nodes, halves, strict=True))
     turned = _turned(nodes, segments)
     directed = [(s.b, s.a, s.length) if k in turned else (s.a, s.b, s.length) for k, s in enumerate(segments)]
     along = _along(nodes, half, directed)
     search = _Search(nodes, half, directed, along)
-    row, conflicts = search.run()
-    return Rows(along, tuple(row), search.spans(row), frozenset(turned), conflicts)
+    row = search.run()
+    if search.conflicts(row):
+        along = separated(nodes, half, directed, along, row, search.spans(row))
+        search = _Search(nodes, half, directed, along)
+    crossing = search.crossing(row)
+    return Rows(along, row, search.spans(row), frozenset(turned), search.conflicts(row), crossing)
 
 
 def _turned(nodes: Sequence[int], segments: Sequence[Segment]) -> set[int]:
@@ -92,56 +110,44 @@ def _turned(nodes: Sequence[int], segments: Sequence[Segment]) -> set[int]:
     return turned
 
 
-def _along(nodes: Sequence[int], half: Mapping[int, float], directed: Sequence[tuple[int, int, float]]):
-    """Longest paths from the left; what nothing holds on the left moves to its neighbour on the right."""
-    before: dict[int, list[tuple[int, float]]] = {n: [] for n in nodes}
-    after: dict[int, list[tuple[int, float]]] = {n: [] for n in nodes}
-    for a, b, length in directed:
-        before[b].append((a, half[a] + length + half[b]))
-        after[a].append((b, half[a] + length + half[b]))
-    waiting = {n: len(before[n]) for n in nodes}
-    order = [n for n in nodes if not waiting[n]]
-    for n in order:
-        for b, _ in after[n]:
-            waiting[b] -= 1
-            if not waiting[b]:
-                order.append(b)
-    along: dict[int, float] = {}
-    for n in order:
-        along[n] = max((along[a] + w for a, w in before[n]), default=0.0)
-    for n in reversed(order):
-        if not before[n] and after[n]:
-            along[n] = min(along[b] - w for b, w in after[n])
-    return along
-
-
 class _Search:
     def __init__(self, nodes, half, directed, along) -> None:
-        self.nodes, self.half, self.directed, self.along = nodes, half, directed, along
+        self.nodes, self.directed = nodes, directed
         self.at: dict[int, list[int]] = {n: [] for n in nodes}
         for k, (a, b, _) in enumerate(directed):
             self.at[a].append(k)
             self.at[b].append(k)
+        x, wide = np.array([along[n] for n in nodes]), np.array([half[n] for n in nodes])
+        number = {n: i for i, n in enumerate(nodes)}
+        first = np.array([number[a] for a, _, _ in directed], int)
+        last = np.array([number[b] for _, b, _ in directed], int)
+        self.meets = np.zeros((len(nodes), len(directed)), bool)  # node, segment
+        self.meets[first, np.arange(len(directed))] = self.meets[last, np.arange(len(directed))] = True
+        self.side_by_side = np.maximum(x[first][:, None], x[first]) < np.minimum(x[last][:, None], x[last])
+        self.side_by_side &= ~np.eye(len(directed), dtype=bool)
+        self.passes = (x[first] < x[:, None]) & (x[:, None] < x[last]) & ~self.meets
+        self.near = np.abs(x[:, None] - x) < wide[:, None] + wide + BETWEEN
+        self.near &= ~np.eye(len(nodes), dtype=bool)
 
-    def run(self) -> tuple[list[float], int]:
-        row: list[float | None] = [None] * len(self.directed)
+    def run(self) -> tuple[float, ...]:
+        row = np.full(len(self.directed), np.nan)
         chains = self._chains()
         for chain in chains:
             self._place(row, chain)
         if len(row) <= MOST_IMPROVED:
-            for _ in range(3):
+            for _ in range(3 if len(chains) <= MOST_EXCHANGED else 1):
                 before = self.cost(row)
                 for chain in chains:
                     self._place(row, chain)
-                self._exchange(row, chains)
+                if len(chains) <= MOST_EXCHANGED:
+                    self._exchange(row, chains)
                 if self.cost(row) >= before:
                     break
             if self.cost(row) >= CONFLICT and len(chains) <= MOST_PERMUTED:
                 self._permute(row, chains)
             self._centre(row, chains)
-        lowest = min((r for r in row if r is not None), default=0.0)
-        found = [float(r - lowest) for r in row]
-        return found, int(self.cost(found) // CONFLICT)
+        lowest = row.min() if len(row) else 0.0
+        return tuple((row - lowest).tolist())
 
     def _chains(self) -> list[list[int]]:
         """Maximal paths through nodes with one segment on each side, the longest extent first."""
@@ -167,85 +173,99 @@ class _Search:
             chains.append(chain)
         return chains
 
-    def _place(self, row: list, chain: list[int]) -> None:
+    def _place(self, row: np.ndarray, chain: list[int]) -> None:
         """Move a chain to its best row."""
-        given = [r for k, r in enumerate(row) if r is not None and k not in chain]
-        low, high = (int(min(given)), int(max(given))) if given else (0, 0)
+        others = np.delete(row, chain)
+        given = others[~np.isnan(others)]
+        low, high = (int(given.min()), int(given.max())) if len(given) else (0, 0)
         candidates = sorted(range(low - 1, high + 2), key=lambda r: (r < 0, abs(r)))
         best = None
         for r in candidates:
-            for k in chain:
-                row[k] = r
+            row[chain] = r
             value = self.cost(row)
             if best is None or value < best[0] - 1e-9:
                 best = value, r
-        for k in chain:
-            row[k] = best[1]
+        row[chain] = best[1]
 
-    def _exchange(self, row: list, chains: list[list[int]]) -> None:
+    def _exchange(self, row: np.ndarray, chains: list[list[int]]) -> None:
+        before = self.cost(row)
         for one, other in combinations(chains, 2):
-            before, kept = self.cost(row), row[:]
+            kept = row.copy()
             r, s = row[one[0]], row[other[0]]
-            for k in one:
-                row[k] = s
-            for k in other:
-                row[k] = r
-            if self.cost(row) >= before - 1e-9:
+            row[one], row[other] = s, r
+            value = self.cost(row)
+            if value >= before - 1e-9:
                 row[:] = kept
+            else:
+                before = value
 
-    def _permute(self, row: list, chains: list[list[int]]) -> None:
+    def _permute(self, row: np.ndarray, chains: list[list[int]]) -> None:
         """Give each chain a row of its own, in the best of all orders."""
-        best = self.cost(row), row[:]
+        best = self.cost(row), row.copy()
         for order in permutations(range(len(chains))):
-            for chain, r in zip(chains, order):
-                for k in chain:
-                    row[k] = r
+            for chain, r in zip(chains, order, strict=True):
+                row[chain] = r
             value = self.cost(row)
             if value < best[0] - 1e-9:
-                best = value, row[:]
+                best = value, row.copy()
         row[:] = best[1]
 
-    def _centre(self, row: list, chains: list[list[int]]) -> None:
+    def _centre(self, row: np.ndarray, chains: list[list[int]]) -> None:
         """Move chains that are alone between two nodes to the middle of the wider one."""
         for chain in chains:
             first, last = self.directed[chain[0]][0], self.directed[chain[-1]][1]
             others = [[row[j] for j in self.at[n] if j not in chain] for n in (first, last)]
             middles = {(min(o) + max(o)) / 2 for o in others if o}
-            before, kept = self.cost(row), row[:]
-            for middle in sorted(middles, key=lambda m: abs(m - row[chain[0]])):
-                for k in chain:
-                    row[k] = middle
+            before, kept = self.cost(row), row.copy()
+            for middle in sorted(middles, key=lambda m: abs(m - kept[chain[0]])):
+                row[chain] = middle
                 if self.cost(row) <= before + SLIGHT:
                     break
                 row[:] = kept
 
-    def spans(self, row: Sequence[float | None]) -> dict[int, tuple[float, float]]:
+    def spans(self, row: Sequence[float]) -> dict[int, tuple[float, float]]:
         """Return the rows that each node reaches over."""
-        found = {}
-        for n in self.nodes:
-            rows = [row[k] for k in self.at[n] if row[k] is not None]
-            found[n] = (min(rows), max(rows)) if rows else (0.0, 0.0)
-        return found
+        low, high, _ = self._reach(np.asarray(row, float))
+        return dict(zip(self.nodes, zip(low.tolist(), high.tolist(), strict=True), strict=True))
 
-    def cost(self, row: Sequence[float | None]) -> float:
-        spans = self.spans(row)
-        total = sum(2 * (high - low) for low, high in spans.values())
-        placed = [k for k, r in enumerate(row) if r is not None]
-        total += 0.01 * sum(abs(row[k]) for k in placed)
-        along, half = self.along, self.half
-        for i, k in enumerate(placed):
-            a, b, _ = self.directed[k]
-            for j in placed[:i]:
-                c, d, _ = self.directed[j]
-                if abs(row[j] - row[k]) < 1 and max(along[a], along[c]) < min(along[b], along[d]):
-                    total += CONFLICT
-            for n in self.nodes:
-                low, high = spans[n]
-                if n not in (a, b) and along[a] < along[n] < along[b] and low - 1 < row[k] < high + 1:
-                    total += CONFLICT
-        bodies = [n for n in self.nodes if any(row[k] is not None for k in self.at[n])]
-        for n, m in combinations(bodies, 2):
-            near = abs(along[n] - along[m]) < half[n] + half[m] + 4
-            if near and max(spans[n][0], spans[m][0]) - min(spans[n][1], spans[m][1]) < 1:
-                total += CONFLICT
-        return total
+    def _reach(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The first and the last row of each node, and whether it has any."""
+        if not len(row):
+            return np.zeros(len(self.nodes)), np.zeros(len(self.nodes)), np.zeros(len(self.nodes), bool)
+        low = np.fmin.reduce(np.where(self.meets, row, np.inf), axis=1)  # which passes over NaN
+        high = np.fmax.reduce(np.where(self.meets, row, -np.inf), axis=1)
+        any_row = low <= high
+        return np.where(any_row, low, 0.0), np.where(any_row, high, 0.0), any_row
+
+    def _overlaps(
+        self, row: np.ndarray, reach: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pairs that overlap: segments and segments, nodes and segments, nodes and nodes."""
+        low, high, any_row = reach or self._reach(row)
+        with np.errstate(invalid="ignore"):
+            segments = self.side_by_side & (np.abs(row[:, None] - row) < 1)
+            bars = self.passes & (low[:, None] - 1 < row) & (row < high[:, None] + 1)
+        apart = np.maximum(low[:, None], low) - np.minimum(high[:, None], high)
+        return segments, bars, self.near & any_row[:, None] & any_row & (apart < 1)
+
+    def conflicts(self, row: Sequence[float]) -> int:
+        segments, bars, nodes = self._overlaps(np.asarray(row, float))
+        return int(segments.sum() // 2 + bars.sum() + nodes.sum() // 2)
+
+    def crossing(self, row: Sequence[float]) -> tuple[int, ...]:
+        """Return segments without which nothing overlaps, those first that are in the way most often."""
+        own, found = np.array(row, float), []
+        while True:
+            segments, bars, nodes = self._overlaps(own)
+            blame = segments.sum(axis=0) + bars.sum(axis=0) + 0.5 * (self.meets.T @ nodes.sum(axis=0))
+            blame = np.where(np.isnan(own), 0.0, blame)
+            if not len(blame) or not blame.any():
+                return tuple(found)
+            found.append(int(blame.argmax()))
+            own[found[-1]] = np.nan
+
+    def cost(self, row: np.ndarray) -> float:
+        low, high, _ = reach = self._reach(row)
+        segments, bars, nodes = self._overlaps(row, reach)
+        total = 2 * float((high - low).sum()) + 0.01 * float(np.nansum(np.abs(row)))
+        return total + CONFLICT * (segments.sum() / 2 + bars.sum() + nodes.sum() / 2)

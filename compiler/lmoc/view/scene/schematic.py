@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isfinite
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
-from lmoc.view.scene.block import Block, packed
+from lmoc.view.scene.block import Block, packed, tangled
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.levers import draw_lever
 from lmoc.view.scene.names import Names
@@ -125,9 +126,17 @@ class Schematic:
         return Turning(port.node, (), ())
 
     def _levers(self) -> list[Block]:
-        return [
-            draw_lever(e, self._turning(e.port("pivot") or e.port("shaft")), self.hanging) for e in self._joints(LEVERS)
-        ]
+        blocks = []
+        for element in self._joints(LEVERS):
+            shaft = self._turning(element.port("pivot") or element.port("shaft"))
+            used = set(self.hanging.used)
+            block = draw_lever(element, shaft, self.hanging)
+            if tangled(block):  # what is at its ends needs the room of others: drawn apart
+                self.hanging.used.clear()
+                self.hanging.used |= used
+                block = draw_lever(element, shaft, replace(self.hanging, strips={}))
+            blocks.append(block)
+        return blocks
 
     def _ropes(self) -> list[Block]:
         joints = self._rope_joints()
@@ -148,7 +157,7 @@ class Schematic:
                 else:
                     x, y = block.anchors[hung]
                     self.hanging.hung[hung] = block.at(-x, -y)
-        return blocks
+        return [*blocks, *self.hanging.hung.values()]  # those that are left hang from each other
 
     def _rope_joints(self) -> list[Joint]:
         found: list[Joint] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 from lmoc.support.records import dataclass
@@ -72,6 +72,26 @@ class Strip:
         made.nodes = list(dict.fromkeys([n for _, a, b in made.links for n in (a, b)]))
         walled = [n for n in self.nodes if self.held(n) is None or self.held(n).symbol in ("motion", "rotation")]
         made.nodes += [n for n in walled if n not in made.nodes]
+        return made
+
+    def broken(self, links: Sequence[tuple[Element, int, int]]) -> Strip:
+        """Return the strip with some links broken off at one end, where a number says how it goes on."""
+        made = Strip(self.shaft, list(self.nodes), [], self.on, self.frames, self.hubs, dict(self.marks), self.same)
+        fresh = min(self.nodes) - 1
+
+        def cut(node: int) -> int:
+            nonlocal fresh
+            fresh -= 1
+            made.marks[fresh] = self.meets(node)
+            made.nodes.append(fresh)
+            return fresh
+
+        for e, a, b in self.links:
+            if (e, a, b) in links and self.meets(b) >= 0 and b not in self.marks:
+                b = cut(b)
+            elif (e, a, b) in links and self.meets(a) >= 0 and a not in self.marks:
+                a = cut(a)
+            made.links.append((e, a, b))
         return made
 
     def meets(self, node: int) -> int:

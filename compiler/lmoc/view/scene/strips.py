@@ -15,6 +15,8 @@ from lmoc.view.scene.side import shaft_node
 from lmoc.view.scene.standing import body, goes_on, hub, other, wall
 from lmoc.view.scene.strip import BODIES, HELD, PUSHED, RIGHT, Direction, DrawnStrip, Strip, Style
 
+MOST_BROKEN = 6  # rounds in which links are broken off that cannot be drawn without a crossing
+
 
 def draw_strip(strip: Strip, style: Style, direction: Direction = RIGHT) -> DrawnStrip:
     """Return a strip, drawn.
@@ -27,6 +29,11 @@ def draw_strip(strip: Strip, style: Style, direction: Direction = RIGHT) -> Draw
     if layout.rows.conflicts:  # a wall that everything leads to may be what is in the way
         apart = Layout(strip.apart(), style, direction)
         layout = apart if apart.rows.conflicts < layout.rows.conflicts else layout
+    for _ in range(MOST_BROKEN):
+        if not layout.rows.conflicts:
+            break
+        links = [layout.parts[k][:3] for k in layout.rows.crossing if k < len(layout.parts)]
+        layout = Layout(layout.strip.broken(links), style, direction)
     for k, (element, a, b, kind) in enumerate(layout.parts):
         _element(layout, k, element, a, b, kind)
     for node in layout.strip.nodes:
@@ -45,7 +52,9 @@ def draw_strip(strip: Strip, style: Style, direction: Direction = RIGHT) -> Draw
 
 def _meeting(items: list[Item], first: int, node: int) -> None:
     """Note of the items from the first on that they are at a node."""
-    items[first:] = [i if i.nodes or i.symbol == "label" else replace(i, nodes=(node,) * len(i.ends)) for i in items[first:]]
+    for k, item in enumerate(items[first:], first):
+        if not item.nodes and item.symbol != "label":
+            items[k] = replace(item, nodes=(node,) * len(item.ends))
 
 
 def _element(layout: Layout, k: int, element: Element, a: int, b: int, kind: str) -> None:

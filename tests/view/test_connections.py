@@ -1,0 +1,51 @@
+"""No connection of a random scene is missing in its picture: what is joined touches, or carries the same number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from oracles.connections import lost, numbers_mean_one_thing, overlapping
+from oracles.random_scenes import graph, lattice, plane
+
+from lmoc.interface import DAE
+from lmoc.ir.flat import FlatDAE
+from lmoc.pipeline import Clock, Scene, flatten, open_scene
+from lmoc.view.scene.compose import picture_of
+from lmoc.view.scene.picture import Picture
+
+
+def opened(path: Path) -> tuple[FlatDAE, Picture]:
+    scene = open_scene(path, Scene(), Clock())
+    flat = flatten(scene, Clock())
+    return flat, picture_of(flat, flat.parameter_values(), lambda: DAE(scene, flat).at_start())
+
+
+RANDOM = {
+    **{f"graph-{k}": graph(k, 8 + (k * 7) % 52) for k in range(0, 24, 2)},
+    **{f"graph-{k}": graph(k, 8 + (k * 5) % 40) for k in range(1, 24, 4)},
+    "lattice": lattice(5, 2),
+    "lattice of three rows": lattice(4, 3),
+    "lattice of shafts": lattice(3, 3, "shaft"),
+    **{f"plane-{k}": plane(k, 2 + k % 4) for k in range(2)},
+}
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_no_connection_of_a_random_scene_is_missing(name, tmp_path):
+    path = tmp_path / "scene.lmo"
+    path.write_text(RANDOM[name])
+    flat, picture = opened(path)
+    assert lost(flat, picture) == []
+    assert numbers_mean_one_thing(picture)
+    assert overlapping(picture) == []
+
+
+def test_the_test_notices_a_piece_that_is_taken_away(tmp_path):
+    path = tmp_path / "scene.lmo"
+    path.write_text(lattice(2, 2))
+    flat, picture = opened(path)
+    for item in picture.items:
+        if item.symbol in ("mass", "spring"):
+            assert lost(flat, replace(picture, items=tuple(i for i in picture.items if i is not item))) != []
