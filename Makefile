@@ -7,12 +7,13 @@ BIN := $(VENV)/bin
 DEMO := models/notes/ex05_suspension.lmo
 PICTURE := out/suspension.png
 
-.PHONY: help demo test test-random fuzz lint grammar docs charts bench-quick clean
+.PHONY: help demo test test-random test-machines fuzz lint grammar docs charts bench-quick clean
 
 help:
 	@echo "make demo         run the suspension of the notes and draw a picture of it"
 	@echo "make test         run the tests"
 	@echo "make test-random  run them with fresh random examples"
+	@echo "make test-machines  run a hundred scenes as on other machines: BLAS kernels, compilers, threads, busy ones"
 	@echo "make fuzz         20 000 mutated models: no traceback, nothing slow, nothing large (an hour; resumable)"
 	@echo "make lint         check the style and the types of the code"
 	@echo "make grammar      write the parser's tables that come with the package"
@@ -31,6 +32,10 @@ test: $(VENV)/.installed-test
 
 test-random: $(VENV)/.installed-test
 	@HYPOTHESIS_PROFILE=random $(BIN)/python -m pytest -n 2 -q
+
+test-machines: $(VENV)/.installed-test
+	@$(BIN)/python tests/machines.py
+	@$(BIN)/python tests/machines.py --again
 
 fuzz: $(VENV)/.installed-test
 	@nice $(BIN)/python tests/fuzz.py --count 20000 --jobs 2
