@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -201,8 +202,10 @@ class CompiledDAE(CompiledModel):
             modes = modes_met(self._session, parameters)
             return equations_of_modes(self._session.lawful(prepared), modes, forces, explicit)
         if prepared.reduced.invariants is not None and not (forces or explicit):
-            return self._session.equations_of_loops(prepared)
-        return equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
+            found = self._session.equations_of_loops(prepared)
+        else:
+            found = equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
+        return replace(found, held=prepared.held) if prepared.remembered else found
 
     @budgeted("the equilibria", suspicion)
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:

@@ -16,7 +16,7 @@ from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.numerics.options import RunOptions
 from lmoc.run import Run
-from lmoc.session import Session
+from lmoc.session import Session, refuse_remembered
 from lmoc.simulation import Request, simulate
 from lmoc.support import budget
 
@@ -53,6 +53,8 @@ def place(
         expected = "a time, {name: value}, an equilibrium or a run"
         raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
     prepared = session.for_derivation(parameters)
+    if at is None:
+        refuse_remembered(prepared, "a linear model needs to know what they are")
     return _of_laws(session, prepared, at, inputs or {}) if prepared.flat.laws else (prepared, at)
 
 

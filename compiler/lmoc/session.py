@@ -41,6 +41,14 @@ _KNOWN_AGAIN = 10_000  # variables up to which the values checked last are kept
 _MODEL = ()  # the key of the coordinates that the model and the user prefer
 
 
+def refuse_remembered(prepared: Prepared, why: str) -> None:
+    """Refuse to derive from equations that are held as at the start (E0660), where that would be wrong."""
+    if prepared.remembered:
+        from lmoc.symbolic.jumps import refuse_remembered
+
+        raise refuse_remembered([prepared.flat.variable_name(v) for v in prepared.remembered], why)
+
+
 class Session:
     """One flat model at work.
 
@@ -111,18 +119,19 @@ class Session:
         return prepared if prepared.flat.events is None else self.without_events(prepared, None, clock)
 
     def without_events(self, prepared: Prepared, held: np.ndarray | None, clock: Clock | None = None) -> Prepared:
-        """Return the scene with its discrete variables held, at their starts or as at a place of a run."""
+        """Return the scene with discrete variables that depend on the past held, at their starts or as in a run."""
         from lmoc.ir.written import as_written
 
-        flat, values = as_written(prepared.flat, prepared.values, held)
-        reduced = pipeline.reduce(flat, values, self.scene.states, clock or Clock())
-        return Prepared(flat, reduced, values, prepared.notes)
+        made = as_written(prepared.flat, prepared.values, prepared.reduced.discrete, held)
+        reduced = pipeline.reduce(made.flat, made.values, self.scene.states, clock or Clock())
+        return Prepared(made.flat, reduced, made.values, prepared.notes, remembered=made.remembered)
 
     def equilibria(self, prepared: Prepared, inputs: Mapping[str, Any] | None) -> Equilibria:
         """Return the states of rest of what is prepared for derivations, with or without laws."""
         from lmoc.symbolic.interface import equilibria
         from lmoc.symbolic.laws.rest import equilibria_with_laws
 
+        refuse_remembered(prepared, "what they are at rest is not known")
         if prepared.flat.laws:
             return equilibria_with_laws(self.lawful(prepared), inputs)
         return equilibria(prepared, inputs, self.reductions)

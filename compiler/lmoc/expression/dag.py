@@ -240,8 +240,18 @@ def nodes_outside_events(root: Expr) -> Iterator[Expr]:
 
 
 def outside_events(root: Expr) -> list[Expr]:
-    """Return the leaves of an expression that are not inside `event`."""
-    return [node for node in nodes_outside_events(root) if not node.args]
+    """Return the leaves of an expression that change it between events: `mod` and `rem` jump at them, and move on."""
+    leaves: list[Expr] = []
+    seen, stack = set(), [root]
+    while stack:
+        node = stack.pop()
+        if id(node) in seen or (node.op == "event" and node.args[0].op not in ("mod", "rem")):
+            continue
+        seen.add(id(node))
+        stack += node.args
+        if not node.args:
+            leaves.append(node)
+    return leaves
 
 
 # ------------------------------------------------- functions and relations

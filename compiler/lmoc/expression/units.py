@@ -23,10 +23,15 @@ NONE = (0,) * len(BASE)
 
 @dataclass(frozen=True)
 class Unit:
-    """A product of powers of the base units, times a factor."""
+    """A product of powers of the base units, times a factor.
+
+    The scales of temperature that do not begin at 0 K have an `offset`, in K. A difference of two such temperatures,
+    and whatever they are multiplied with, is in K.
+    """
 
     exponents: tuple[int | Fraction, ...] = NONE  # whole ones as int: almost all are, and they are far faster
     factor: float = 1.0
+    offset: float = 0.0
 
     def __mul__(self, other: Unit) -> Unit:
         return Unit(tuple(a + b for a, b in zip(self.exponents, other.exponents)), self.factor * other.factor)
@@ -38,7 +43,11 @@ class Unit:
         return Unit(tuple(_plain(a * power) for a in self.exponents), self.factor ** float(power))
 
     def same_as(self, other: Unit) -> bool:
-        """Equal dimensions, and factors up to rounding."""
+        """Equal dimensions and zero points, and factors up to rounding."""
+        return self.offset == other.offset and self.same_step(other)
+
+    def same_step(self, other: Unit) -> bool:
+        """Whether differences are in the same unit."""
         return self.exponents == other.exponents and abs(self.factor / other.factor - 1) < 1e-9
 
     def __str__(self) -> str:
@@ -75,6 +84,7 @@ _PLAIN = {
     "degC": ("K", 1.0), "degF": ("K", 5 / 9), "deg": ("", 0.017453292519943295), "rev": ("", 6.283185307179586),
     "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0), "rpm": ("s-1", 0.10471975511965977), "%": ("", 0.01),
 }  # fmt: skip
+_FROM_ZERO = {"degC": 273.15, "degF": 459.67 * 5 / 9}  # K at which a scale begins
 _PREFIX = {
     "Y": 1e24, "Z": 1e21, "E": 1e18, "P": 1e15, "T": 1e12, "G": 1e9, "M": 1e6, "k": 1e3, "h": 1e2, "da": 1e1,
     "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9, "p": 1e-12, "f": 1e-15, "a": 1e-18,
@@ -114,6 +124,9 @@ def parse_unit(text: str) -> Unit | None:
     text = text.strip()
     if not text:
         return None
+    if text in _FROM_ZERO:
+        base, factor = _PLAIN[text]
+        return Unit(_of(base), factor, _FROM_ZERO[text])
     numerator, *denominators = _split(text)
     if len(denominators) > 1:
         raise UnitError(f"'{text}' divides more than once", "write one '/' and brackets after it: m/(s.K)")
@@ -189,6 +202,8 @@ _NAMED = {_of(_PREFIXED[s][0]): s for s in ("N", "J", "W", "Pa", "V", "C")}
 
 def unit_text(unit: Unit) -> str:
     """A unit as people write it: ``kg.m/s2`` or ``N``."""
+    if unit.offset:
+        return next(name for name, offset in _FROM_ZERO.items() if offset == unit.offset)
     if unit.exponents in _NAMED:
         text = _NAMED[unit.exponents]
     else:

@@ -27,6 +27,7 @@ class Prepared:
         Parameter values (`FlatDAE.parameter_values`).
     notes : what had to be redone for these values
     minimal : the reduction in minimal coordinates that finds the start, where `reduced` has others
+    remembered : discrete variables that depend on the past and are held as they start, for a derivation
     """
 
     flat: FlatDAE
@@ -34,6 +35,12 @@ class Prepared:
     values: np.ndarray
     notes: tuple[Diagnostic, ...] = ()
     minimal: Reduced | None = None
+    remembered: tuple[int, ...] = ()
+
+    @property
+    def held(self) -> dict[str, float]:
+        """{name: value} of the remembered variables."""
+        return {self.flat.variable_name(v): float(self.values[v]) for v in self.remembered}
 
     @cached_property
     def inputs(self) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.ir.program import Apply, Total
 from lmoc.ir.reduced import Reduced
 from lmoc.symbolic.styles import unit_text
 
@@ -23,8 +24,21 @@ def unit_of(reduced: Reduced, name: str) -> str:
 def _unit_of_equals(reduced: Reduced, variable: int) -> str:
     """The unit of the first variable that shares its register: what an output without unit was bound to."""
     register = reduced.register_of[variable]
-    equals = np.flatnonzero(reduced.register_of == register) if register >= 0 else []
+    if register < 0 or _is_number(reduced, int(register)):
+        return ""  # several variables are zero: that says nothing about their units
+    equals = np.flatnonzero(reduced.register_of == register)
     return next((b.unit for v in equals if (b := reduced.flat.block_at(int(v))).unit), "")
+
+
+def _is_number(reduced: Reduced, register: int) -> bool:
+    """Return whether a register holds a number that stands in the equations."""
+    for step in (*reduced.parameter_program, *reduced.rhs, *reduced.observe):
+        if isinstance(step, Apply) and step.shape.op == "const" and register in step.out:
+            return True
+        if isinstance(step, Total) and register in step.out:
+            k = int(np.flatnonzero(step.out == register)[0])
+            return bool(step.start[k] == step.start[k + 1])
+    return False
 
 
 def _per_second(unit: str) -> str:

@@ -164,7 +164,7 @@ class _Section(Algorithm):
     def _store(self, target: tree.Ref, value: Value, span: Span) -> None:
         name = _name(target)
         variable = self.declared[name]
-        if value.type != variable.type and {value.type, variable.type} - {"Real", "Integer"}:
+        if value.type != variable.type and (variable.type, value.type) != ("Real", "Integer"):
             raise Wrong("E0301", f"'{name}' is of type {variable.type}", span, expected=variable.type, found=value.type)
         if self._variable(target).kind == Kind.DISCRETE and not self.context.in_when and not self.initial:
             if any(continuous(self.context, one) for one in self.context.arrays.scalars(value)):

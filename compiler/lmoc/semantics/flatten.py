@@ -25,7 +25,7 @@ from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.events import functions as _events  # noqa: F401  registers pre, edge, …
 from lmoc.semantics.events.assemble import with_events
 from lmoc.semantics.events.whens import mark
-from lmoc.semantics.instances.declarations import declare, settle_computed
+from lmoc.semantics.instances.declarations import declare, settle_computed, settle_from_start
 from lmoc.semantics.instances.elaboration import Elaboration
 from lmoc.semantics.instances.experiment import experiment_of
 from lmoc.semantics.ledger import join_sums, ledger
@@ -34,6 +34,7 @@ from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root
 from lmoc.semantics.nodes.overrides import Overrides
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import reference as _reference  # noqa: F401  registers that of names
+from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import named_variable
 from lmoc.semantics.wrong import Wrong
@@ -152,6 +153,7 @@ class _Flattening:
         self.layout = lay_out(root)
         self._mark_discrete()
         settle_computed(model, root.variables())
+        settle_from_start(model, root.variables())
         for variable in root.variables():
             declare(model, self.drafts, variable)
         for instance in root.instances():
@@ -161,6 +163,10 @@ class _Flattening:
         for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
             drafts[:] = map(without_ones, drafts)
         self.connections = collect(self.drafts.connects, self.layout.count, self.report)
+        self.drafts.checks += self.connections.equal
+        given = {id(v) for draft in self.drafts.groups for v, _ in draft.columns}
+        for variable in root.variables():  # with an equation for its flow, a node needs no other
+            variable.is_node = variable.is_node and id(variable) not in given
         self.report.check()  # what follows needs all equations
 
     def _mark_discrete(self) -> None:
@@ -228,7 +234,9 @@ class _Flattening:
         """Ports to which nothing is connected: said once for each, at the declaration of its part."""
         for port, (variable, positions) in self._unconnected.items():
             part = port.owner
-            if not isinstance(port, Instance) or part.parent is None or part.parent.cls.library or _may_be_open(port):
+            if not isinstance(port, Instance) or part.parent is None or part.parent.cls.library:
+                continue
+            if variable.is_node or _may_be_open(port):
                 continue
             first = int(positions[0]) // (variable.size // port.size)
             more = len(positions) * port.size // variable.size - 1

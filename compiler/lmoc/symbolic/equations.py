@@ -51,6 +51,8 @@ class EquationsOfMotion:
         Internal forces that a redundant loop leaves open.
     closures : tuple of Expr
         What vanishes where loops are closed; each has a multiplier in the equations, a force.
+    held : {name: value}
+        Discrete variables that depend on the past, taken as they start: the equations are others after an event.
     """
 
     name: str
@@ -61,6 +63,7 @@ class EquationsOfMotion:
     assumptions: tuple[str, ...] = ()
     undetermined: tuple[str, ...] = ()
     closures: tuple[sympy.Expr, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -96,7 +99,14 @@ class EquationsOfMotion:
             lines += ["", "internal forces:", *self.force_lines(style)]
         if self.undetermined:
             lines += ["", f"{_UNDETERMINED} {', '.join(self.undetermined)}"]
+        if self.held:
+            lines += ["", self._held_text()]
         return "\n".join(lines + self.notation.legend(style))
+
+    def _held_text(self) -> str:
+        """Say what is held as it starts."""
+        values = ", ".join(f"{name} = {value:g}" for name, value in self.held.items())
+        return f"until the first event that changes it: {values}"
 
     def __str__(self) -> str:
         return self.text()
@@ -122,6 +132,8 @@ class EquationsOfMotion:
             shown += f"\n<h2>Internal forces</h2>\n{_formulas(self.force_lines(MATHML))}"
         if self.undetermined:
             shown += f"\n<p>{_UNDETERMINED} {', '.join(f'<code>{escape(n)}</code>' for n in self.undetermined)}</p>"
+        if self.held:
+            shown += f"\n<p>{escape(self._held_text())}</p>"
         rows = []
         for full, short in self.notation.short.items():
             unit, text = self.descriptions.get(full.removeprefix("δ"), ("", ""))
@@ -150,6 +162,7 @@ class EquationsOfMotion:
             "abbreviations": self.notation.abbreviations,
             "undetermined": list(self.undetermined),
             "assumptions": list(self.assumptions),
+            "held": dict(self.held),
         }
 
     def about(

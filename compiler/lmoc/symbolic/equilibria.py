@@ -16,6 +16,7 @@ import numpy as np
 
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import eliminate
+from lmoc.symbolic.jumps import has_cases
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
 from lmoc.symbolic.notebook import MOST_SHOWN, table_html
 from lmoc.symbolic.rational import cancelled
@@ -200,7 +201,8 @@ def equilibria(
     unknowns = [x for x in system.states if x not in at_rest]
     rest, balanced = _without_balanced(rest, set(unknowns), system)
     rows = [{j: slope(e, x) for j, x in enumerate(unknowns) if x in e.free_symbols} for e in rest]
-    linear = all(not s.free_symbols & set(unknowns) for row in rows for s in row.values())
+    cases = any(has_cases(e, unknowns) for e in rest)
+    linear = not cases and all(not s.free_symbols & set(unknowns) for row in rows for s in row.values())
     how = "exact"
     if linear:
         found = _linear(rest, rows, unknowns, set(system.inputs) - set(given))
@@ -385,7 +387,7 @@ def _linear_unknown(equations: list, unknowns: list):
     """An equation that gives an unknown explicitly, with a coefficient free of unknowns."""
     for i, equation in enumerate(equations):
         for x in unknowns:
-            if not equation.has(x):
+            if not equation.has(x) or has_cases(equation, [x]):
                 continue
             factor = slope(equation, x)
             if factor != 0 and not factor.free_symbols & set(unknowns):

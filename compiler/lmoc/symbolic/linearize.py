@@ -19,6 +19,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
+from lmoc.symbolic.jumps import check_no_jump, has_cases
 from lmoc.symbolic.names import without_dots
 from lmoc.symbolic.notebook import MOST_SHOWN, matrices_html
 from lmoc.symbolic.rational import cancelled
@@ -297,6 +298,7 @@ def linearize(
     f, h = sp.Matrix(list(system.derivatives)), sp.Matrix(list(outputs.values()))
     here = {x: exactly(v) for x, v in (point or {}).items()}
     here = {d: sp.S.Zero for u in system.inputs for d in system.jets(u)[1:]} | here
+    check_no_jump([*f, *h], {x: sp.S.Zero for x in (*system.states, *system.inputs)} | here if not symbolic else here)
     if not symbolic:
         _check_values(f.free_symbols | h.free_symbols, system)
 
@@ -333,6 +335,8 @@ def is_linear(system: SymbolicSystem) -> bool:
     """Rates and outputs are linear in states, inputs and their derivatives."""
     moving = {*system.states, *(j for u in system.inputs for j in system.jets(u))}
     expressions = (*system.derivatives, *system.outputs.values())
+    if any(has_cases(e, moving) for e in expressions):
+        return False
     return all(not slope(e, x).free_symbols & moving for e in expressions for x in e.free_symbols & moving)
 
 

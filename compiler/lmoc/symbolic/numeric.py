@@ -17,8 +17,10 @@ from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.options import RunOptions
 from lmoc.numerics.simulate import Simulator
 from lmoc.numerics.start.parameters import sources_without_value
+from lmoc.structure.laws.degree import dependent
 from lmoc.structure.messages.equations import listed
 from lmoc.support.records import dataclass
+from lmoc.symbolic.jumps import jumps_at, no_derivative, switches
 from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.system import coordinates_of, refuse
 from lmoc.symbolic.values import no_value
@@ -139,7 +141,9 @@ class NumericSystem:
         return bool(np.isfinite(self._w[seen[seen >= 0]]).all())
 
     def is_linear(self) -> bool:
-        """The Jacobians at two points are the same."""
+        """The Jacobians at two points are the same, and no formula has cases."""
+        if self.switches:
+            return False
         generator = np.random.default_rng(3)
         points = [generator.uniform(-1, 1, len(self.states) + len(self.inputs)) for _ in range(2)]
         n = len(self.states)
@@ -147,6 +151,21 @@ class NumericSystem:
         self._forget()
         size = max(1.0, float(np.abs(first).max(initial=0.0)))
         return bool(np.allclose(first, second, rtol=1e-9, atol=1e-12 * size))
+
+    @cached_property
+    def switches(self) -> bool:
+        """Whether formulas have cases that change with states and inputs."""
+        return switches(self.program, dependent(self.program, self._sources, len(self._w)))
+
+    def check_no_jump(self, x: np.ndarray, u: np.ndarray, time: float) -> None:
+        """Raise E0663 where the rates jump at a point."""
+        if not self.switches:
+            return
+        n = len(x)
+        k = jumps_at(lambda place: self.rates(place[:n], place[n:], time), np.concatenate([x, u]))
+        if k is not None:
+            names = [*self.states, *self.inputs]
+            raise no_derivative(f"something that depends on '{names[k]}'")
 
     def _forget(self) -> None:
         """Let nonlinear blocks be solved from their first guess again, not from a point that is not meant."""
@@ -256,6 +275,7 @@ def linearize_numerically(
     x = np.array([float(point.get(name, 0.0)) for name in system.states])
     u = np.array([float(point.get(name, 0.0)) for name in system.inputs])
     system.approach(x, u, time)
+    system.check_no_jump(x, u, time)
     found, jacobian = system.matrices(x, u, time)
     _check_derivatives(system, outputs, jacobian)
     orders = system.jets[2]

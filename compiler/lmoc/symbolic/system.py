@@ -21,6 +21,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import eliminate
+from lmoc.symbolic.jumps import has_cases
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
@@ -307,7 +308,7 @@ class Interpreter:
         for register in residuals:
             residual = self.w[register]
             row = {i: slope(residual, x) for i, x in enumerate(place) if residual.has(x)}
-            if any(c.has(*place) for c in row.values()):
+            if any(c.has(*place) for c in row.values()) or has_cases(residual, place):
                 raise self._no_closed_form(unknowns)
             left.append(row)
             right.append(-residual.xreplace({x: sp.S.Zero for x in place}))
@@ -351,6 +352,8 @@ def in_lowest_terms(value: sympy.Expr, moving: set[sympy.Symbol]) -> sympy.Expr:
     import sympy as sp
 
     if value.count_ops() > MOST_OPERATIONS:
+        return value
+    if has_cases(value, moving):
         return value
     present = sorted(value.free_symbols & moving, key=lambda s: s.name)
     coefficients = [slope(value, x) for x in present]

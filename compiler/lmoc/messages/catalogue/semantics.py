@@ -191,6 +191,11 @@ SEMANTICS: dict[str, Entry] = {
         "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to\n"
         "nothing but the picture, which shows a box with the part's name.",
     ),
+    "E0246": Entry(
+        "ambiguous import",
+        "Two `import P.*` bring elements of the same name, and the class uses that name (13.2.1.1): which one is\n"
+        "meant is said by importing it by its own name.",
+    ),
     "E0250": Entry(
         "pre of a continuous variable",
         "`pre(x)` is the value of x before the present event. Outside of a `when` it makes sense for variables that\n"

@@ -296,12 +296,21 @@ class Scope:
                 return self._path((*element.path, name), element.span)
             elif not element.names and name == (element.alias or element.path[-1]):
                 return self._path(element.path, element.span)
+        found, chosen = None, None
         for element in wildcards:
             package = self._path(element.path, element.span)
-            found = package.element(name) if isinstance(package, Scope) else None
+            other = package.element(name) if isinstance(package, Scope) else None
+            if isinstance(other, Member) and (other.protected or other.component.variability != "constant"):
+                other = None
+            if other is None or (found is not None and _same(found, other)):
+                continue
             if found is not None:
-                return found
-        return None
+                where, also = (".".join(e.path) for e in (chosen, element))
+                raise Wrong("E0246", f"'{name}' is found by two imports", element.span,
+                            found=f"{where}.{name} and {also}.{name}", labels=(Label(chosen.span, "the other one"),),
+                            hint=f"import the one that is meant: 'import {where}.{name};'")  # fmt: skip
+            found, chosen = other, element
+        return found
 
     def _path(self, path: Sequence[str], span: Span) -> Member | Scope:
         """A fully qualified name, from the top (13.2.1)."""
@@ -359,6 +368,14 @@ class Scope:
             raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span,
                         hint=nearest(names[-1], self._classes()))  # fmt: skip
         return found
+
+
+def _same(a: Member | Scope, b: Member | Scope) -> bool:
+    """Return whether two names mean one element, reached by two ways."""
+    if isinstance(a, Member) and isinstance(b, Member):
+        return a.component is b.component
+    return isinstance(a, Scope) and isinstance(b, Scope) and a.definition is b.definition
+
 
 def _clauses(definition: tree.Class | None) -> tuple[tree.Extends, ...]:
     """The `extends` clauses; a short definition is one."""

@@ -12,13 +12,13 @@ from math import prod
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.ir.flat import Group, Kind, Sums
+from lmoc.ir.flat import Group, Sums
 from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.source import Span
 from lmoc.semantics.connections.components import components
 from lmoc.semantics.connections.signal_sources import SignalEdge, check_sources
-from lmoc.semantics.drafts.draft import ConnectDraft
-from lmoc.semantics.nodes.instance import Broken, Instance, InstanceNode, Variable
+from lmoc.semantics.drafts.draft import CheckDraft, ConnectDraft
+from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.unit_inference import unit_of
 from lmoc.semantics.wrong import Wrong
 from lmoc.support.distinct import first_of_each, numbered
@@ -51,21 +51,26 @@ class Connections:
     ----------
     across : edges between variables that are equal
     through : edges between elements of flow sets: a variable's index, plus `count` where seen from inside its part
+    equal : that parameters and constants of connected connectors have the same values (9.2)
     """
 
     connects: tuple[ConnectDraft, ...]
     across: Edges
     through: Edges
     count: int
+    equal: tuple[CheckDraft, ...] = ()
 
 
 def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connections:
     """The edges of all connects; those that are wrong are reported and left out."""
-    across, through, good = [], [], []
+    across, through, good, equal = [], [], [], []
     signals: list[SignalEdge] = []
     for draft in connects:
         try:
             inside = [_seen_from_inside(end, draft) for end in (draft.left, draft.right)]
+            for end, seen in zip((draft.left, draft.right), inside, strict=True):
+                if seen:
+                    _make_node(end)
             pairs = list(_pairs(draft.left, draft.right, draft))
         except Wrong as wrong:
             wrong.put_into(report)
@@ -73,7 +78,9 @@ def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connect
         for a, b in pairs:
             left = _variables(a, draft.left, draft.left_index)
             right = _variables(b, draft.right, draft.right_index)
-            if a.flow:
+            if a.known or b.known:
+                equal += _same_value(a, b, left - a.offset, right - b.offset, draft)
+            elif a.flow:
                 through.append((left + count * inside[0], right + count * inside[1], len(good)))
             else:
                 across.append((left, right, len(good)))
@@ -82,7 +89,27 @@ def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connect
                 signals.append(SignalEdge(draft, (a, b), (left, right), tuple(gives)))
         good.append(draft)
     check_sources(signals, report)
-    return Connections(tuple(good), Edges.join(across), Edges.join(through), count)
+    return Connections(tuple(good), Edges.join(across), Edges.join(through), count, tuple(equal))
+
+
+def _same_value(
+    a: Variable, b: Variable, left: np.ndarray, right: np.ndarray, draft: ConnectDraft
+) -> Iterator[CheckDraft]:
+    """The assertion that a parameter of two connected connectors is the same in both."""
+    if not (a.known and b.known):
+        raise _mismatch(draft, f"'{a.name}' is a parameter in one of them only")
+    if a.type.name == "String":
+        return  # texts have no place in the flat model
+    same = dag.function("eq", dag.slot(0), dag.slot(1))
+    message = f"'{a.label}' and '{b.label}' differ, though their connectors are connected"
+    yield CheckDraft(same, message, True, ((a, left), (b, right)), len(left), draft.span)
+
+
+def _make_node(end: InstanceNode) -> None:
+    """A protected connector that is connected is a node: nothing outside is connected to it, its flows there are 0."""
+    for variable in end.variables() if isinstance(end, Instance) else (end,):
+        if isinstance(variable, Variable) and variable.hidden:
+            variable.is_node = True
 
 
 def _variables(leaf: Variable, end: InstanceNode, elements: np.ndarray) -> np.ndarray:
@@ -126,7 +153,7 @@ def _pairs(a: InstanceNode, b: InstanceNode, draft: ConnectDraft) -> Iterator[tu
     if isinstance(a, Variable):
         yield from _pair(a, b, draft)
         return
-    names_a, names_b = ([n for n, c in e.children.items()] for e in (a, b))
+    names_a, names_b = ([n for n, c in e.children.items() if not isinstance(c, Absent)] for e in (a, b))
     if set(names_a) != set(names_b):
         only = sorted(set(names_a) ^ set(names_b))
         raise _mismatch(draft, f"only one of them has {', '.join(repr(n) for n in only)}")
@@ -144,8 +171,7 @@ def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Varia
     if None not in units and not units[0].same_as(units[1]):
         raise Wrong("E0303", f"'{a.label}' and '{b.label}' have different units", draft.span,
                     expected=a.unit, found=b.unit)  # fmt: skip
-    if a.kind > Kind.PARAMETER and b.kind > Kind.PARAMETER:
-        yield a, b
+    yield a, b
 
 
 def _mismatch(draft: ConnectDraft, why: str) -> Wrong:

@@ -31,6 +31,8 @@ def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
             model.known.undetermined.add(variable)
     elif variable.kind == Kind.CONSTANT:
         model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
+    if variable.from_start and variable.value is None:
+        drafts.groups.append(_constant(variable))
     for name, binding in variable.attributes.items():
         _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
 
@@ -44,6 +46,26 @@ def settle_computed(model: Elaboration, variables: list[Variable]) -> None:
         for variable in [v for v in waiting if v.computed]:
             if variable.value.scope is not None and _changes(model, variable.value):
                 variable.kind, variable.computed, changed = Kind.DISCRETE, False, True
+
+
+def _constant(variable: Variable) -> GroupDraft:
+    """``der(p) = 0``: a parameter that the equations of the start determine."""
+    own: Column = (variable, positions(variable.total).reshape(-1) if variable.total else 0)
+    place = variable.span
+    return GroupDraft(dag.slot(0, 1), dag.ZERO, (own,), variable.size, place, variable.parent.owner, "constant", True)
+
+
+def settle_from_start(model: Elaboration, variables: list[Variable]) -> None:
+    """Parameters that follow from those which the start determines are found there as well."""
+    if not any(v.from_start for v in variables):
+        return
+    changed = True
+    while changed:
+        changed = False
+        for variable in variables:
+            if variable.kind == Kind.PARAMETER and variable.type.name == "Real" and variable.value is not None:
+                if variable.value.scope is not None and _changes(model, variable.value):
+                    variable.kind, variable.from_start, changed = Kind.UNKNOWN, True, True
 
 
 def _changes(model: Elaboration, binding: Binding) -> bool:
@@ -137,8 +159,17 @@ def _rounding_hint(expected: str, value: Value) -> str:
 
 
 def _require_constant(rows: list, variable: Variable, binding: Binding, what: str, signal: bool) -> None:
-    """Parameters and attributes use parameters only; the signal of an input may use time as well."""
+    """Parameters and attributes use parameters only; the signal of an input may use time as well.
+
+    A constant uses constants only (4.5), which also holds where the value comes from a modification.
+    """
     for _, shape, columns in rows:
+        if variable.kind == Kind.CONSTANT and what == "the value":
+            open_ones = [v for v, _ in columns if v is not None and v.kind == Kind.PARAMETER]
+            if open_ones:
+                raise Wrong("E0224", f"the constant '{variable.label}' depends on the parameter '{open_ones[0].label}'",
+                            binding_span(binding), expected="an expression in constants",
+                            hint="declare it as a parameter; 'final' if it cannot be given another value")  # fmt: skip
         changing = [v for v, _ in columns if v is not None and not v.known]
         if changing or (dag.depends_on_time(shape) and not signal):
             found = f"'{changing[0].label}'" if changing else "time"
@@ -166,8 +197,8 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
         return  # from outside, where only parameters are given values: it is reported with these
     if name in ("min", "max") and variable.kind == Kind.PARAMETER:
         _limit(model, drafts, variable, name, binding)
-    elif name == "fixed" and variable.kind == Kind.PARAMETER:
-        raise Wrong("E0230", f"'{variable.label}': parameters found by the start equations are not available yet", span)
+    elif name == "fixed" and (variable.kind == Kind.PARAMETER or variable.from_start):
+        return
     elif name in ("start", "nominal", "fixed"):
         if variable.kind <= Kind.PARAMETER:
             return  # a parameter's start value is a hint for forms to fill in

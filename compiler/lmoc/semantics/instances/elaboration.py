@@ -5,7 +5,7 @@ Children are created on first access, because dimensions and conditions use othe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import prod
 
 import numpy as np
@@ -62,6 +62,7 @@ class Elaboration:
         self.report = report
         self.known = KnownValues(self, elements)
         self._open: set[tuple[int, str]] = set()
+        self._sizes: dict[tuple[int, str], Callable[[int], int]] = {}  # of declarations being made: those of their axes
         self._defaults: dict[str, Instance] = {}  # `inner` parts that nobody declared
         self._short_modifiers: dict[tuple[int, int], Modifier] = {}
         self.rounds = Budget("LMOC_MAX_ROUNDS", "rounds of loops and calls of functions that are written out", 100_000)
@@ -140,8 +141,17 @@ class Elaboration:
             made = Broken(name, instance, member.component, member.scope)
         finally:
             self._open.discard(key)
+            self._sizes.pop(key, None)
         instance.children[name] = made
         return made
+
+    def in_the_making(self, instance: Instance, name: str) -> bool:
+        """Return whether the sizes of a declaration are being found out."""
+        return (id(instance), name) in self._sizes
+
+    def open_size(self, instance: Instance, name: str, axis: int) -> int:
+        """The size of an axis (from 0) of a declaration that is being made, as in ``Real A[:, size(A, 1)]``."""
+        return self._sizes[id(instance), name](axis)
 
     def _make(self, instance: Instance, member: Member) -> InstanceNode:
         component, scope = member.component, member.scope
@@ -266,15 +276,29 @@ class Elaboration:
         for short, where in resolved.steps:
             node = instance.around(where)
             given += [(e, Context(self, node, where)) for e in short.dimensions]
-        dims: list[int] = []
-        for axis, (expression, context) in enumerate(given):
+        found: dict[int, int] = {}
+
+        def size(axis: int) -> int:
+            if axis in found or axis >= len(given):
+                return found[axis] if axis in found else _no_axis(component, axis, len(given))
+            if axis in waiting:
+                raise Wrong("E0207", f"the size or condition of '{component.name}' depends on itself", component.span)
+            waiting.add(axis)
+            expression, context = given[axis]
             if isinstance(expression, tree.Colon):
-                dims.append(self._size_of_binding(component, modifier.value, axis))
-                continue
-            what = f"the size of '{component.name}'"
-            dims.append(length(context, expression, what))
-            check_size(prod((*instance.total, *dims)), f"'{component.name}'", expression.span)
-        return tuple(dims)
+                found[axis] = self._size_of_binding(component, modifier.value, axis)
+            else:
+                found[axis] = length(context, expression, f"the size of '{component.name}'")
+            return found[axis]
+
+        waiting: set[int] = set()
+        self._sizes[id(instance), component.name] = size
+        for axis, (expression, _) in enumerate(given):
+            size(axis)
+            if not isinstance(expression, tree.Colon):
+                elements = (*instance.total, *(found[k] for k in range(axis + 1)))
+                check_size(prod(elements), f"'{component.name}'", expression.span)
+        return tuple(found[axis] for axis in range(len(given)))
 
     def _size_of_binding(self, component: tree.Component, binding: Binding | None, axis: int) -> int:
         if binding is None:
@@ -309,6 +333,8 @@ class Elaboration:
             made.kind = Kind.CONSTANT
         elif variability == "parameter":
             made.kind = Kind.PARAMETER
+            if self._is_found_at_start(made):
+                made.kind, made.from_start = Kind.UNKNOWN, True
         elif causality == "input" and instance.parent is None:
             made.kind = Kind.INPUT
         elif variability == "discrete" or causality or modifier.value is None:
@@ -316,6 +342,24 @@ class Elaboration:
         elif resolved.base.name != "Real":
             made.kind, made.computed = Kind.PARAMETER, True
         return made
+
+    def _is_found_at_start(self, variable: Variable) -> bool:
+        """Return whether ``fixed = false`` leaves a parameter to the equations of the start (8.6)."""
+        binding = variable.attributes.get("fixed")
+        if binding is None or binding.scope is None:
+            return False
+        context, value = self.known.binding(binding)
+        if value.type != "Boolean":
+            raise Wrong("E0301", f"'fixed' of '{variable.label}' must be a Boolean", binding.span, found=value.type)
+        fixed = np.asarray(context.known(value, binding.span, "'fixed'"), bool)
+        if fixed.all():
+            return False
+        what = "" if not fixed.any() else "in some elements of an array"
+        what = what or ("other than Real" if variable.type.name != "Real" else "")
+        what = what or ("with a value of its own" if variable.value is not None else "")
+        if what:
+            raise Wrong("E0230", f"'{variable.label}': a parameter {what} is not found at the start yet", binding.span)
+        return True
 
     def _instance(self, instance, component, member: Member, resolved: Resolved, modifier: Modifier, dims) -> Instance:
         cls = resolved.base
@@ -365,6 +409,10 @@ class Elaboration:
         first = key not in self.said
         self.said.add(key)
         return first
+
+
+def _no_axis(component: tree.Component, axis: int, count: int) -> int:
+    raise Wrong("E0215", f"'{component.name}' has no axis {axis + 1}", component.span, expected=f"1 … {count}")
 
 
 def _elements_hint(table: Mapping[str, object]) -> str:

@@ -127,6 +127,8 @@ class Variable(InstanceNode):
     value : the binding, None where there is none
     offset : index of its first variable in the flat model, once that is laid out
     structural : its value has shaped the flat model
+    from_start : a parameter that the equations of the start determine, or that follows from one; it does not change
+    is_node : it belongs to a protected connector that is connected
     computed : no parameter, but of a type that changes at events only, and its value follows from parameters
     """
 
@@ -144,6 +146,8 @@ class Variable(InstanceNode):
         self.offset = -1
         self.structural = False
         self.computed = False
+        self.is_node = False
+        self.from_start = False
         self.unit = ""
         self.state_select = StateSelect.default
 
@@ -159,8 +163,11 @@ class Variable(InstanceNode):
 
     @property
     def flow_from_outside(self) -> bool:
-        """A flow that connections outside its part give: that of a port, not of a protected connector."""
-        return self.flow and self.kind == Kind.UNKNOWN and not self.hidden
+        """A flow that connections outside its part give: that of a port, or of a protected connector, which is zero.
+
+        A protected connector that is connected to nothing is no more than its variables.
+        """
+        return self.flow and self.kind == Kind.UNKNOWN and (self.is_node or not self.hidden)
 
     @property
     def hidden(self) -> bool:

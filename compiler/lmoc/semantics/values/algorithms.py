@@ -17,9 +17,9 @@ from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
-from lmoc.semantics.values.translate import choose, sizes_differ, warn_kink
+from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
-from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.semantics.wrong import Exhausted, Wrong, check_size
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk
@@ -175,7 +175,7 @@ class Algorithm:
                         hint=nearest(name, self.declared))  # fmt: skip
         if variable.role == "input":
             raise Wrong("E0222", f"the input '{name}' cannot be assigned", span)
-        if value.type != variable.type and {value.type, variable.type} - {"Real", "Integer"}:
+        if value.type != variable.type and (variable.type, value.type) != ("Real", "Integer"):
             raise Wrong("E0301", f"'{name}' is of type {variable.type}", span, expected=variable.type, found=value.type)
         subscripts = target.parts[0].subscripts
         if not subscripts:
@@ -218,11 +218,28 @@ class Algorithm:
                     self._statements(body)
                     return
                 continue
-            self._warn(condition, condition_tree.span)
             rest = tree.IfStatement(s.branches[k + 1 :], s.otherwise, s.span)
-            self._branch(condition, body, (rest,) if rest.branches else s.otherwise, condition_tree.span)
+            otherwise = (rest,) if rest.branches else s.otherwise
+            if changes(self.context, condition):
+                self._warn(condition, condition_tree.span)
+                self._branch(condition, body, otherwise, condition_tree.span)
+            else:
+                self._known_branch(condition, body, otherwise, condition_tree.span)
             return
         self._statements(s.otherwise)
+
+    def _known_branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
+        """Parameters decide: both branches are kept where both make sense, else that which these values take."""
+        before = dict(self.values)
+        try:
+            self._branch(condition, then, otherwise, span)
+        except Exhausted:
+            raise
+        except Wrong:
+            self.values.clear()
+            self.values.update(before)
+            holds = self.context.scalar(condition, span, "the condition of this 'if'")
+            self._statements(then if holds else otherwise)
 
     def _branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
         before = dict(self.values)
@@ -307,9 +324,12 @@ def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list
                         found=" → ".join(cycle))  # fmt: skip
         path.append(name)
         value, scope = variable.member.value
+        own_sizes = list(walk(variable.member.component.dimensions))
         own = scope.definition is not None and function.is_made_of(scope)
         for used in walk((*variable.member.component.dimensions, *((value,) if own and value else ()))):
             if isinstance(used, tree.Ref) and used.parts[0].name in declared:
+                if used.parts[0].name == name and variable.role == "input" and used in own_sizes:
+                    continue  # a size that uses another one of the same argument: A[:, size(A, 1)]
                 visit(used.parts[0].name)
         order.append(path.pop())
 

@@ -23,7 +23,7 @@ from lmoc.semantics.values.translate import (
     sizes_differ,
     warn_kink,
 )
-from lmoc.semantics.values.value import Value, common_type, number, stack, text
+from lmoc.semantics.values.value import Value, common_type, number, stack
 from lmoc.semantics.wrong import Wrong, check_size
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
@@ -192,6 +192,9 @@ def derivative(context: Context, value: Value, call: tree.Call) -> Value:
 def _size(context: Context, call: tree.Call) -> Value:
     if call.named or not 1 <= len(call.arguments) <= 2:
         raise Wrong("E0217", "'size' takes an array and perhaps an axis", call.span)
+    open_size = _size_in_the_making(context, call)
+    if open_size is not None:
+        return number(open_size, "Integer")
     dims = _dims(context, call.arguments[0])
     if len(call.arguments) == 1:
         return stack([number(n, "Integer") for n in dims], type="Integer")
@@ -199,6 +202,19 @@ def _size(context: Context, call: tree.Call) -> Value:
     if k > len(dims):
         raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(dims)}")
     return number(dims[k - 1], "Integer")
+
+
+def _size_in_the_making(context: Context, call: tree.Call) -> int | None:
+    """``size(A, 1)`` in the declaration of A itself; None elsewhere."""
+    e = call.arguments[0]
+    plain = isinstance(e, tree.Ref) and len(e.parts) == 1 and not e.absolute and not e.parts[0].subscripts
+    if not plain or len(call.arguments) < 2 or context.node is None or e.parts[0].name in context.names:
+        return None
+    axis = call.arguments[1]
+    if not context.model.in_the_making(context.node, e.parts[0].name):
+        return None
+    k = context.whole(context.value(axis), axis.span, "an axis", 1)
+    return context.model.open_size(context.node, e.parts[0].name, k - 1)
 
 
 def _dims(context: Context, e: tree.Expression) -> tuple[int, ...]:
@@ -229,6 +245,42 @@ def _scalar(context: Context, call: tree.Call) -> Value:
 def _vector(context: Context, call: tree.Call) -> Value:
     (x,) = arguments(context, call, 1)
     return x if len(x.dims) == 1 else stack(context.arrays.scalars(x))
+
+
+@builtin("matrix")
+def _matrix(context: Context, call: tree.Call) -> Value:
+    """An array with two dimensions: those beyond the second one have the length 1 (10.3.2)."""
+    (x,) = arguments(context, call, 1)
+    if any(n != 1 for n in x.dims[2:]):
+        raise sizes_differ("the argument of 'matrix'", (*x.dims[:2], 1), x.dims, call.span)
+    if not x.dims:
+        return stack([stack([x])])
+    if len(x.dims) == 1:
+        return stack([stack([item]) for item in context.arrays.elements(x)])
+    rows = [context.arrays.elements(row) for row in context.arrays.elements(x)]
+    return stack([stack([context.arrays.scalars(item)[0] for item in row]) for row in rows])
+
+
+@builtin("symmetric")
+def _symmetric(context: Context, call: tree.Call) -> Value:
+    """A matrix whose upper triangle is repeated below (10.3.5)."""
+    (x,) = numbers(context, call, 1)
+    if len(x.dims) != 2 or x.dims[0] != x.dims[1]:
+        raise Wrong("E0302", "'symmetric' takes a square matrix", call.span)
+    rows = [context.arrays.elements(row) for row in context.arrays.elements(x)]
+    return stack([stack([rows[min(i, j)][max(i, j)] for j in range(len(rows))]) for i in range(len(rows))])
+
+
+@builtin("skew")
+def _skew(context: Context, call: tree.Call) -> Value:
+    """The matrix S with ``S*y = cross(x, y)`` (10.3.5)."""
+    (x,) = numbers(context, call, 1)
+    if x.dims != (3,):
+        raise sizes_differ("the argument of 'skew'", (3,), x.dims, call.span)
+    a, b, c = (s.expr for s in context.arrays.scalars(x))
+    zero = dag.ZERO
+    rows = ((zero, dag.neg(c), b), (c, zero, dag.neg(a)), (dag.neg(b), a, zero))
+    return stack([stack([Value(e) for e in row]) for row in rows])
 
 
 @builtin("transpose")
@@ -367,20 +419,6 @@ def _to_integer(context: Context, call: tree.Call) -> Value:
         raise Wrong("E0301", "'Integer' takes a literal of an enumeration", call.arguments[0].span, found=x.type,
                     hint="integer(x) rounds down" if x.type == "Real" else "")  # fmt: skip
     return Value(x.expr, x.dims, "Integer", x.items)
-
-
-@builtin("String")
-def _to_string(context: Context, call: tree.Call) -> Value:
-    if not call.arguments:
-        raise Wrong("E0217", "'String' needs a value", call.span)
-    x = context.value(call.arguments[0])
-    if x.type == "String":
-        return x
-    if x.type == "Boolean":
-        return text("true" if context.scalar(x, call.span, "a text") else "false")
-    if changes(context, x):
-        return text(f"({call.arguments[0].span.text})")  # its value is not known when the text is made
-    return text(f"{context.scalar(x, call.span, 'a text'):g}")
 
 
 @builtin(*LATER)

@@ -16,10 +16,10 @@ from lmoc.semantics.nodes.records import argument_fields, leaf_fields
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
-from lmoc.semantics.values.dimensions import length
+from lmoc.semantics.values.dimensions import DimensionType, dimension_type, length
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
-from lmoc.semantics.values.value import Arrays, Value
+from lmoc.semantics.values.value import Arrays, Value, number
 from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
@@ -54,8 +54,24 @@ def call_all(context: Context, e: tree.Call) -> list[Value]:
     own = context.scope.find(name) if simple and not e.function.absolute else None
     if not isinstance(own, Scope) and simple and name in BUILTIN_FUNCTIONS:
         return [BUILTIN_FUNCTIONS[name](context, e)]
+    enumeration = dimension_type(context, e.function) if own is None or isinstance(own, Scope) else None
+    if enumeration is not None and enumeration.first == 1:
+        return [_literal(context, e, enumeration)]
     function = _find(context, e)
     return _Body(context, function, e).run()
+
+
+def _literal(context: Context, e: tree.Call, enumeration: DimensionType) -> Value:
+    """``E(2)``: the second literal of an enumeration (4.9.5.3)."""
+    if len(e.arguments) != 1 or e.named:
+        raise Wrong("E0217", f"'{e.function}' takes the number of a literal", e.span)
+    x, place = context.value(e.arguments[0]), e.arguments[0].span
+    if x.type != "Integer" or x.dims:
+        raise Wrong("E0301", "the number of a literal is an Integer", place, found=x.type)
+    n = context.whole(x, place, "the number of a literal", 1)
+    if n > enumeration.length:
+        raise Wrong("E0215", f"'{e.function}' has no literal {n}", place, expected=f"1 … {enumeration.length}")
+    return number(n, enumeration.name)
 
 
 def _find(context: Context, e: tree.Call) -> Scope:
@@ -215,7 +231,7 @@ class _Body:
 
     def _check_type(self, name: str, value: Value, span: Span) -> None:
         expected = self.declared[name].type
-        if value.type != expected and {value.type, expected} - {"Real", "Integer"}:
+        if value.type != expected and (expected, value.type) != ("Real", "Integer"):
             raise Wrong("E0301", f"the argument '{name}' of '{self.function.name}' must be of type {expected}", span,
                         expected=expected, found=value.type)  # fmt: skip
 

@@ -71,6 +71,8 @@ def _infer_node(node: Expr, args: list[Unit | None], units: Sequence[Unit | None
     if op in ("const", "time"):  # sin(time) is a signal that people write: time counts as a plain number
         return None
     rule = FUNCTIONS[op].unit
+    if op in ("add", "sub") and None not in args and (args[0].offset or args[1].offset):
+        return _of_temperatures(node, *args)
     if rule in (UnitRule.COMMON, UnitRule.COMPARED):
         unit = _common(node.args[0], args[0], node.args[1], args[1])
         return unit if rule is UnitRule.COMMON else ONE_UNIT
@@ -97,6 +99,16 @@ def _common(a: Expr, unit_a: Unit | None, b: Expr, unit_b: Unit | None) -> Unit 
     if unit_a is not None and unit_b is not None and not unit_a.same_as(unit_b):
         raise Mismatch(a, unit_a, b, unit_b)
     return unit_a if unit_a is not None else unit_b
+
+
+def _of_temperatures(node: Expr, a: Unit, b: Unit) -> Unit:
+    """Return the unit of a sum or difference with degrees of a scale that does not begin at zero: 20 degC + 5 K."""
+    if a.same_step(b):
+        if node.op == "sub" and a.offset == b.offset:
+            return Unit(a.exponents, a.factor)
+        if not b.offset or (node.op == "add" and not a.offset):
+            return a if a.offset else b
+    raise Mismatch(node.args[0], a, node.args[1], b)
 
 
 def _infer_power(node: Expr, args: list[Unit | None]) -> Unit | None:

@@ -52,8 +52,8 @@ def _as_written(run: Result) -> Prepared:
         return Prepared(origin, run.reduced, values)
     from lmoc.ir.written import as_written
 
-    flat, held = as_written(origin, values)
-    return Prepared(flat, _reduced(flat, held, None), held)
+    made = as_written(origin, values, run.reduced.discrete)
+    return Prepared(made.flat, _reduced(made.flat, made.values, None), made.values)
 
 
 def _reduced(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None) -> Reduced:

@@ -1,0 +1,158 @@
+"""Examples of a Modelica library beside the reference results that are published with it.
+
+    python -m benchmarks.msl FOLDER REFERENCES PACKAGE … [--tube 0.002] [--timeout 60]
+
+FOLDER holds the library as it is published (`Modelica/`, `Complex.mo`, …; github.com/modelica/ModelicaStandardLibrary),
+REFERENCES its results (`Modelica/Mechanics/…/Example/Example.csv`; github.com/modelica/MAP-LIB_ReferenceResults);
+neither is part of this project. PACKAGE is a dotted name, `Modelica.Mechanics.Rotational`: all examples with a
+reference below it are run, each in a process of its own, so that nothing that one leaves behind helps another.
+
+An example is *right* where each signal of the reference stays within a tube of the run: at most `tube` of the signal's
+range above or below what the run takes within `tube` of the whole time before and after.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.common import ROOT, save, table
+
+
+def examples(references: Path, package: str) -> Iterator[tuple[str, Path | None]]:
+    """Yield (dotted name, its reference or None where there is no file) of all examples below a package."""
+    below = references.joinpath(*package.split("."))
+    for folder in sorted({p.parent for p in [*below.rglob("comparisonSignals.txt"), *below.rglob("*.csv")]}):
+        csv = folder / f"{folder.name}.csv"
+        yield ".".join(folder.relative_to(references).parts), csv if csv.exists() else None
+
+
+def reference(path: Path) -> dict[str, np.ndarray]:
+    """Return the signals of a reference result, "time" among them."""
+    with path.open() as file:
+        names = [name.strip().strip('"') for name in file.readline().split('","')]
+        values = np.atleast_2d(np.loadtxt(file, delimiter=","))
+    return dict(zip(names, values.T, strict=True))
+
+
+def outside(run_time: np.ndarray, run: np.ndarray, at: np.ndarray, truth: np.ndarray, tube: float) -> float:
+    """Return by how many tube widths a reference leaves the tube around a run; ≤ 1 is inside.
+
+    Parameters
+    ----------
+    run_time, run : the run, densely sampled
+    at, truth : the reference
+    tube : half its width, as a share of the signal's range and of the whole time
+    """
+    if not np.isfinite(run).all():
+        return np.inf
+    width = tube * (at[-1] - at[0])
+    low = np.searchsorted(run_time, at - width, "left")
+    high = np.searchsorted(run_time, at + width, "right")
+    span = max(float(np.ptp(truth)), 1e-3 * float(np.abs(truth).max()), 1e-12)
+    worst = 0.0
+    for a, b, t, y in zip(low.tolist(), high.tolist(), at.tolist(), truth.tolist(), strict=True):
+        near = np.append(run[a:b], np.interp(t, run_time, run))
+        worst = max(worst, (near.min() - y) / span, (y - near.max()) / span)
+    return float(worst / tube)
+
+
+def run_one(library: str, name: str, csv: str | None, tube: float) -> dict[str, object]:
+    """Compile and run one example, and hold it against its reference."""
+    import lmoc
+
+    found: dict[str, object] = {"name": name, "compiles": False, "runs": False, "right": None, "stops": ""}
+    begin = time.perf_counter()
+    try:
+        dae = lmoc.compile(name, path=library)
+        found["compiles"], found["compile_s"] = True, time.perf_counter() - begin
+        truth = reference(Path(csv)) if csv else {}
+        begin = time.perf_counter()
+        run = dae.simulate(stop=float(truth["time"][-1]) if truth else None, points=5001)
+        found["runs"], found["run_s"] = True, time.perf_counter() - begin
+        found.update(judged(run, truth, tube))
+    except (lmoc.ModelError, lmoc.SimulationError) as error:
+        found["stops"] = " ".join(str(error).split())[:160]
+    except Exception as error:  # a mistake of ours is a row of the table, too
+        found["stops"] = f"internal: {type(error).__name__}: {error}"[:160]
+    return found
+
+
+def judged(run, truth: Mapping[str, np.ndarray], tube: float) -> dict[str, object]:
+    """Return whether all signals of the reference are there and within the tube."""
+    if not truth:
+        return {"right": None, "stops": "no reference"}
+    worst, which = 0.0, ""
+    for signal, values in truth.items():
+        if signal == "time":
+            continue
+        try:
+            own = np.asarray(run[signal], float)
+        except KeyError:
+            return {"right": False, "stops": f"'{signal}' is missing"}
+        found = outside(run.time, np.broadcast_to(own, run.time.shape), truth["time"], values, tube)
+        if found > worst:
+            worst, which = found, signal
+    return {
+        "right": bool(worst <= 1),
+        "worst": float(worst),
+        "stops": "" if worst <= 1 else f"{which}: {worst:.3g} tubes",
+    }
+
+
+def in_process(arguments: argparse.Namespace, name: str, csv: Path | None) -> dict[str, object]:
+    """Return the row of one example, run in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.msl", str(arguments.library), str(arguments.references), name, "--one"]
+    command += ["--tube", str(arguments.tube), *(["--csv", str(csv)] if csv else [])]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=arguments.timeout, cwd=ROOT)
+        return json.loads(done.stdout.strip().splitlines()[-1])
+    except subprocess.TimeoutExpired:
+        stops = f"no end within {arguments.timeout:g} s"
+    except (IndexError, json.JSONDecodeError):
+        stops = f"died: {done.stderr.strip()[-120:]}"
+    return {"name": name, "compiles": None, "runs": False, "right": False, "stops": stops}
+
+
+def main() -> None:
+    """Run the examples, print the table of each package and the counts of all."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("library", type=Path)
+    parser.add_argument("references", type=Path)
+    parser.add_argument("packages", nargs="+")
+    parser.add_argument("--tube", type=float, default=0.002)
+    parser.add_argument("--timeout", type=float, default=60.0)
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--csv", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one:
+        print(json.dumps(run_one(str(arguments.library), arguments.packages[0], arguments.csv, arguments.tube)))
+        return
+    counts, figures = [], []
+    for package in arguments.packages:
+        rows = []
+        for name, csv in examples(arguments.references, package):
+            rows.append(in_process(arguments, name, csv))
+            print(".", end="", flush=True, file=sys.stderr)
+        figures += rows
+        marks = {True: "yes", False: "no", None: "-"}
+        cells = [
+            [r["name"].removeprefix(package + "."), *(marks[r[k]] for k in ("compiles", "runs", "right")),
+             r.get("compile_s"), r.get("run_s"), r["stops"]]
+            for r in rows
+        ]  # fmt: skip
+        table(package, ("example", "compiles", "runs", "right", "compile s", "run s", "stopped by"), cells)
+        counts.append([package, len(rows), *(sum(r[k] is True for r in rows) for k in ("compiles", "runs", "right"))])
+    table("sum", ("package", "examples", "compile", "run", "right"), counts)
+    save("msl", figures)
+
+
+if __name__ == "__main__":
+    main()
