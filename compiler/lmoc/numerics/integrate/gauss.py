@@ -24,6 +24,8 @@ PROPERTIES = Properties(
 )  # fmt: skip
 
 _CONSTANT = 0.13  # of the error of a step, fitted to the oscillator
+_ADDED = 2.0  # as the errors of the steps add up
+_PICARD, _SETTLED = 6, 0.05  # iterations for the polynomial between the ends, fewer where they change so few tolerances
 _SAFETY, _SHORTER, _LONGER = 0.9, 0.2, 4.0
 _WORTHWHILE = 1.5  # factor by which a step must have been too short …
 _CALM = 50  # … for so many steps, until it grows
@@ -94,13 +96,15 @@ class Gauss(Integration):
                 if found is None:
                     return Status.NO_CONVERGENCE
                 return Status.OK if self._accepted(t_new, found[0]) else Status.NOT_FINITE
-            error = math.inf if found is None else self._error(h, found[1])
+            refined = None if found is None else self._refined(t, h, self.x, self.slope, found[0])
+            error = math.inf if found is None else self._error(h, *found, refined[0])
             factor = 0.5 if math.isinf(error) else max(_SHORTER, _SAFETY * max(error, 1e-30) ** (-1 / 9))
             if error <= 1.0:
-                rough = self._roughness(h, found[0]) if self.wanted < t_new else 0.0
+                rough = self._roughness(refined[1]) if self.wanted < t_new else 0.0
                 if rough > _ROUGH:
                     factor = max(_SHORTER, _SAFETY * (_ROUGH / rough) ** (1 / 6))
                 elif self._accepted(t_new, found[0]):
+                    self._between = self._polynomial(h, refined[0])
                     self._plan(h, h * min(_LONGER, factor), t_new == end)
                     return Status.OK
                 else:
@@ -142,16 +146,31 @@ class Gauss(Integration):
         self._done += 1
         return True
 
-    def _error(self, h: float, f: np.ndarray) -> float:
-        """Return the error of a step in tolerances, 1 is what they allow.
+    def _error(self, h: float, z: np.ndarray, f: np.ndarray, refined: np.ndarray | None) -> float:
+        """Return the error of a step in tolerances, 1 is what they allow: the largest of three estimates.
 
         The Legendre coefficients a_k of the derivative along the step decay by some ratio from one to the next, and the
-        first that the method does not integrate is a_8.
+        first that the method does not integrate is a_8. Those up to a_3 are known from the stages; by chance one of them
+        is small. The refined polynomial knows those up to a_5, and another end of the step.
+
+        Parameters
+        ----------
+        z, f : (4, n) the stages and the derivatives at them
+        refined : (6, n) as from `_refined`
         """
         scale = self.problem.atol + self.problem.rtol * np.abs(self.x)
-        first, third = np.sqrt((((table.LEGENDRE @ f) / scale) ** 2).mean(axis=1))
-        ratio = math.sqrt(third / max(first, third)) if third > 0 else 0.0
-        error = _CONSTANT * h * third * ratio**5
+
+        def sizes(values: np.ndarray) -> list[float]:
+            return np.sqrt(((values / scale) ** 2).mean(axis=-1)).tolist()
+
+        first, third = sizes(table.LEGENDRE @ f)
+        error = _CONSTANT * h * third * _decay(first, third) ** 5
+        if refined is not None:
+            a2, a3, a4, a5 = sizes(table.LOBATTO_LEGENDRE @ refined)
+            ratio = max(_decay(a2, a4), _decay(a3, a5))
+            end = sizes(h * table.INTEGRALS[-1] @ refined - table.ENDS @ z)
+            error = max(error, _CONSTANT * h * max(a4 * ratio**4, a5 * ratio**3), end)
+        error *= _ADDED
         return float(error) if math.isfinite(error) else math.inf
 
     # ------------------------------------------------------------------ the stages
@@ -197,10 +216,14 @@ class Gauss(Integration):
 
     # ------------------------------------------------------------------ values within a step
 
-    def _roughness(self, h: float, z: np.ndarray) -> float:
+    def _roughness(self, change: np.ndarray) -> float:
         """Return by how many tolerances the last two polynomials of a step that is not accepted yet differ."""
         scale = self.problem.atol + self.problem.rtol * np.abs(self.x)
-        return float((np.abs(self._refined(self.t, h, self.x, self.slope, z)[1]) / scale).max())
+        return float((np.abs(change) / scale).max())
+
+    def _polynomial(self, h: float, f: np.ndarray | None) -> np.ndarray:
+        """Return h times the derivatives of the refined polynomial; empty for that of collocation."""
+        return np.zeros((0, len(self.x))) if f is None else h * f
 
     def _refined(
         self, t: float, h: float, x: np.ndarray, slope: np.ndarray, z: np.ndarray
@@ -214,7 +237,8 @@ class Gauss(Integration):
         f = np.empty((len(table.LOBATTO), len(x)))
         f[0] = slope
         values, moved = table.FROM_STAGES @ z, np.inf
-        for _ in range(3):
+        scale = self.problem.atol + self.problem.rtol * np.abs(x)
+        for k in range(_PICARD):
             for i in range(1, len(table.LOBATTO)):
                 self.system.rhs(t + table.LOBATTO[i] * h, x + values[i], f[i])
             new = h * table.INTEGRALS @ f
@@ -224,14 +248,15 @@ class Gauss(Integration):
                 first, third = np.abs(table.LEGENDRE @ table.INVERSE @ z)
                 return None, _LAST_TERM * third * min(1.0, math.sqrt(third.max() / max(first.max(), 1e-300)))
             values, moved = new, size
+            if k >= 2 and (np.abs(change) <= _SETTLED * scale).all():
+                break
         return f, change
 
     @np.errstate(all="ignore")
     def interpolate(self, times: np.ndarray) -> np.ndarray:
         h, (x, slope) = self.t - self.before, self._past
         if self._between is None:
-            f, _ = self._refined(self.before, h, x, slope, self.z)
-            self._between = h * f if f is not None else np.zeros((0, len(x)))
+            self._between = self._polynomial(h, self._refined(self.before, h, x, slope, self.z)[0])
         theta = (times - self.before) / h
         if not len(self._between):
             values = x + table.stage_values(theta) @ self.z
@@ -243,3 +268,8 @@ class Gauss(Integration):
 
     def counts(self) -> dict[str, int]:
         return super().counts() | {"jacobians": self.resolvent.evaluations}
+
+
+def _decay(one: float, two: float) -> float:
+    """Return the ratio of neighbouring coefficients from two of them, of which one is skipped."""
+    return math.sqrt(two / max(one, two)) if two > 0 else 0.0

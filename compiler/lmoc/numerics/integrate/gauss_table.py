@@ -46,6 +46,9 @@ LOBATTO = (np.concatenate([[-1.0], np.polynomial.legendre.Legendre.basis(5).deri
 _LOBATTO_INTEGRALS = _integrated(LOBATTO)
 INTEGRALS = np.array([[p(c) for p in _LOBATTO_INTEGRALS] for c in LOBATTO])
 
+# the Legendre coefficients 2 to 5 of a function from its values there
+LOBATTO_LEGENDRE = np.linalg.inv(np.polynomial.legendre.legvander(2 * LOBATTO - 1, 5))[2:]
+
 _STAGE_BASIS = _lagrange(np.append(0.0, NODES))[1:]  # of a polynomial that is 0 at the beginning
 FROM_STAGES = np.array([[p(c) for p in _STAGE_BASIS] for c in LOBATTO])
 

@@ -29,6 +29,7 @@ LOCATED = 1e-14  # s, or this share of the time: how exactly events are located
 TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
 LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap …
+_TOGETHER = 1e2  # … or as this many where gaps that cannot be told from zero close among bounces without loss
 _HOLDS = 1e-6  # share of what a law alone would have to hold: beyond it a force is none of rounding
 _RESOLVED = 1e3  # … or than this many errors that the integrator allows itself
 
@@ -121,7 +122,9 @@ def transition(
         least = np.maximum(least, _least_rate(now))
         errors = np.abs(now.slope[0]) @ np.broadcast_to(unresolved, len(x))
         lowest = np.maximum(LEAST_HEIGHT * now.gap_scale, _RESOLVED * errors)
-        over, until = _last_bounces(table, now, mode, striking & (now.rate > least), trigger, lowest)
+        leaving = striking & (now.rate > least)
+        over, until = _last_bounces(table, now, mode, leaving, trigger, lowest)
+        over |= _last_elastic(table, now, mode, leaving, striking, trigger, lowest)
         if over.any():
             impact = _impact(table, before, sharing, mode.closed, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
@@ -236,6 +239,25 @@ def _last_bounces(
         low = now.rate**2 <= -2 * level * lowest
     over = (left < BOUNCES_LEFT) | (leaving & (level < 0.0) & low)
     return over, now.t + float(left[over].max(initial=-np.inf))
+
+
+def _last_elastic(
+    table: Table, now: Instant, mode: Mode, leaving: Mask, touching: Mask, trigger: Trigger, lowest: Array
+) -> Mask:
+    """Return which laws have bounced for the last time with a law of e = 1 that other laws take the energy from.
+
+    Alone, such a law bounces for ever. Beside one that takes energy, as a ball on another one on a steel floor, all
+    bounces tend to rest together; when their heights are no longer told from zero, the gaps between them are not either.
+    """
+    nobody = np.zeros(len(leaving), bool)
+    elastic = leaving & trigger.closing & (table.restitution >= 1.0)
+    if not elastic.any():
+        return nobody
+    taking = touching & (table.restitution < 1.0)
+    elastic &= (now.delassus[:, taking] != 0.0).any(axis=1)
+    level = _level(table, now, mode, _candidates(table, now, touching & ~leaving, nobody + 0.0), trigger)
+    low = leaving & (level < 0.0) & (now.rate**2 <= -2 * level * _TOGETHER * lowest)
+    return low if (elastic & low).any() else nobody
 
 
 def _level(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Array:
