@@ -46,7 +46,7 @@ def main() -> int:
         if reason:
             unended += 1
             print(f"seed {seed}: {len(run.events)} events: {reason}", flush=True)
-    print(f"{options.count} scenes: {failed} wrong, {unended} ended early with a reason, {rests} with bounces that end;")
+    print(f"{options.count} scenes: {failed} wrong, {unended} ended early with a reason, {rests} with bounces that end")
     print(f"{events} events, at most {longest:.1f} s of work for one")
     return int(failed > 0)
 

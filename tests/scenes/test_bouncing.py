@@ -2,20 +2,9 @@
 
 import numpy as np
 import pytest
-from oracles.bouncing import SIZE, draw
+from oracles.bouncing import SIZE, STACKED, draw
 
 import lmoc
-
-STACKED = """
-model Stacked
-  Mass a(m = 1, g = -9.81, q(start = 0.5, fixed = true), v(start = 0, fixed = true));
-  Mass b(m = 1, g = -9.81, q(start = 1, fixed = true), v(start = 0, fixed = true));
-  Stop s(L = 0.1, e = 1), t(L = 0.1, e = 0.5);
-  Fixed w;
-equation
-  connect(w.flange, s.a); connect(s.b, a.flange); connect(a.flange, t.a); connect(t.b, b.flange);
-end Stacked;
-"""
 
 
 @pytest.mark.parametrize("solver", ["auto", "dop853", "taylor", "radau"])

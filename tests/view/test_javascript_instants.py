@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from oracles.bouncing import STACKED
 from oracles.in_javascript import difference, repeat
 from oracles.lifting import WINDLASS
 from oracles.node import needs_node
@@ -66,6 +67,14 @@ def test_restitution_that_follows_from_a_slider():
     (slot,) = [s.slot for s in sliders(run.trajectory.observer, script.slots) if s.name == "loss"]
     (again,) = repeat([(run, script, [[slot, 0.5]])])
     assert again.events[0]["energy_lost"] == pytest.approx(50 * (1 - 0.5**2), rel=1e-9)
+
+
+def test_bounces_without_loss_end_with_those_of_others():
+    run = lmoc.compile_text(STACKED).simulate(stop=2.0, points=5)
+    (again,) = repeat([(run, write_script(run.trajectory), [])])
+    assert again.complete, again.reason
+    assert [e["kind"] for e in again.events[-2:]] == ["accumulation", "contact"]
+    assert abs(len(again.events) - len(run.events)) < 20
 
 
 def test_a_windlass_lowers_and_lifts_a_load():

@@ -170,6 +170,13 @@ NUMERICS: dict[str, Entry] = {
         "for a whole session `LMOC_BUDGET` in the environment. A run keeps what it has computed (exit code 3).\n"
         "Numbers far from all that is mechanical, 1e308 N/m, are the most frequent reason.",
     ),
+    "N0558": Entry(
+        "an impact whose outcome depends on the law of impacts",
+        "Bodies that touch, or come to touch within 1e-10 s, are hit at once. Newton's law of all impacts together\n"
+        "gives one answer; impacts one after the other may give others, and a real scene decides by how stiff its\n"
+        "bodies are. Three equal balls in a row without loss leave with (-1/3, 2/3, 2/3) of the velocity where they\n"
+        "touch, and with (0, 0, 1) where a gap gives an order. The note comes once a run, with the first such impact.",
+    ),
     "W0553": Entry(
         "the energy balance does not close",
         "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"

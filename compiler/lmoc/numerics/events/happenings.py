@@ -227,6 +227,17 @@ class Happenings:
         self.stand_at(unknowns, passage.solutions[0])
         return happened
 
+    def _note_undecided(self, t: float, names: list[str]) -> None:
+        """Say, once a run, that the law of impacts has decided between several answers."""
+        if any(d.code == "N0558" for d in self.report.diagnostics):
+            return
+        who = _listed(list(dict.fromkeys(names)))
+        text = (
+            f"{who} are hit at once at t = {t:.6g} s, and what follows depends on the law of impacts: one after the "
+            "other they would leave with other velocities"
+        )
+        self.report.note("N0558", text, hint="a gap that takes longer than 1e-10 s to close gives an order")
+
     @property
     def kept(self) -> Callable[..., np.ndarray] | None:
         """Return what moves states onto what is closed (`LawSwitching.kept`); None where it stays closed by itself."""
@@ -268,6 +279,7 @@ class Happenings:
             return x
         x, events = self.laws.start(self.span[0], x)
         self.records += events
+        self._collect()
         return x if self.hybrid is None else self._settle(self.span[0], x, x)
 
     def after(
@@ -360,11 +372,19 @@ class Happenings:
         return moved if self.laws is None else self.laws.strike(t, x, moved)
 
     def _collect(self) -> None:
+        if self.laws is not None and self.laws.undecided:
+            self._note_undecided(*self.laws.undecided[0])
+            self.laws.undecided.clear()
         self.records += self.stepping.records
         self.stepping.records = []
         if self.hybrid is not None:
             self.records += self.hybrid.records
             self.hybrid.records = []
+
+
+def _listed(names: list[str]) -> str:
+    shown = names[:4]
+    return ", ".join(f"'{name}'" for name in shown) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _crossed(roots: Roots, t: float, x: np.ndarray) -> bool:

@@ -25,7 +25,8 @@ PROPERTIES = Properties(
 
 _CONSTANT = 0.13  # of the error of a step, fitted to the oscillator
 _ADDED = 2.0  # as the errors of the steps add up
-_PICARD, _SETTLED = 6, 0.05  # iterations for the polynomial between the ends, fewer where they change so few tolerances
+_LEAST_PICARD, _PICARD = 3, 6  # iterations for the polynomial between the ends …
+_SETTLED = 0.05  # … not all of them where they change it by so few tolerances
 _SAFETY, _SHORTER, _LONGER = 0.9, 0.2, 4.0
 _WORTHWHILE = 1.5  # factor by which a step must have been too short …
 _CALM = 50  # … for so many steps, until it grows
@@ -150,8 +151,8 @@ class Gauss(Integration):
         """Return the error of a step in tolerances, 1 is what they allow: the largest of three estimates.
 
         The Legendre coefficients a_k of the derivative along the step decay by some ratio from one to the next, and the
-        first that the method does not integrate is a_8. Those up to a_3 are known from the stages; by chance one of them
-        is small. The refined polynomial knows those up to a_5, and another end of the step.
+        first that the method does not integrate is a_8. Those up to a_3 are known from the stages; one of them may be
+        small by chance. The refined polynomial knows those up to a_5, and another end of the step.
 
         Parameters
         ----------
@@ -238,7 +239,7 @@ class Gauss(Integration):
         f[0] = slope
         values, moved = table.FROM_STAGES @ z, np.inf
         scale = self.problem.atol + self.problem.rtol * np.abs(x)
-        for k in range(_PICARD):
+        for k in range(_LEAST_PICARD if self.fixed else _PICARD):
             for i in range(1, len(table.LOBATTO)):
                 self.system.rhs(t + table.LOBATTO[i] * h, x + values[i], f[i])
             new = h * table.INTEGRALS @ f
@@ -248,7 +249,7 @@ class Gauss(Integration):
                 first, third = np.abs(table.LEGENDRE @ table.INVERSE @ z)
                 return None, _LAST_TERM * third * min(1.0, math.sqrt(third.max() / max(first.max(), 1e-300)))
             values, moved = new, size
-            if k >= 2 and (np.abs(change) <= _SETTLED * scale).all():
+            if k + 1 >= _LEAST_PICARD and (np.abs(change) <= _SETTLED * scale).all():
                 break
         return f, change
 

@@ -63,6 +63,7 @@ class LawSwitching:
         self.limits = self.gauge.known[4]
         self.begun = -np.inf  # s, where the first mode was found
         self.impacts = [deque(maxlen=_SERIES) for _ in range(self.gauge.form.count)]  # s, the latest of each law
+        self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
         self.let_go = Trigger.nothing(self.gauge.form.count)  # the laws that have reached their end …
         self.let_go_at = -np.inf  # … at this time, in s
         self.unresolved: Array | float = 0.0  # what the integrator tells the states apart by no more
@@ -204,6 +205,7 @@ class LawSwitching:
         made.mode, made.idle, made.unresolved, made.begun = self.mode, self.idle, self.unresolved, self.begun
         made.gauge.errors = self.gauge.errors
         made.let_go, made.let_go_at, made.impacts = self.let_go, self.let_go_at, self.impacts
+        made.undecided = self.undecided
         made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
         made._hold()
         return made
@@ -263,6 +265,8 @@ class LawSwitching:
             names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
             raise Stopped(Status.CONTRADICTION, reason) from None
+        if found.undecided.any():
+            self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(found.undecided).tolist()]))
         for k in np.flatnonzero(found.impulse).tolist():
             self.impacts[k].append(t)
         self.mode, self.now, self.touched = found.mode, found.now, found.touched

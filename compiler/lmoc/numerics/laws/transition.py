@@ -20,6 +20,7 @@ from lmoc.numerics.laws.impact import Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
+from lmoc.numerics.laws.order import depends_on_order
 from lmoc.numerics.laws.sprung import decide, relax
 from lmoc.support.records import dataclass
 
@@ -69,6 +70,7 @@ class Transition:
     touched : (n,) laws whose motion, the gap or the velocity that closes it, is zero
     accumulated : (n,) laws whose bounces are over
     until : s, when those bounces would have ended
+    undecided : (n,) laws that would be left with other rates if they were hit one after the other
     """
 
     before: Instant
@@ -80,6 +82,7 @@ class Transition:
     touched: Mask
     accumulated: Mask
     until: float
+    undecided: Mask
 
     @property
     def x(self) -> Array:
@@ -151,7 +154,9 @@ def transition(
         impulse[rubbing] = lost[rubbing] = 0.0
     lost += relaxed.lost
     touched = touching | (candidate & ~table.unilateral) | (table.degree == SPRUNG)
-    return Transition(before, now, settled, impulse, lost, impact.law if impact else "", touched, over, until)
+    undecided = _undecided(table, before, sharing, impact, over)
+    law = impact.law if impact else ""
+    return Transition(before, now, settled, impulse, lost, law, touched, over, until, undecided)
 
 
 def _settled(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Settled:
@@ -213,6 +218,18 @@ def _impact(table: Table, now: Instant, striking: Mask, held: Mask, restitution:
         return collide(matrix, rate, restitution[which], friction, side)
 
 
+def _undecided(table: Table, now: Instant, sharing: Mask, impact: Impact | None, over: Mask) -> Mask:
+    """Return the laws of an impact that would have another outcome if they were hit one after the other."""
+    found = np.zeros(len(sharing), bool)
+    if impact is None or np.count_nonzero(impact.impulse) < 2 or over.any() or (sharing & table.contact).any():
+        return found
+    which = np.flatnonzero(sharing)
+    matrix, e = now.delassus[np.ix_(which, which)], table.restitution[which]
+    if depends_on_order(matrix, now.rate[which], e, impact.rate):
+        found[which] = impact.impulse != 0.0
+    return found
+
+
 def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Instant:
     """Return the instant behind an impact; the ledger's components do not take part."""
     change = now.response[:, striking] @ impact.impulse
@@ -247,7 +264,7 @@ def _last_elastic(
     """Return which laws have bounced for the last time with a law of e = 1 that other laws take the energy from.
 
     Alone, such a law bounces for ever. Beside one that takes energy, as a ball on another one on a steel floor, all
-    bounces tend to rest together; when their heights are no longer told from zero, the gaps between them are not either.
+    bounces tend to rest together; when their heights are no longer told from zero, neither are the gaps between them.
     """
     nobody = np.zeros(len(leaving), bool)
     elastic = leaving & trigger.closing & (table.restitution >= 1.0)

@@ -12,6 +12,7 @@ const TOUCHING = 1e-14; // gaps below this share of the lengths that make them a
 const LOCATED = 1e-14; // s, or this share of the time: how exactly events are located
 const TURNING = 1e-8; // s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 const BOUNCES_LEFT = 1e-9; // s; where all bounces to come would take less, they are over …
+const ELASTIC_TOGETHER = 1e2; // times that height where gaps that cannot be told from zero close among bounces without loss
 const LEAST_HEIGHT = 1e-14; // … as where they are lower than this share of the lengths that make the gap
 const HOLDS = 1e-6; // share of what a law alone would have to hold: beyond it a force is none of rounding
 
@@ -49,6 +50,8 @@ export function transition(gauge, here, mode, trigger) {
     };
     strike(table.restitution);
     [over, until] = lastBounces(table, now, mode, each((k) => striking[k] && now.rate[k] > least[k]), trigger);
+    const elastic = lastElastic(table, now, mode, striking, least, trigger);
+    over = over.map((o, k) => o || elastic[k]);
     if (over.some(Boolean)) strike(table.restitution.map((e, k) => (over[k] ? 0 : e)));
   } else least = least.map((v, k) => (holding[k] ? Infinity : v)); // what has been closed is at rest
   const candidate = candidates(table, now, touching, least);
@@ -148,6 +151,25 @@ function lastBounces(table, now, mode, left, trigger) {
   const low = now.rate.map((r, k) => r ** 2 <= -2 * level[k] * LEAST_HEIGHT * now.gapScale[k]);
   const over = leaving.map((l, k) => rest[k] < BOUNCES_LEFT || (l && level[k] < 0 && low[k]));
   return [over, now.t + Math.max(-Infinity, ...rest.filter((_, k) => over[k]))];
+}
+
+/**
+ * Which laws have bounced for the last time with a law of e = 1 that other laws take the energy from: when the heights of
+ * all these bounces are no longer told from zero, neither are the gaps between them.
+ */
+function lastElastic(table, now, mode, touching, least, trigger) {
+  const e = table.restitution;
+  const leaving = touching.map((s, k) => s && now.rate[k] > least[k]);
+  const taking = indices(touching.map((s, k) => s && e[k] < 1));
+  const isElastic = (k) => leaving[k] && trigger.closing[k] && e[k] >= 1 && taking.some((j) => now.delassus[k][j] !== 0);
+  const elastic = indices(leaving).filter(isElastic);
+  if (elastic.length === 0) return filled(e.length, false);
+  const resting = candidates(table, now, touching.map((s, k) => s && !leaving[k]), filled(e.length, 0));
+  const sliding = slidingDirections(table, now, resting, trigger);
+  const { level } = settle(table, now, mode, resting, sliding, filled(e.length, 0));
+  const height = ELASTIC_TOGETHER * LEAST_HEIGHT;
+  const low = leaving.map((l, k) => l && level[k] < 0 && now.rate[k] ** 2 <= -2 * level[k] * height * now.gapScale[k]);
+  return elastic.some((k) => low[k]) ? low : filled(e.length, false);
 }
 
 /** The laws that could be closed without a jump. */
