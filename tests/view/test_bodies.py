@@ -15,6 +15,7 @@ from lmoc.symbolic.names import base_of
 from lmoc.symbolic.system import jet_symbol
 from lmoc.view.bodies.balance import FreeBodies, free_bodies
 from lmoc.view.bodies.compose import _numbers
+from lmoc.view.bodies.measured import measured_bodies
 from lmoc.view.bodies.plane import bodies_of, centre_of, pulls
 from lmoc.view.scene.abbreviate import shown, whole
 from lmoc.view.scene.compose import world_gravity
@@ -304,3 +305,29 @@ def test_the_instant_and_the_run_of_a_diagram_must_fit_the_scene():
     other, _ = bodies("ex05_suspension")
     with pytest.raises(ValueError, match="the run is one of Suspension, not of "):
         dae.draw(free_body=True, run=other.simulate(stop=0.1))
+
+
+# ------------------------------------------------------------------ forces without formulas
+
+PICTURES = Path(__file__).parents[1] / "data" / "pictures"
+
+
+@pytest.mark.parametrize("name, body, acceleration", [("bell_crank", "plunger", "a"), ("engine", "flywheel", "alpha")])
+@pytest.mark.parametrize("time", [None, 0.04])
+def test_forces_without_formulas_are_numbers_and_add_up_to_mass_times_acceleration(name, body, acceleration, time):
+    dae = lmoc.compile(PICTURES / f"{name}.lmo")
+    run = dae.simulate(stop=0.05, points=6)
+    at = 0 if time is None else 4
+    flat, values = run.flat, dae.prepare().values
+    balance = next(b for b in measured_bodies(whole(flat, values), {body}).balances)
+    known = {s: float(run[s.name][at]) for f in balance.forces for s in f.label.free_symbols}
+    total = sum(float(f.term.subs(known)) for f in balance.forces)
+    inertia = float(run[str(balance.mass)][at]) * float(run[f"{body}.{acceleration}"][at])
+    assert total == pytest.approx(inertia, rel=1e-6, abs=1e-6) and abs(inertia) > 1.0
+    drawing = dae.draw(free_body=True, **({} if time is None else {"run": run, "time": time}))
+    written = [plain(s.text) for _, s, _ in drawing.picture.placed() if isinstance(s, Label)]
+    for force in balance.forces:
+        value = float(force.label.subs(known))
+        assert any(f"= {value:.4g}".replace("-", "−") in text for text in written), (value, written)
+    assert ("start" in drawing.picture.title) == (time is None)
+    assert "no solution in closed form" in drawing.picture.notes[0]

@@ -271,12 +271,12 @@ def _balance(body: Element, at: Mapping[int, list[tuple[Element, Port]]], laws: 
     port, graph = body.ports[0], forms.graph
     around = [(e, p) for e, p in at[port.node] if (e.name, p.name) != (body.name, port.name)]
     inertial, rest = _own_terms(body, port, laws, graph)
-    forces = [_weight(body, -t, graph) for t in rest]
+    forces = [weight(body, -t, graph) for t in rest]
     for element, other in around:
         if element.symbol in BODIES:  # two bodies at one place share what acts there
             more, rest = _own_terms(element, other, laws, graph)
             inertial += more
-            forces += [_weight(element, -t, graph) for t in rest]
+            forces += [weight(element, -t, graph) for t in rest]
         else:
             forces += _forces(element, other, laws, forms, port)
     mass = laws.parameter(graph, body, _inertia_name(port))
@@ -352,7 +352,7 @@ def _forces(element: Element, port: Port, laws: _Laws, forms: LocalForms, body: 
     return found
 
 
-def _weight(body: Element, value: sympy.Expr, graph: Graph) -> Force:
+def weight(body: Element, value: sympy.Expr, graph: Graph) -> Force:
     """A term of a body that is no inertia, as its weight: the arrow points to where it pulls with the values given.
 
     A negative number for `g` is shown itself: the letter would hide its sign.

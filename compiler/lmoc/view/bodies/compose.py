@@ -11,6 +11,7 @@ from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.view.bodies.balance import Balance, Force, FreeBodies, free_bodies
 from lmoc.view.bodies.diagram import WIDTH, Numbers, draw_bodies
+from lmoc.view.bodies.measured import Start, measured_bodies
 from lmoc.view.bodies.plane import bodies_of, draw_plane_bodies
 from lmoc.view.scene.abbreviate import shown, whole
 from lmoc.view.scene.arrange import strips_of
@@ -53,13 +54,13 @@ def free_body_picture(
     Parameters
     ----------
     start : returns what gives the value of a variable at the start; called for bodies of the plane without a run
-    run : for arrows to scale
+    run : for arrows to scale; without one, where the forces have no formulas, they are those at the start
     time : s, taken at the nearest output time of the run; by default its last
 
     Raises
     ------
     ModelError
-        E0660 where the scene is too large for symbols, or has no bodies.
+        E0660 where there are too many parts, or no bodies.
     """
     flat, values = prepared.flat, prepared.values
     graph = shown(flat, values).graph
@@ -74,15 +75,25 @@ def free_body_picture(
         at = len(run.time) - 1 if time is None else int(np.argmin(np.abs(run.time - time)))
         title = f"{title}: forces at t = {run.time[at]:g} s"
     blocks = []
+    notes: tuple[str, ...] = ()
     if on_lines:
         all_parts = whole(flat, values)
-        found = free_bodies(prepared.reduced, values, all_parts, {e.name for e in on_lines})
+        cut_out = {e.name for e in on_lines}
+        try:
+            found = free_bodies(prepared.reduced, values, all_parts, cut_out)
+        except ModelError as error:
+            if start is None and run is None or any(d.code != "E0660" for d in error.diagnostics):
+                raise
+            found = measured_bodies(all_parts, cut_out)
+            notes = (f"forces in numbers, for there are no formulas: {error.diagnostics[0].message}",)
+            if run is None:
+                run, title = Start(start()), f"{title}: forces at the start"
         numbers = None if run is None else _numbers(found, prepared, all_parts, run, at)
         blocks.append(draw_bodies(found, style_of(all_parts, Names(all_parts)), _directions(all_parts), numbers))
     if in_plane:
         value = _at(run, at) if run is not None else start()
         blocks.append(draw_plane_bodies(graph, value, world_gravity(graph), run is not None))
-    return finished(packed(blocks, WIDTH, 40.0), title)
+    return finished(packed(blocks, WIDTH, 40.0), title, notes)
 
 
 def _at(run: Trajectory, at: int) -> Callable[[str], float]:

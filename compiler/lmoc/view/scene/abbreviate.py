@@ -25,6 +25,7 @@ from lmoc.view.scene.elements import (
 
 MOST_DRAWN = 70  # elements of lines and shafts
 MOST_IN_PLANE = 300
+MOST_ALIKE = 12  # elements of an array on lines or shafts that are drawn one by one
 FIRST, LAST = 2, 1  # elements of an array that are shown where it is cut
 MOST_ENCLOSED = 12  # elements of an array
 MOST_ENDS = 6  # of dots that stand for many parts
@@ -52,10 +53,11 @@ def shown(flat: FlatDAE, values: np.ndarray) -> Shown:
     first = node_of(flat)
     total = sum(size(p) for p in parts)
     plane = [p for p in parts if _in_plane(flat, p)]
-    if total - sum(size(p) for p in plane) <= MOST_DRAWN and sum(size(p) for p in plane) <= MOST_IN_PLANE:
+    few = total - sum(size(p) for p in plane) <= MOST_DRAWN and sum(size(p) for p in plane) <= MOST_IN_PLANE
+    if few and (plane or all(size(p) <= MOST_ALIKE for p in parts)):
         elements = [e for p in parts for e in elements_of(flat, p, first, range(size(p)))]
         return Shown(Graph(flat, values, tuple(elements)), tuple(parts))
-    kept = {id(p): _kept(size(p)) for p in parts}
+    kept = {id(p): _kept(size(p), MOST_ALIKE if few else FIRST + LAST + 1) for p in parts}
     number = sum(len(k) for k in kept.values())
     if number > MOST_DRAWN:
         return Shown(None, tuple(parts), (f"{total} parts are too many to be drawn one by one",))
@@ -84,9 +86,9 @@ def _in_plane(flat: FlatDAE, part: Part) -> bool:
     )
 
 
-def _kept(n: int) -> np.ndarray:
-    """Positions of the elements that are shown of an array."""
-    return np.arange(n) if n <= FIRST + LAST + 1 else np.r_[0:FIRST, n - LAST : n]
+def _kept(n: int, most: int) -> np.ndarray:
+    """Positions of the elements that are shown of an array: all, or the first and the last."""
+    return np.arange(n) if n <= most else np.r_[0:FIRST, n - LAST : n]
 
 
 def _enclosed(

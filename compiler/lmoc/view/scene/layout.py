@@ -122,7 +122,7 @@ class Layout:
             return 104.0 if self._abreast() else 60.0
         if not self.upright:
             return PITCH
-        texts = [self.text(e, kind) for e, _, _, kind in self.parts]
+        texts = [self.text(e, kind) for e, _, _, kind in self.parts if not e.hidden]  # dots have room around them
         return max(40.0, 30.0 + symbols.widest(texts))
 
     def _abreast(self) -> bool:

@@ -12,10 +12,11 @@ from math import inf
 from lmoc.ir.look import Look
 from lmoc.view.scene.block import Block, packed
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.strip import RIGHT, Direction, DrawnStrip, Strip, Style
+from lmoc.view.scene.strip import RIGHT, UP, Direction, DrawnStrip, Strip, Style
 from lmoc.view.scene.strips import draw_strip
 
 LONGEST = 640.0  # px of a row: with more it is hard to read where a picture is 600 px wide
+TALLEST = 1000.0  # px of what is drawn upright for it is too long to lie
 TRIED = 10  # lengths of rows
 GAP = 30.0
 FRESH = -2 * 10**9  # numbers of nodes that stand for others
@@ -28,6 +29,10 @@ def draw_wrapped(strip: Strip, style: Style, direction: Direction) -> Block:
     drawn = draw_strip(strip, style, direction)
     if _length(drawn, direction) <= LONGEST:
         return drawn.block
+    if direction == RIGHT and not strip.shaft and _stands(drawn):
+        upright = draw_strip(strip, style, UP)
+        if _length(upright, UP) <= TALLEST:
+            return upright.block
     for candidate in (strip, strip.apart()):
         whole = draw_strip(candidate, style, direction)
         candidate = whole.strip
@@ -40,6 +45,12 @@ def draw_wrapped(strip: Strip, style: Style, direction: Direction) -> Block:
             blocks = [draw_strip(row, moved, direction).block for row in rows]
             return packed(blocks, 0.0 if direction == RIGHT else inf, GAP)
     return drawn.block
+
+
+def _stands(drawn: DrawnStrip) -> bool:
+    """Return whether a strip stands on what holds it, and ends free: a building."""
+    held = [n for n in drawn.strip.nodes if drawn.strip.held(n) is not None]
+    return bool(held) and all(drawn.is_first(n) for n in held) and len(drawn.along) > len(held)
 
 
 def _length(drawn: DrawnStrip, direction: Direction) -> float:
