@@ -253,3 +253,38 @@ def test_start_values_that_contradict_each_other_with_other_parameters():
     first, other = repeat([(run, script, []), (run, script, [[length.slot, 1.15]])])
     assert first.complete and not other.complete and "the start value of xr contradicts others" in other.reason
     assert abs(dae.simulate(points=5, parameters={"L": 1.15})["xr"][0] - 1.15) > 0.01
+
+
+def test_one_slider_for_what_each_gives_to_an_array():
+    """A tower of twenty floors has the masses, stiffnesses and dampings of its floors once, not twenty times."""
+    dae = lmoc.compile(Path(__file__).parents[1] / "data" / "pictures" / "tower20.lmo")
+    run = dae.simulate(stop=3, points=30, rtol=1e-8)
+    script = write_script(run.trajectory)
+    found = {s.name: s for s in changeable(run, script)}
+    assert {"floor.m", "storey.k", "storey.c", "tuned.m", "hanger.k"} <= set(found) and len(found) < 12
+    cases, truths = [], []
+    for name in ("floor.m", "storey.k"):
+        slider = found[name]
+        assert len(slider.alike) == 19
+        truths.append(dae.simulate(stop=3, points=30, rtol=1e-8, parameters={name: 1.3 * slider.value}))
+        cases.append((truths[-1], script, [[slot, 1.3 * slider.value] for slot in (slider.slot, *slider.alike)]))
+    for truth, again in zip(truths, repeat(cases), strict=True):
+        assert again.complete, again.reason
+        assert difference(truth, again) < AGREE
+
+
+def test_elements_with_values_of_their_own_have_their_own_sliders():
+    text = """model Chain
+      Fixed wall; Mass one[3](m = {1, 2, 3}), same[3](m = {2, 2, 2}), given[3](each m = 2);
+      Spring spring[9](each k = 50);
+    equation
+      for i in 1:3 loop
+        connect(wall.flange, spring[i].a); connect(spring[i].b, one[i].flange);
+        connect(one[i].flange, spring[3 + i].a); connect(spring[3 + i].b, same[i].flange);
+        connect(same[i].flange, spring[6 + i].a); connect(spring[6 + i].b, given[i].flange);
+      end for;
+    end Chain;"""
+    run = lmoc.compile_text(text, parameters={"given[2].m": 5.0}).simulate(stop=0.1, points=3)
+    names = {s.name for s in changeable(run, write_script(run.trajectory))}
+    assert "spring.k" in names and "spring[1].k" not in names
+    assert {f"{part}[{i}].m" for part in ("one", "same", "given") for i in (1, 2, 3)} <= names

@@ -21,6 +21,7 @@ class Slider:
     ----------
     variable : of the flat model
     slot : where the script keeps its value
+    alike : slots of the other elements of an array that have it from the same `each`
     fixed : why it cannot be changed in the page; "" where it can
     """
 
@@ -31,6 +32,7 @@ class Slider:
     unit: str
     text: str
     fixed: str = ""
+    alike: tuple[int, ...] = ()
 
 
 def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slider]:
@@ -44,17 +46,22 @@ def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slid
     flat, values = observer.flat, observer.values
     found: list[Slider] = []
     variables = independent(observer)[0]
+    together = _together(observer)
     for variable in variables[np.argsort(values[variables] == 0, kind="stable")].tolist():
         if len(found) == most:
             break
+        own = together.get(variable, (variable,))
+        if variable != own[0]:
+            continue
         block = flat.block_at(variable)
         numeric = block.quantity == "Real" and np.isfinite(values[variable])
         if slots[variable] < 0 or not numeric or block.protected or block.final:
             continue
-        name = flat.variable_name(variable)
-        why = "it shapes the model" if block.structural else _why_fixed(observer, variable)
+        name = flat.variable_name(variable) if len(own) == 1 else ".".join(word for word, _ in block.path)
+        why = "it shapes the model" if block.structural else _why_fixed(observer, own)
         value = float(values[variable])
-        found.append(Slider(name, variable, int(slots[variable]), value, block.unit, block.description, why))
+        alike = tuple(int(s) for s in slots[list(own[1:])])
+        found.append(Slider(name, variable, int(slots[variable]), value, block.unit, block.description, why, alike))
     return found
 
 
@@ -72,14 +79,28 @@ def independent(observer: Observer) -> tuple[np.ndarray, np.ndarray]:
     return literal[flat.kind[literal] == Kind.PARAMETER], distinct(np.concatenate(given))
 
 
-def _why_fixed(observer: Observer, variable: int) -> str:
-    """Return which assumption of the reduction fails for other values of a parameter; "" where it holds for some."""
+def _together(observer: Observer) -> dict[int, tuple[int, ...]]:
+    """Return for the elements of an array that one `each` gives a number to, all of them."""
+    flat, values = observer.flat, observer.values
+    given = set(independent(observer)[1].tolist())
+    found = {}
+    for a in flat.bindings:
+        whole = len(a.target) > 1 and flat.block_at(int(a.target[0])).size == len(a.target)
+        if not whole or a.slots.shape[1] or a.numbers is not None or given & set(a.target.tolist()):
+            continue
+        if (values[a.target] == values[a.target[0]]).all():
+            found |= dict.fromkeys(a.target.tolist(), tuple(a.target.tolist()))
+    return found
+
+
+def _why_fixed(observer: Observer, variables: tuple[int, ...]) -> str:
+    """Return which assumption of the reduction fails for other values of parameters; "" where it holds for some."""
     reduced, values = observer.plan.reduced, observer.values
-    flat, own = reduced.flat, float(values[variable])
+    flat, own = reduced.flat, float(values[variables[0]])
     given = independent(observer)[1]
     broken = ""
     for other in [own * f for f in _TRIED] if own else _TRIED_OF_ZERO:
-        overrides = dict(zip(given.tolist(), values[given].tolist(), strict=True)) | {variable: other}
+        overrides = dict(zip(given.tolist(), values[given].tolist(), strict=True)) | dict.fromkeys(variables, other)
         text = reduced.broken_guard(flat.parameter_values(overrides))
         if text is None:
             return ""

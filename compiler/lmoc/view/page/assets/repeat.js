@@ -33,7 +33,8 @@ export class Repeater {
     const changed = [];
     for (const [name, value] of Object.entries(values)) {
       const parameter = this.parameters.get(name);
-      if (parameter !== undefined && !parameter.fixed && Number.isFinite(value)) changed.push([parameter.slot, value]);
+      if (parameter === undefined || parameter.fixed || !Number.isFinite(value)) continue;
+      for (const slot of [parameter.slot, ...parameter.alike]) changed.push([slot, value]);
     }
     const began = this.now();
     const limits = { deadline: began + LIMIT, now: this.now };
