@@ -75,6 +75,7 @@ class Kernel:
     nonlinear : list of Block
         What Newton's method solves.
     unknowns : (k,) registers of their unknowns
+    addresses : of `w` and of the ``lmoc_tape``
     """
 
     def __init__(self, tape: Tape, patient: bool = True) -> None:
@@ -99,7 +100,7 @@ class Kernel:
         self._guesses = np.concatenate([np.zeros(0, int), *(_guess(b) for b in self.nonlinear)])
         self._calls: dict[bytes, Call] = {}
         self._last = np.zeros(1, np.uintp)  # the call whose solution stands in the registers
-        self._at = self.w.ctypes.data, ctypes.addressof(self._tape)
+        self.addresses = self.w.ctypes.data, ctypes.addressof(self._tape)
 
     def _block(self, block: Block) -> _Block:
         instances, size = block.unknowns.shape
@@ -150,7 +151,7 @@ class Kernel:
 
     def __call__(self, time: float) -> int:
         """Run the tape on `w`; 0, or the bits FAILED (a block has no solution that was found) and FAR (none near)."""
-        return int(self._library.lmoc_tape_run(time, *self._at))
+        return int(self._library.lmoc_tape_run(time, *self.addresses))
 
     def results(self) -> np.ndarray:
         """Return what has been asked for beside registers."""
@@ -192,7 +193,7 @@ class Kernel:
         memory = np.zeros(3 * (len(self.unknowns) + len(given)))
         contiguous = len(given) > 0 and (np.diff(given) == 1).all()
         call = Call(
-            *self._at, len(states), len(given), int(given[0]) if contiguous else -1,
+            *self.addresses, len(states), len(given), int(given[0]) if contiguous else -1,
             *(t.ctypes.data for t in tables[:2]), None, len(self.unknowns), 0, tables[2].ctypes.data,
             memory.ctypes.data, memory[3 * len(self.unknowns) :].ctypes.data, 0.0,
             RESCUE() if rescue is None else RESCUE(rescue), last=self._last.ctypes.data,
