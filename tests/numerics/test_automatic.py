@@ -6,7 +6,7 @@ import pytest
 import lmoc
 from lmoc.messages.diagnostics import SimulationError
 from lmoc.numerics.evaluate.native.compiler import find_compiler
-from lmoc.numerics.integrate import automatic, compiled_series
+from lmoc.numerics.integrate import automatic, series_rule
 from lmoc.numerics.options import RunOptions
 from lmoc.numerics.simulate import simulate
 
@@ -72,17 +72,16 @@ def test_a_limit_of_steps_holds_where_few_lie_ahead(dae):
         simulate(dae.reduced, options=RunOptions(stop=60, rtol=1e-7, max_steps=automatic.TRIAL + 10))
 
 
-@needs_compiler
 def test_a_taylor_series_takes_over_where_so_many_steps_lie_ahead_that_they_pay_for_its_compilation(dae):
     run = dae.simulate(stop=20_000, points=101, rtol=1e-9)
     assert run.stats["solver"] == "dop853, taylor"
     assert np.abs(run["x"] - np.cos(run.time)).max() < 3e-8
 
 
-@needs_compiler
 def test_what_has_been_run_before_changes_nothing(dae, monkeypatch):
     """Not even where the runs before have compiled a series, or have taken the steps that would pay for one."""
-    monkeypatch.setattr(compiled_series, "STEPS", 100)
+    monkeypatch.setattr(series_rule, "STEPS", 100)
+    monkeypatch.setattr(series_rule, "SHARE", 1.0)
     before = dae.simulate(stop=10)
     assert before.stats["solver"] == "dop853"
     assert dae.simulate(stop=500).stats["solver"] == "dop853, taylor"
@@ -93,9 +92,9 @@ def test_what_has_been_run_before_changes_nothing(dae, monkeypatch):
         assert again["x"].tobytes() == before["x"].tobytes() and again["H"].tobytes() == before["H"].tobytes()
 
 
-@needs_compiler
 def test_pieces_too_short_to_be_judged_begin_with_a_series_once_their_run_has_paid_for_it(monkeypatch):
-    monkeypatch.setattr(compiled_series, "STEPS", 100)
+    monkeypatch.setattr(series_rule, "STEPS", 100)
+    monkeypatch.setattr(series_rule, "SHARE", 1.0)
     text = """model M Real x(start = 1, fixed = true), v(start = 0, fixed = true); Integer n(start = 0, fixed = true);
       equation der(x) = v; der(v) = -x; when sample(1, 1) then n = pre(n) + 1; end when; end M;"""
     run = lmoc.compile_text(text).simulate(stop=100)
@@ -104,7 +103,8 @@ def test_pieces_too_short_to_be_judged_begin_with_a_series_once_their_run_has_pa
 
 
 def test_kinks_leave_no_series_however_often_a_scene_is_run(monkeypatch):
-    monkeypatch.setattr(compiled_series, "STEPS", 10)
+    monkeypatch.setattr(series_rule, "STEPS", 10)
+    monkeypatch.setattr(series_rule, "SHARE", 1.0)
     text = "model M Real x(start = 1, fixed = true); Real v; equation der(x) = v; der(v) = -x - abs(x)/5; end M;"
     dae = lmoc.compile_text(text)
     assert [dae.simulate(stop=30).stats["solver"] for _ in range(3)] == ["dop853"] * 3
@@ -115,7 +115,8 @@ def test_kinks_leave_no_series_however_often_a_scene_is_run(monkeypatch):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6])
 def test_the_phase_of_a_wide_swing_is_kept_however_long(series, stop, rtol, monkeypatch):
     """Its frequency depends on its amplitude: an error of the first steps is felt for the rest of the run."""
-    monkeypatch.setattr(compiled_series, "STEPS", 0 if series else 10**9)
+    monkeypatch.setattr(series_rule, "STEPS", 0 if series else 10**9)
+    monkeypatch.setattr(series_rule, "SHARE", 1.0)
     dae = lmoc.compile_text(PENDULUM)
     reference = dae.simulate(solver="dop853", rtol=1e-13, stop=stop, points=51)
     run = dae.simulate(rtol=rtol, stop=stop, points=51)
@@ -131,7 +132,8 @@ def test_stiffness_of_linear_motion_is_known_by_its_eigenvalues(rtol, series, mo
       equation der(x) = -x/8; der(y) = -8e4*(y - sin(3*time)) + 3*cos(3*time); end M;"""
     dae = lmoc.compile_text(text)
     if series:
-        monkeypatch.setattr(compiled_series, "STEPS", 0)
+        monkeypatch.setattr(series_rule, "STEPS", 0)
+        monkeypatch.setattr(series_rule, "SHARE", 1.0)
     run = dae.simulate(stop=20, rtol=rtol)
     assert run.stats["solver"] == ("taylor" if series else "dop853") + ", cvode"
     assert "because the fastest mode decays (time constant 1.25e-05 s)" in run.stats["reason"]
@@ -146,11 +148,11 @@ def test_a_steep_start_is_not_stiffness():
     assert np.abs(run["v"] - 2000 / (1 + 10_000 * run.time)).max() < 30e-6 * 2000
 
 
-@needs_compiler
 def test_what_is_a_little_stiff_is_done_by_a_series(monkeypatch):
     """20 000 steps of one microsecond are faster than any method that solves equations."""
     text = "model M Real y(start = 1, fixed = true); equation der(y) = -1e4*(y - sin(time)); end M;"
-    monkeypatch.setattr(compiled_series, "STEPS", 0)
+    monkeypatch.setattr(series_rule, "STEPS", 0)
+    monkeypatch.setattr(series_rule, "SHARE", 1.0)
     run = lmoc.compile_text(text).simulate(stop=10, rtol=1e-9)
     lag = 1e-4
     exact = (np.sin(run.time) - lag * np.cos(run.time)) / (1 + lag**2)
@@ -158,11 +160,11 @@ def test_what_is_a_little_stiff_is_done_by_a_series(monkeypatch):
     assert np.abs(run["y"] - exact)[1:].max() < 30e-9
 
 
-@needs_compiler
 def test_a_series_is_not_patient_where_each_step_is_looked_at_for_events(monkeypatch):
     text = """model M Real y(start = 1, fixed = true); discrete Real n(start = 0, fixed = true);
       equation der(y) = -1500*(y - sin(time)); when y < -0.5 then n = pre(n) + 1; end when; end M;"""
-    monkeypatch.setattr(compiled_series, "STEPS", 0)
+    monkeypatch.setattr(series_rule, "STEPS", 0)
+    monkeypatch.setattr(series_rule, "SHARE", 1.0)
     run = lmoc.compile_text(text).simulate(stop=60)
     assert run.stats["solver"] == "taylor, dop853, cvode"
     assert run["n"][-1] == 9 and np.abs(run["y"] - np.sin(run.time))[1:].max() < 1e-3
@@ -175,18 +177,6 @@ def test_a_steep_start_does_not_make_all_that_follows_finer():
     exact = 2000 / (1 + 10_000 * run.time)
     assert np.abs(run["v"] - exact).max() < 30e-9 * 2000
     assert run.stats["steps"] < 600
-
-
-def test_without_a_compiler_dop853_goes_on(dae, monkeypatch):
-    monkeypatch.setenv("LMOC_CC", "")
-    find_compiler.cache_clear()
-    try:
-        run = lmoc.compile_text(OSCILLATOR.replace("-x", "-1.0*x")).simulate(stop=2000, points=101, rtol=1e-9)
-    finally:
-        monkeypatch.undo()
-        find_compiler.cache_clear()
-    assert run.stats["solver"] == "dop853"
-    assert np.abs(run["x"] - np.cos(run.time)).max() < 3e-8
 
 
 def test_a_scene_that_becomes_stiff_on_the_series_way():

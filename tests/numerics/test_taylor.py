@@ -9,7 +9,7 @@ from conftest import ROOT
 import lmoc
 from lmoc.expression.functions import SMOOTH
 from lmoc.numerics.evaluate.native.compiler import find_compiler
-from lmoc.numerics.integrate import compiled_series, loop
+from lmoc.numerics.integrate import loop, series_rule
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -126,7 +126,7 @@ def test_a_pole_ends_the_run():
 def test_output_within_one_step_that_there_is_no_room_for_at_once(solver, room, monkeypatch):
     """As in large scenes; the last step, too, has many output times within, and one is at its end."""
     monkeypatch.setattr(loop, "_BATCH", room)
-    monkeypatch.setattr(compiled_series, "STEPS", 100)
+    monkeypatch.setattr(series_rule, "STEPS", 100)
     dae = lmoc.compile_text("model M Real x(start = 1, fixed = true); Real v; equation der(x) = v; der(v) = -x; end M;")
     run = dae.simulate(solver=solver, stop=200, points=5001, rtol=1e-9)
     assert "taylor" in run.stats["solver"] and run.stats["steps"] < 500

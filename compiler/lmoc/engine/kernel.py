@@ -78,15 +78,16 @@ class Kernel:
     addresses : of `w` and of the ``lmoc_tape``
     """
 
-    def __init__(self, tape: Tape, patient: bool = True) -> None:
+    def __init__(self, tape: Tape, patient: bool = True, w: np.ndarray | None = None) -> None:
         """
         Parameters
         ----------
         patient : nonlinear blocks may be approached slowly; else they have several solutions, of which only the one
             that continues the last counts
+        w : memory that it shares with others
         """
         self.tape, self._patient = tape, patient
-        self.w = np.zeros(tape.size)
+        self.w = np.zeros(tape.size) if w is None else w
         self.w[tape.constants[0]] = tape.constants[1]
         self._library = library()
         self._kept: list[object] = []  # what C points to

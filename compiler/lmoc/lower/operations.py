@@ -10,7 +10,8 @@ UNARY = tuple(
 )
 BINARY = tuple("add sub mul div pow atan2 min max mod rem div_integer lt le gt ge eq ne and or".split())
 OTHER = tuple(
-    "if dot rows gather strided scatter spread products fill linear newton correct ready constant implicit".split()
+    "if dot rows gather strided scatter spread products fill linear newton correct ready constant implicit "
+    "factor".split()
 )
 OPERATIONS = ("end", *UNARY, *BINARY, *OTHER)
 NUMBER = {name: k for k, name in enumerate(OPERATIONS)}
@@ -20,7 +21,7 @@ LENGTH = (
     dict.fromkeys(UNARY, 3)
     | dict.fromkeys(BINARY, 4)
     | {"end": 1, "if": 5, "products": 6, "fill": 4, "correct": 3, "ready": 3}
-    | dict.fromkeys(("linear", "newton", "constant", "implicit"), 2)
+    | dict.fromkeys(("linear", "newton", "constant", "implicit", "factor"), 2)
 )
 # The same inside of `rows`, where each operand is a place and a flag.
 LENGTH_OF_ROWS = (

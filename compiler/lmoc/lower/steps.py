@@ -41,24 +41,25 @@ def write_single(writer: Writer, step: Apply, shapes: Sequence[Expr], values: bo
     """`write_shapes` row by row."""
     found = np.empty((len(shapes), len(step.out)), np.int64)
     for i, (row, out) in enumerate(zip(step.slots.tolist(), step.out.tolist(), strict=True)):
-        place: dict[int, int] = {}
+        place: dict[Expr, int] = {}
         for k, shape in enumerate(shapes):
             found[k, i] = _single(writer, shape, row, place, out if values and k == 0 else -1)
     return list(found)
 
 
-def _single(writer: Writer, shape: Expr, row: list[int], place: dict[int, int], out: int) -> int:
+def _single(writer: Writer, shape: Expr, row: list[int], place: dict[Expr, int], out: int) -> int:
     """Write one shape of one row; `place` has the nodes that are there already."""
     for node in postorder(shape):
-        if id(node) not in place:
-            place[id(node)] = _node(writer, node, row, place, out if node is shape else -1)
-    found = place[id(shape)]
+        if node not in place:
+            place[node] = single_node(writer, node, row, place, out if node is shape else -1)
+    found = place[shape]
     if out >= 0 and found != out:
         writer.move(out, found)
     return found
 
 
-def _node(writer: Writer, node: Expr, row: list[int], place: dict[int, int], out: int) -> int:
+def single_node(writer: Writer, node: Expr, row: list[int], place: dict[Expr, int], out: int = -1) -> int:
+    """Write one node of one row, whose arguments are there already; its place."""
     op = node.op
     if op == "slot":
         return row[int(node.value[0])]
@@ -67,13 +68,13 @@ def _node(writer: Writer, node: Expr, row: list[int], place: dict[int, int], out
     if op == "time":
         return writer.time
     if op == "event":
-        return place[id(node.args[0])]
+        return place[node.args[0]]
     power = _small_power(node)
     if power:
-        base = place[id(node.args[0])]
+        base = place[node.args[0]]
         square = writer.value("mul", base, base, out=out if power == 2 else -1)
         return square if power == 2 else writer.value("mul", square, base, out=out)
-    return writer.value(op, *[place[id(a)] for a in node.args], out=out)
+    return writer.value(op, *[place[a] for a in node.args], out=out)
 
 
 def _small_power(node: Expr) -> int:

@@ -16,6 +16,7 @@ linear, constant k            the unknowns of block k; `constant`: its matrix de
 ready k to                    go on there if the matrix of this block has been factorized
 newton k … correct k back     what stands between them until all instances are solved
 implicit k                    the derivatives of the unknowns
+factor k                      the factors of all matrices, for `lower.series`
 ============================= ========================================================================================
 
 Within `rows`, an operand is a place and a flag: 1 where it goes on from row to row, 0 for a buffer, -1 for one number.
@@ -130,7 +131,7 @@ class Tape:
             return [p for first, count in tables for p in _ends(self.index[first : first + count])]
         if name == "fill":
             return [*_ends(self.index[rest[1] : rest[1] + rest[0]]), rest[2]]
-        if name in ("linear", "constant", "newton", "correct", "ready", "implicit"):
+        if name in ("linear", "constant", "newton", "correct", "ready", "implicit", "factor"):
             assert 0 <= rest[0] < len(self.blocks)
             return []
         return [rest[0], *rest[2:]] if name == "dot" else rest

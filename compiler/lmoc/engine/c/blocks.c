@@ -134,5 +134,17 @@ static void implicit(lmoc_block *m, double *w) {
   }
 }
 
-const lmoc_blocks lmoc_block_functions = {linear,   lmoc_newton_begin, lmoc_newton_step,
-                                          lmoc_newton_end, constant,   implicit};
+/* Factors of all instances, to be used later; FAILED where one is singular. */
+static int factor(lmoc_block *m, double *w) {
+  int status = 0;
+  double determinant;
+  for (int64_t i = 0; i < m->instances; i++) {
+    double *a = w + m->a + i*m->each;
+    lmoc_block_fill(m, i, w, a);
+    if (!lmoc_block_factor(m, a, m->pivots + i*m->size, &determinant)) status = LMOC_FAILED;
+  }
+  return status;
+}
+
+const lmoc_blocks lmoc_block_functions = {linear,   lmoc_newton_begin, lmoc_newton_step, lmoc_newton_end,
+                                          constant, implicit,          factor};

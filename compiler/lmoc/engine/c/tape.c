@@ -166,6 +166,7 @@ int lmoc_tape_run(double time, double *w, const lmoc_tape *t) {
   CASE(ready): p = t->blocks[p[1]].ready ? t->code + p[2] : p + 3; NEXT;
   CASE(constant): lmoc_block_functions.constant(t->blocks + p[1], w); p += 2; NEXT;
   CASE(implicit): lmoc_block_functions.implicit(t->blocks + p[1], w); p += 2; NEXT;
+  CASE(factor): status |= lmoc_block_functions.factor(t->blocks + p[1], w); p += 2; NEXT;
   CASE(gather): CASE(strided): CASE(scatter): CASE(spread): /* only inside of rows */
   CASE(end): return status;
 #if !defined(__GNUC__)

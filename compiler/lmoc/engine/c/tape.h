@@ -32,7 +32,7 @@ static inline double lmoc_rem(double x, double y) { return x - trunc(x / y) * y;
   X(ne, x != y) X(and, x && y) X(or, x || y)
 #define LMOC_OTHER(X) \
   X(if) X(dot) X(rows) X(gather) X(strided) X(scatter) X(spread) X(products) X(fill) X(linear) X(newton) X(correct) \
-  X(ready) X(constant) X(implicit)
+  X(ready) X(constant) X(implicit) X(factor)
 
 enum {
   LMOC_end,
@@ -68,6 +68,7 @@ typedef struct {
   int (*newton_end)(lmoc_block *, double *w, int64_t open);
   void (*constant)(lmoc_block *, double *w);
   void (*implicit)(lmoc_block *, double *w);
+  int (*factor)(lmoc_block *, double *w);
 } lmoc_blocks;
 
 struct lmoc_tape {

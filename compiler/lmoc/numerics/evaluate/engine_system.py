@@ -87,7 +87,7 @@ class EngineSystem(System):
         self.outputs = plan.derivatives if outputs is None else outputs
         self.n = len(self.inputs)
         tape = plan.once(plan_tape) if program is None else values_tape(program, plan.count)
-        self.kernel = Kernel(tape, not has_branches(plan))
+        self.kernel = self._kernel(tape)
         self.w = self.kernel.w[: plan.count]
         self._x = np.zeros(self.n + len(plan.sampled))
         self._own = self._call(np.arange(self.n))
@@ -98,6 +98,9 @@ class EngineSystem(System):
         self._derivatives: Kernel | None = None
         self._in_c: InC | None = None
         self._dae: CasadiDAE | None = None
+
+    def _kernel(self, tape: Tape) -> Kernel:
+        return Kernel(tape, not has_branches(self.plan))
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)

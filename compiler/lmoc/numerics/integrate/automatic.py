@@ -24,8 +24,8 @@ import numpy as np
 from lmoc.ir.program import Solve, walk
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.integrate.base import Outcome, Problem, Spent
-from lmoc.numerics.integrate.compiled_series import is_better
 from lmoc.numerics.integrate.modes import EIGENVALUES, Modes
+from lmoc.numerics.integrate.series_rule import is_better
 from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.linearity import is_linear
 from lmoc.numerics.plan import Plan
@@ -101,7 +101,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
 def _begin(way: _Way) -> Outcome:
     """Make the first steps: along a Taylor series where the run has paid for one, else with DOP853."""
     system, first, spent = way.problem.system, TRIAL, way.spent
-    if is_better(system, way.problem.rtol, np.inf if spent.series else spent.steps):
+    if is_better(system, np.inf if spent.series else spent.steps):
         spent.series = True
         if system.n <= _LOOKED_AT:
             outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
@@ -149,8 +149,7 @@ def _suits_series(way: _Way, modes: Modes, mean: float, ahead: float) -> bool:
     if _is_stiff(modes, ahead, _series_patience(problem)):
         return False
     whole = ahead + np.fmax(problem.whole - problem.end, 0.0)  # behind this piece the run goes on
-    rtol = problem.rtol * _refinement(problem, modes, mean, False)
-    if not is_better(problem.system, rtol, np.inf if spent.series else spent.steps + whole / mean):
+    if not is_better(problem.system, np.inf if spent.series else spent.steps + whole / mean):
         return False
     spent.series = True
     return True

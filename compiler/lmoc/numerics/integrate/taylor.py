@@ -9,23 +9,18 @@ and a step counts only if the polynomial still satisfies the differential equati
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.numerics.evaluate.native.c_code import Unsupported
-from lmoc.numerics.evaluate.native.compiler import find_compiler
-from lmoc.numerics.evaluate.native.series import LENGTH
+from lmoc.lower.recurrences import NoSeries
+from lmoc.lower.series import LENGTH
+from lmoc.numerics.evaluate.taylor_system import TaylorSystem
 from lmoc.numerics.integrate.base import Integration, Problem, Properties
 from lmoc.numerics.integrate.status import Inapplicable, Status
-from lmoc.numerics.integrate.taylor_in_python import TaylorInPython
-
-if TYPE_CHECKING:
-    from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
 
 PROPERTIES = Properties(
     "taylor", "Taylor series", "Taylor series", "18-26", "18-26", "own",
-    needs="equations without kinks; small ones where there is no C compiler",
+    needs="equations without kinks",
     good_for="smooth scenes over many steps, and many digits",
 )  # fmt: skip
 
@@ -35,8 +30,8 @@ _FAILED = {1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL}  # wha
 _GROWTH = 1.0  # of the order with the logarithm of the tolerance: 1/2 has the least work, more has fewer steps
 
 
-def begin(problem: Problem) -> Integration:
-    """Return the method at the beginning of a problem: its steps in C, and in Python where there is no compiler.
+def begin(problem: Problem) -> Taylor:
+    """Return the method at the beginning of a problem.
 
     Raises
     ------
@@ -44,20 +39,9 @@ def begin(problem: Problem) -> Integration:
         The scene has no series.
     """
     try:
-        method = None if find_compiler() is None else _compiled(problem)
-        return method or TaylorInPython(problem, order_for(problem.rtol))
-    except Unsupported as error:
-        raise Inapplicable(str(error)) from error
-
-
-def _compiled(problem: Problem) -> Taylor | None:
-    """Return the method in C; None where the compiler refuses its text."""
-    from lmoc.numerics.evaluate.native.taylor_system import TaylorSystem
-
-    try:
         system = problem.system.plan.once(TaylorSystem)
-    except OSError:
-        return None
+    except NoSeries as error:
+        raise Inapplicable(str(error)) from error
     system.prepare(*problem.system.given)
     registers = problem.system.registers
     if registers is not None:  # the solutions of blocks that the run has begun with
@@ -74,8 +58,7 @@ def order_for(rtol: float) -> int:
 class Taylor(Integration):
     """The method at work: the series of the last step, and of the next."""
 
-    evaluation = "C"
-    looks = 4  # as many in C (`c/taylor.c`)
+    looks = 4  # as many in C (``engine/c/taylor.c``)
 
     def __init__(self, problem: Problem, system: TaylorSystem) -> None:
         super().__init__(problem)

@@ -1,54 +1,26 @@
-"""Recurrences of Taylor coefficients: that of order k of a node from those of lower orders, and of its arguments.
+"""The nodes of a shape for Taylor series: with all that their recurrences need.
 
 Sums, products and quotients have recurrences of their own. Any smooth function f follows from its derivatives in the
 table of functions: with ``f' = g·x'``, ``k·f[k] = Σ j·x[j]·g[k-j]``, where g is a series like the others (Moore,
 Methods and Applications of Interval Analysis, 1979; Griewank and Walther, Evaluating Derivatives, 2008, chapter 13).
-How the sums are written is left to the evaluators: `native.series` writes C, `casadi_series` casadi's expressions.
+What has no such series is refused. The recurrences themselves stand in ``engine/c/series.c``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import reduce
-from operator import add
-from typing import Any, Protocol
 
 import numpy as np
 
 from lmoc.expression.dag import ONE, Expr, function, lift, mul, neg, postorder, rebuild
 from lmoc.expression.functions import FUNCTIONS, Kind
 from lmoc.ir.program import Program, written
-from lmoc.numerics.evaluate.native.c_code import Unsupported
 
 _POWERS = 8  # whole exponents up to which a power is a product
 
 
-class Coefficients(Protocol):
-    """The coefficients of the nodes as an evaluator writes them, with Python's operators, for one order k ≥ 1."""
-
-    def number(self, node: Expr) -> Any:
-        """Return the value of a steady node."""
-
-    def first(self, node: Expr) -> Any:
-        """Return the coefficient of order 0."""
-
-    def at(self, node: Expr) -> Any:
-        """Return the coefficient of order k, zero of a steady node."""
-
-    def convolve(self, a: Expr, b: Expr) -> Any:
-        """Return ``Σ a[j]·b[k-j]`` over j = 0 … k."""
-
-    def square(self, a: Expr) -> Any:
-        """Return the same of a with itself, in half the operations."""
-
-    def quotient_rest(self, b: Expr, c: Expr) -> Any:
-        """Return ``Σ b[j]·c[k-j]`` over j = 1 … k."""
-
-    def chain(self, x: Expr, g: Expr) -> Any:
-        """Return ``Σ j·x[j]·g[k-j] / k`` over j = 1 … k."""
-
-    def power(self, a: Expr, exponent: Expr, c: Expr) -> Any:
-        """Return ``Σ (p·(k-j) - j)·a[k-j]·c[j] / (k·a[0])`` over j = 0 … k-1, p the exponent."""
+class NoSeries(Exception):
+    """The program has no Taylor series, or none that is written."""
 
 
 def prepared(shape: Expr, fixed: set[int]) -> Expr:
@@ -121,7 +93,7 @@ class Nodes:
 
         Raises
         ------
-        Unsupported
+        NoSeries
             A function has kinks or jumps.
         """
         self.fixed = fixed
@@ -152,36 +124,10 @@ class Nodes:
             return ()
         entry = FUNCTIONS[node.op]
         if entry.kind is not Kind.SMOOTH:
-            raise Unsupported(f"'{entry.text}' has kinks or jumps")
+            raise NoSeries(f"'{entry.text}' has kinks or jumps")
         partials = tuple(prepared(lift(rule(function, node, *node.args)), self.fixed) for rule in entry.derivatives)
         self.partials[node] = partials
         return partials
-
-    def coefficient(self, node: Expr, c: Coefficients) -> Any:
-        """Return the coefficient of order k ≥ 1 of an inner node."""
-        args, fixed = node.args, [self.steady[a] for a in node.args]
-        if node.op == "neg":
-            return -c.at(args[0])
-        if node.op == "add":
-            return c.at(args[0]) + c.at(args[1])
-        if node.op == "sub":
-            return c.at(args[0]) - c.at(args[1])
-        if node.op == "mul":
-            if any(fixed):
-                return c.number(args[0]) * c.at(args[1]) if fixed[0] else c.at(args[0]) * c.number(args[1])
-            return c.square(args[0]) if args[0] is args[1] else c.convolve(*args)
-        if node.op == "div":
-            if fixed[1]:
-                return c.at(args[0]) / c.number(args[1])
-            return (c.at(args[0]) - c.quotient_rest(args[1], node)) / c.first(args[1])
-        if node not in self.partials:
-            return c.power(args[0], args[1], node)
-        terms = [
-            c.number(g) * c.at(x) if self.steady[g] else c.chain(x, g)
-            for x, g in zip(args, self.partials[node], strict=True)
-            if not self.steady[x]
-        ]
-        return reduce(add, terms)
 
 
 def constant_registers(program: Program, count: int, states: np.ndarray) -> np.ndarray:

@@ -1,35 +1,37 @@
 /* Steps along Taylor series: their length, their ends, output within them, many at a time. */
 
-#define LMOC_LOOKS 4    /* places at which coordinates are looked at in a step (`integrate/taylor.py`) */
-#define LMOC_ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
+#include "series.h"
+
+#define N_SERIES LMOC_LENGTH
+#define LOOKS 4    /* places at which coordinates are looked at in a step (`integrate/taylor.py`) */
+#define ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
+
 typedef struct {
   lmoc_call *call;
-  double *series;                /* (registers, N_SERIES) */
-  const int64_t *m;
-  const void *const *tab;
-  int64_t registers, order;
-} lmoc_taylor;
+  const lmoc_series *series;
+  int64_t order;
+} taylor;
 
 /* Coefficients 0 … order of the states at (time, x) into q, (n, N_SERIES). */
-int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q) {
+int lmoc_taylor_series(const taylor *y, double time, const double *x, double *q) {
   lmoc_call *c = y->call;
-  double *s = y->series;
+  const lmoc_series *r = y->series;
+  double *s = r->s, check = 0;
   if (lmoc_evaluate(c, time, x)) return 1;
-  for (int64_t r = 0; r < y->registers; r++) s[r*N_SERIES] = c->w[r];
-  double check = 0;
+  if (lmoc_series_begin(r, time)) return 1;
   for (int64_t k = 0; k < y->order; k++) {
-    if (lmoc_order(k, time, c->w, s, y->m, y->tab)) return 1;
+    if (k) lmoc_series_order(r, k);
     for (int64_t i = 0; i < c->n; i++) {
-      const double next = s[c->derivatives[i]*N_SERIES + k] / (double)(k + 1);
-      s[c->states[i]*N_SERIES + k + 1] = next;
+      const double next = s[r->derivatives[i]*(int64_t)N_SERIES + k] / (double)(k + 1);
+      s[r->states[i]*(int64_t)N_SERIES + k + 1] = next;
       check += next * 0;
     }
   }
-  for (int64_t i = 0; i < c->n; i++) memcpy(q + i*N_SERIES, s + c->states[i]*N_SERIES, N_SERIES * sizeof(double));
+  for (int64_t i = 0; i < c->n; i++) memcpy(q + i*N_SERIES, s + r->states[i]*(int64_t)N_SERIES, N_SERIES * sizeof(double));
   return check != 0;
 }
 
-static void lmoc_taylor_value(int64_t n, int64_t order, double h, const double *q, double *x) {
+static void value(int64_t n, int64_t order, double h, const double *q, double *x) {
   for (int64_t i = 0; i < n; i++) {
     double s = 0;
     for (int64_t k = order; k >= 0; k--) s = s*h + q[i*N_SERIES + k];
@@ -39,7 +41,7 @@ static void lmoc_taylor_value(int64_t n, int64_t order, double h, const double *
 
 /* A step after which the last term is as large as the tolerances. Terms shrink by a factor an order: those before
    may be larger; five are looked at, because some vanish by symmetry. */
-static double lmoc_taylor_length(int64_t n, int64_t order, double rtol, const double *atol, const double *q) {
+static double length(int64_t n, int64_t order, double rtol, const double *atol, const double *q) {
   double h = INFINITY, whole = 1;
   for (int64_t i = 0; i < n; i++)
     whole = fmax(whole, fabs(q[i*N_SERIES]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
@@ -55,7 +57,7 @@ static double lmoc_taylor_length(int64_t n, int64_t order, double rtol, const do
 
 /* How much the polynomial misses the differential equation at its end, as an error of the step in tolerances: its
    derivative at h against that of the series that begins there. */
-static double lmoc_taylor_defect(int64_t n, int64_t order, double h, double rtol, const double *atol, const double *q,
+static double defect(int64_t n, int64_t order, double h, double rtol, const double *atol, const double *q,
                                  const double *next) {
   double worst = 0;
   for (int64_t i = 0; i < n; i++) {
@@ -77,17 +79,17 @@ typedef struct {
   double *out;                       /* … and the states at them, as far as there is room */
   int64_t outputs, reached, room;
   const lmoc_hold *hold;             /* or 0 */
-} lmoc_way;
+} way;
 
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
-static int lmoc_taylor_keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reached, const double *x) {
+static int keeps(const taylor *y, const way *s, double h, double reached, const double *x) {
   const lmoc_hold *hold = s->hold;
-  const int64_t least = hold->land ? 1 : LMOC_LOOKS;
+  const int64_t least = hold->land ? 1 : LOOKS;
   for (int64_t pieces = least; pieces <= (hold->pieces < least ? least : hold->pieces); pieces *= 2) {
     int lost = 0;
     for (int64_t i = 1; i < pieces && !lost; i++) {
       const double part = h * (double)i / (double)pieces;
-      lmoc_taylor_value(y->call->n, y->order, part, s->next, s->between);
+      value(y->call->n, y->order, part, s->next, s->between);
       lost = hold->look(hold->own, s->time + part, s->between, i == 1);
     }
     if (!lost && !hold->look(hold->own, reached, x, pieces == 1)) return 1;
@@ -97,19 +99,19 @@ static int lmoc_taylor_keeps(const lmoc_taylor *y, const lmoc_way *s, double h, 
 
 /* One step along `next`; the series that begins at its end into `q`. Returns 0; SHORT where no step is short enough,
    LOST where there is no value beyond, DOUBTFUL where the closures have to be looked at more closely. */
-static int lmoc_taylor_step(const lmoc_taylor *y, lmoc_way *s) {
+static int step(const taylor *y, way *s) {
   const int64_t n = y->call->n;
-  double h = fmin(fmin(0.9 * lmoc_taylor_length(n, y->order, s->rtol, s->atol, s->next), s->longest), s->end - s->time);
+  double h = fmin(fmin(0.9 * length(n, y->order, s->rtol, s->atol, s->next), s->longest), s->end - s->time);
   for (;; s->tries++) {
     double reached = s->time + h;
     if (s->time + 1.001*h >= s->end) { reached = s->end; h = s->end - s->time; }
     s->length = h;
     if (h <= 8e-16 * fabs(reached) || h < 1e-300) return LMOC_SHORT;
-    lmoc_taylor_value(n, y->order, h, s->next, s->x);
+    value(n, y->order, h, s->next, s->x);
     if (s->hold && s->hold->land && s->hold->land(s->hold->own, reached, s->x)) return LMOC_DOUBTFUL;
-    if (s->hold && !lmoc_taylor_keeps(y, s, h, reached, s->x)) return LMOC_DOUBTFUL;
+    if (s->hold && !keeps(y, s, h, reached, s->x)) return LMOC_DOUBTFUL;
     const int lost = lmoc_taylor_series(y, reached, s->x, s->q);
-    if (!lost && lmoc_taylor_defect(n, y->order, h, s->rtol, s->atol, s->next, s->q) <= LMOC_ALLOWED) {
+    if (!lost && defect(n, y->order, h, s->rtol, s->atol, s->next, s->q) <= ALLOWED) {
       double *last = s->next;
       s->next = s->q;
       s->q = last;
@@ -125,32 +127,32 @@ static int lmoc_taylor_step(const lmoc_taylor *y, lmoc_way *s) {
 
 /* The states at several distances from where a series begins. */
 void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, double *x) {
-  for (int64_t k = 0; k < count; k++) lmoc_taylor_value(n, order, h[k], q, x + k*n);
+  for (int64_t k = 0; k < count; k++) value(n, order, h[k], q, x + k*n);
 }
 
 /* The states at the output times that the last step has reached. Returns whether there was room for them. */
-static int lmoc_taylor_output(const lmoc_taylor *y, lmoc_way *s) {
+static int output(const taylor *y, way *s) {
   const int64_t n = y->call->n;
   for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++) {
     if (s->reached == s->room) return 0;
-    lmoc_taylor_value(n, y->order, s->times[s->reached] - s->before, s->q, s->out + s->reached*n);
+    value(n, y->order, s->times[s->reached] - s->before, s->q, s->out + s->reached*n);
   }
   return 1;
 }
 
 /* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
    Returns what that has; `x` is the state at `time`. */
-int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_way *s) {
+int lmoc_taylor_walk(const taylor *y, way *s) {
   const int64_t n = y->call->n;
   int found = 0;
   s->steps = s->tries = s->reached = 0;
   while (!found && s->steps < s->most && s->time < s->end) {
-    found = lmoc_taylor_step(y, s);
+    found = step(y, s);
     if (found) break;
     lmoc_mark(y->call);
     if (s->hold) s->hold->keep(s->hold->own);
     s->steps++;
-    if (!lmoc_taylor_output(y, s)) break;
+    if (!output(y, s)) break;
   }
   for (int64_t i = 0; i < n; i++) s->x[i] = s->next[i*N_SERIES];
   return found;
