@@ -74,7 +74,9 @@ class Expr:
         return self.op == "const"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return interned, (self.op, self.args, self.value)  # a copy is the same node again
+        nodes = postorder(self)
+        number = {id(node): k for k, node in enumerate(nodes)}
+        return _of_records, ([(node.op, [number[id(a)] for a in node.args], node.value) for node in nodes],)
 
     def __repr__(self) -> str:
         """Return the node in prefix form, such as ``mul(#0, der(#1))``; `lmoc.expression.text` writes it for users."""
@@ -107,6 +109,14 @@ def interned(op: str, args: tuple[Expr, ...], value: Any = None) -> Expr:
 
 
 # ------------------------------------------------------------------ leaves
+
+
+def _of_records(records: list[tuple[str, list[int], Any]]) -> Expr:
+    """Return a pickled expression: nodes in order, since pickle would go down a deep one by recursion."""
+    made: list[Expr] = []
+    for op, args, value in records:
+        made.append(interned(op, tuple([made[k] for k in args]), value))
+    return made[-1]
 
 
 def const(value: Number | bool) -> Expr:

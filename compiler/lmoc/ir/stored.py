@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, interned
+from lmoc.expression.dag import Expr, interned, postorder
 
 _PACKAGE = "lmoc."
 _PLAIN = (type(None), bool, int, float, str)
@@ -73,19 +73,29 @@ class _Writer:
         if isinstance(item, Enum):
             return ["e", self._class_of(kind), item.value]
         found = self._number.get(id(item))
+        if found is None and kind is Expr:
+            return self._expression(item)
         if found is None:
             found = self._number[id(item)] = self._object(item)
             self._kept.append(item)
         return found
+
+    def _expression(self, root: Expr) -> list[Any]:
+        """Return an expression as a value: its nodes in order, without recursion, since a long sum is a deep one."""
+        for node in postorder(root):
+            if id(node) not in self._number:
+                arguments = [self._number[id(a)][1] for a in node.args]
+                self.objects.append(["x", node.op, arguments, self.value(node.value)])
+                self._number[id(node)] = ["o", len(self.objects) - 1]
+                self._kept.append(node)
+        return self._number[id(root)]
 
     def _object(self, item: Any) -> list[Any]:
         if type(item) is np.ndarray and item.dtype.kind in "biuf":
             self.heads.append([item.dtype.str, item.shape])
             self.blobs.append(item.tobytes())
             return ["a", len(self.heads) - 1]
-        if type(item) is Expr:
-            record = ["x", item.op, [self.value(a)[1] for a in item.args], self.value(item.value)]
-        elif is_dataclass(item) and type(item).__module__.startswith(_PACKAGE):
+        if is_dataclass(item) and type(item).__module__.startswith(_PACKAGE):
             record = [self._class_of(type(item)), *(self.value(getattr(item, f.name)) for f in fields(item))]
         else:
             raise NotStorable(type(item).__qualname__)

@@ -72,6 +72,20 @@ class Binary(Node):
     right: Expression
     span: Span
 
+    def __reduce__(self) -> tuple:
+        """A sum of many terms is deep to the left: it is pickled as its first term and what follows."""
+        first, then = self, []
+        while isinstance(first, Binary):
+            then.append((first.op, first.right, first.span))
+            first = first.left
+        return _chain, (first, then[::-1])
+
+
+def _chain(first: Expression, then: list[tuple[str, Expression, Span]]) -> Expression:
+    for op, right, span in then:
+        first = Binary(op, first, right, span)
+    return first
+
 
 @node
 class If(Node):

@@ -120,15 +120,24 @@ def form_of(shape: Expr, kinds: Kinds) -> Form:
 
 def signed(expr: Expr) -> tuple[int, Expr]:
     """A sign taken out of products and quotients: ``-(a*b)`` is (-1, ``a*b``)."""
-    if expr.op == "neg":
-        sign, inner = signed(expr.args[0])
-        return -sign, inner
-    if expr.op == "const":
-        return (-1, const(-expr.value)) if expr.value < 0 else (1, expr)
-    if expr.op in ("mul", "div"):
-        (sa, a), (sb, b) = signed(expr.args[0]), signed(expr.args[1])
-        return (sa * sb, rebuild(expr.op, (a, b))) if sa * sb < 0 or sa < 0 else (1, expr)
-    return 1, expr
+    if expr.op not in ("neg", "const", "mul", "div"):
+        return 1, expr
+    found: dict[Expr, tuple[int, Expr]] = {}
+    for node in postorder(expr):  # a product of many factors is deep: no recursion
+        found[node] = _signed(node, [found[a] for a in node.args] if node.op in ("neg", "mul", "div") else [])
+    return found[expr]
+
+
+def _signed(node: Expr, args: list[tuple[int, Expr]]) -> tuple[int, Expr]:
+    """`signed` of a node whose arguments are known."""
+    if node.op == "neg":
+        return -args[0][0], args[0][1]
+    if node.op == "const":
+        return (-1, const(-node.value)) if node.value < 0 else (1, node)
+    if not args:
+        return 1, node
+    (sa, a), (sb, b) = args
+    return (sa * sb, rebuild(node.op, (a, b))) if sa * sb < 0 or sa < 0 else (1, node)
 
 
 def ratio(numerator: Expr, denominator: Expr) -> tuple[int, Expr]:
