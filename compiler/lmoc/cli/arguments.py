@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.support.numbers import parsed_number
+from lmoc.support.quoted import partition, split
 from lmoc.support.records import dataclass
 
 MOST_VALUES = 1000  # of a range
@@ -118,7 +119,7 @@ def add_states_argument(parser: Parser) -> None:
     """--states, of the verbs for which it matters what is solved."""
     parser.add_argument(
         "--states", metavar="NAME,…", help="coordinates to prefer, separated by commas", default=None,
-        type=lambda text: [name.strip() for name in text.split(",") if name.strip()],
+        type=lambda text: [name.strip() for name in split(text, ",") if name.strip()],
     )  # fmt: skip
 
 
@@ -220,7 +221,7 @@ def assignment(kind: Callable[[str], object]) -> Callable[[str], tuple[str, obje
     """The type of ``name=value``."""
 
     def convert(text: str) -> tuple[str, object]:
-        name, equals, right = (part.strip() for part in text.partition("="))
+        name, equals, right = (part.strip() for part in partition(text, "="))
         if not (name and equals and right):
             raise argparse.ArgumentTypeError(f"expected name=value, found '{text}'")
         try:

@@ -14,6 +14,7 @@ from lmoc.cli import process, terminal
 from lmoc.cli.arguments import Parser, UsageError
 from lmoc.cli.simulation import add_simulation_arguments, check_formulation, simulate
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError, nearest
+from lmoc.support.quoted import split
 
 if TYPE_CHECKING:
     from lmoc.ir.flat import FlatDAE
@@ -43,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
     display(arguments.units)
     if arguments.plot is not None:
         check_target(arguments.plot, PICTURES)
-    names = None if arguments.show is None else [n.strip() for n in arguments.show.split(",") if n.strip()]
+    names = None if arguments.show is None else [n.strip() for n in split(arguments.show, ",") if n.strip()]
     files, code = [arguments.file, *arguments.others], 0
     runs: dict[str, Run] = {}
     for label, file in zip(labels(files), files, strict=True):

@@ -14,6 +14,7 @@ from lmoc.cli import process, terminal
 from lmoc.cli.arguments import Parser, Range, UsageError
 from lmoc.cli.simulation import add_simulation_arguments, check_formulation, ranges_of, simulate, sweep
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError, nearest
+from lmoc.support.quoted import split
 
 if TYPE_CHECKING:
     from lmoc.ir.flat import FlatDAE
@@ -187,7 +188,7 @@ def _found(flat: FlatDAE, arguments: argparse.Namespace) -> None:
 
 def _names(arguments: argparse.Namespace) -> list[str] | None:
     """The variables to draw; None for those that a picture chooses."""
-    return None if arguments.show is None else [name.strip() for name in arguments.show.split(",") if name.strip()]
+    return None if arguments.show is None else [name.strip() for name in split(arguments.show, ",") if name.strip()]
 
 
 def _failed(failure: SimulationError | RunInterrupted, arguments: argparse.Namespace) -> int:

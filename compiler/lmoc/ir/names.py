@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import overload
 
 import numpy as np
 
 from lmoc.ir.flat import Block, FlatDAE, Kind
-from lmoc.messages.diagnostics import nearest
-
-_SUBSCRIPT = re.compile(r"\[[^\]]*\]")
+from lmoc.messages.diagnostics import most_like
+from lmoc.support.quoted import split, subscripts, with_subscripts, without_subscripts
 
 
 class UnknownNameError(KeyError):
@@ -79,7 +77,7 @@ def names_of(given: str | Sequence[str] | None) -> tuple[str, ...] | None:
 def hint_for(flat: FlatDAE, name: str, among: Callable[[Block], bool] = lambda block: True) -> str:
     """Suggest names for one that the model does not have."""
     blocks = {_base(b): b for b in flat.blocks if b.size and among(b)}
-    plain = _SUBSCRIPT.sub("", str(name)).strip()
+    plain = without_subscripts(str(name)).strip()
     same = blocks.get(plain)
     if same is not None:
         return f"the indices of {same.pattern} run from 1 to {' and '.join(map(str, same.dims))}" if same.dims else ""
@@ -93,26 +91,22 @@ def hint_among(known: Mapping[str, str], name: str) -> str:
     ----------
     known : {name without subscripts: how to show it}
     """
-    plain = _SUBSCRIPT.sub("", name).strip()
+    plain = without_subscripts(name).strip()
     inside = [shown for base, shown in known.items() if base.startswith(plain + ".")]
-    inside.sort(key=lambda shown: shown.count("."))
+    inside.sort(key=lambda shown: len(split(shown)))
     if inside:
         return f"'{name}' is a part; it has {_listed(inside)}"
     ends = {base: shown for base, shown in known.items() if base.endswith("." + plain)}
     if ends:
-        least = min(base.count(".") for base in ends)  # body.q rather than body.flange.q
-        shown = [shown for base, shown in ends.items() if base.count(".") == least]
+        least = min(len(split(base)) for base in ends)  # body.q rather than body.flange.q
+        shown = [shown for base, shown in ends.items() if len(split(base)) == least]
         return f"did you mean {_listed(shown, ' or ')}?"
-    close = nearest(plain, known)
-    return close.replace(f"'{_quoted(close)}'", f"'{known[_quoted(close)]}'") if close else ""
+    close = most_like(plain, known)
+    return f"did you mean '{known[close]}'?" if close else ""
 
 
 def _base(block: Block) -> str:
     return ".".join(name for name, _ in block.path)
-
-
-def _quoted(sentence: str) -> str:
-    return sentence.split("'")[1]
 
 
 def _listed(names: list[str], last: str = ", ", most: int = 4) -> str:
@@ -127,7 +121,7 @@ def summarised(names: list[str], most: int = 12) -> list[str]:
     """
     families: dict[str, list[list[str]]] = {}  # by the name without indices: runs of consecutive members
     for name in names:
-        runs = families.setdefault(_SUBSCRIPT.sub("[]", name), [])
+        runs = families.setdefault(without_subscripts(name, "[]"), [])
         if runs and _follows(runs[-1][-1], name):
             runs[-1].append(name)
         else:
@@ -144,12 +138,12 @@ def _follows(first: str, second: str) -> bool:
 
 
 def _indices(name: str) -> list[str]:
-    return [i for group in _SUBSCRIPT.findall(name) for i in group[1:-1].split(",")]
+    return [i for found in subscripts(name) for i in found]
 
 
 def _span_name(first: str, last: str) -> str:
     merged = iter(x if x == y else f"{x}:{y}" for x, y in zip(_indices(first), _indices(last), strict=True))
-    return re.sub(r"\d+(?=[,\]])", lambda _: next(merged), first)
+    return with_subscripts(first, merged)
 
 
 def patterns(flat: FlatDAE, variables: np.ndarray, orders: np.ndarray | None = None, most: int = 12) -> list[str]:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lmoc.support.quoted import partition, split
+
 Subscript = int | tuple[int, int | None]  # an index, or a range: its last None where it is open
 NamePath = tuple[tuple[str, tuple[int, ...]], ...]
 
@@ -44,8 +46,8 @@ def parse_name(name: str) -> list[tuple[str, tuple[Subscript, ...]]] | None:
     if not isinstance(name, str):
         return None
     result = []
-    for part in name.split("."):
-        base, bracket, rest = part.partition("[")
+    for part in split(name):
+        base, bracket, rest = partition(part, "[")
         items: list[Subscript] = []
         if bracket:
             if not rest.endswith("]"):

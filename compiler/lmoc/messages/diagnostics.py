@@ -130,14 +130,19 @@ class RunInterrupted(KeyboardInterrupt):
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """A hint sentence with the candidate most like `name`; empty where none is near."""
+    close = most_like(name, candidates)
+    return f"did you mean '{close}'?" if close else ""
+
+
+def most_like(name: str, candidates: Iterable[str]) -> str:
+    """Return the candidate most like `name`; empty where none is near."""
     import difflib
 
     name, candidates = str(name), list(candidates)
     same = next((c for c in candidates if c.lower() == name.lower() and c != name), None)
     if same is not None:
-        return f"did you mean '{same}'?"
-    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else ""
+        return same
+    return next(iter(difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)), "")
 
 
 def render(d: Diagnostic) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.ir.names import names_of
 from lmoc.report.display import display
 from lmoc.report.events import mark_events
-from lmoc.report.plots import COLOURS, DASHES, choose, finished, group_by_unit, stacked
+from lmoc.report.plots import COLOURS, DASHES, choose, finished, group_by_unit, literal, stacked
 from lmoc.report.result import Result
 from lmoc.support.records import dataclass
 from lmoc.symbolic.notebook import table_html
@@ -88,12 +88,12 @@ class Comparison:
         figure, axes = stacked(max(1, len(panels)), path, title)
         colours = _colours(len(self.runs))
         for axis, (unit, name) in zip(axes, panels, strict=False):
-            for k, (label, run) in enumerate(self.runs.items()):
+            for k, (label, run) in enumerate((literal(name), run) for name, run in self.runs.items()):
                 fine = run.fine
                 dash = DASHES[k // len(COLOURS) % len(DASHES)] if len(self.runs) <= MOST_LABELLED else "-"
                 axis.plot(fine.time, shown.value(fine[name], unit), color=colours[k], linestyle=dash, label=label)
             unit = unit_text(shown.unit(unit))
-            axis.set_ylabel(f"{name} in {unit}" if unit else name)
+            axis.set_ylabel(literal(f"{name} in {unit}" if unit else name))
         mark_events(axes[0], self.first.events)
         axes[-1].set_xlabel("time in s")
         if len(self.runs) <= MOST_LABELLED:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.report.plots import COLOURS, GREY, finished, stacked
+from lmoc.report.plots import COLOURS, GREY, finished, literal, stacked
 from lmoc.report.powers import label_powers
 from lmoc.report.units import ratio
 from lmoc.symbolic.styles import unit_text
@@ -102,7 +102,8 @@ def bode(
             upper.set_ylim(*limits)
         _mark_peaks(upper, across, size, limits[1], decibels, "Hz" if hertz else "rad/s")
     quantity = _label(f"amplitude {tf.output}/{tf.input}", "" if decibels else unit)
-    upper.set_ylabel(f"{quantity} in dB" + (f" of 1 {unit}" if unit not in ("", "1") else "") if decibels else quantity)
+    of_unit = f" of 1 {unit}" if unit not in ("", "1") else ""
+    upper.set_ylabel(literal(f"{quantity} in dB{of_unit}" if decibels else quantity))
     turned = phase(tf, omega)
     lower.semilogx(across, turned, color=COLOURS[0])
     label_powers(upper, lower)
@@ -195,4 +196,4 @@ def _heading(tf: TransferFunction, title: str) -> str:
 
 
 def _label(quantity: str, unit: str) -> str:
-    return f"{quantity} in {unit}" if unit and unit != "1" else quantity
+    return literal(f"{quantity} in {unit}" if unit and unit != "1" else quantity)

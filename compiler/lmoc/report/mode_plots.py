@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.report.files import PICTURES, check_target
-from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
+from lmoc.report.plots import COLOURS, GREY, STYLE, head, literal, write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,12 +80,12 @@ def _shape(axis: Axes, model: LinearModel, i: int, colour: str, last: bool) -> N
     if len(places) <= MOST_NAMED:
         axis.vlines(at, 0, shape, color=colour, linewidth=1.6)
         axis.plot(at, shape, "o", color=colour, markersize=5)
-        axis.set_xticks(at, [model.states[q] for q in places], fontsize=8)
+        axis.set_xticks(at, [literal(model.states[q]) for q in places], fontsize=8)
         axis.set_xlim(0.5, len(places) + 0.5)
     else:
         axis.plot(at, shape, color=colour)
         if last:
-            axis.set_xlabel(f"coordinate, {model.states[places[0]]} to {model.states[places[-1]]}")
+            axis.set_xlabel(literal(f"coordinate, {model.states[places[0]]} to {model.states[places[-1]]}"))
     axis.tick_params(labelbottom=last)
     axis.set_ylim(-1.25, 1.25)
     axis.set_yticks([-1, 0, 1])

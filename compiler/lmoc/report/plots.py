@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -159,7 +160,13 @@ def finished(figure: Figure, path: str | Path | None) -> Figure:
 
 def shortened(text: str, most: int = LONGEST) -> str:
     """Return a text without its middle where it is longer than there is room for."""
-    return text if len(text) <= most else f"{text[: most // 2]}…{text[-(most // 2 - 1) :]}"
+    return literal(text if len(text) <= most else f"{text[: most // 2]}…{text[-(most // 2 - 1) :]}")
+
+
+def literal(text: str) -> str:
+    """Return a text as matplotlib has to be given it, which reads what stands between two dollar signs as a formula."""
+    shown = "".join(sign if sign.isprintable() else "·" for sign in text)
+    return re.sub(r"(?<!\\)\$", r"\\$", shown)
 
 
 def head(figure: Figure, title: str) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.names import names_of
-from lmoc.report.plots import COLOURS, choose, finished, stacked, write
+from lmoc.report.plots import COLOURS, choose, finished, literal, stacked, write
 from lmoc.report.result import Result
 from lmoc.symbolic.styles import unit_text
 
@@ -104,4 +104,4 @@ def spectrum(run: Result, names: str | Sequence[str] | None = None, path: str | 
 
 def _with_unit(run: Result, name: str) -> str:
     unit = run.unit(name)
-    return f"{name} in {unit_text(unit)}" if unit else name
+    return literal(f"{name} in {unit_text(unit)}" if unit else name)

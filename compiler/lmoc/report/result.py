@@ -16,6 +16,7 @@ from lmoc.messages.diagnostics import Diagnostic
 from lmoc.report.balance import is_unbalanced, unbalanced
 from lmoc.report.resolution import coarse_points, fine_count
 from lmoc.report.units import unit_of
+from lmoc.support.quoted import subscripts
 
 if TYPE_CHECKING:
     from lmoc.numerics.observe.energy import Energy
@@ -281,5 +282,5 @@ def _members(block: Block) -> np.ndarray:
 def _is_array(flat: FlatDAE, name: str) -> bool:
     """Return whether a name stands for several variables: an index is missing or is a range."""
     block: Block = flat.block_at(int(flat.find(name)[0]))
-    subscripts = name.count("[") and sum(len(s.split("]")[0].split(",")) for s in name.split("[")[1:])
-    return subscripts < len(block.dims) or ":" in name
+    given = [index for found in subscripts(name) for index in found]
+    return len(given) < len(block.dims) or any(":" in index for index in given)

@@ -21,6 +21,7 @@ from lmoc.structure.linear.coefficients import UNKNOWN, Kinds
 from lmoc.structure.messages.equations import HELD, SHOWN, Equations, listed
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
+from lmoc.support.quoted import split
 from lmoc.support.sizes import RANK
 
 
@@ -118,7 +119,7 @@ def _carriers(flat: FlatDAE, positions: np.ndarray) -> list[str]:
     """The parts that these variables of connectors belong to."""
     names: dict[str, None] = {}
     for v in positions.tolist():
-        path = flat.variable_name(v).split(".")
+        path = split(flat.variable_name(v))
         depth = len(flat.parts[flat.block_at(v).part].path) or max(1, len(path) - 2)
         names[".".join(path[:depth])] = None
     return list(names)

@@ -13,7 +13,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import SimulationError
 from lmoc.report.compare import Comparison
-from lmoc.report.plots import COLOURS, GREY, stacked, write
+from lmoc.report.plots import COLOURS, GREY, literal, stacked, write
 from lmoc.run import Run
 from lmoc.support.records import dataclass
 from lmoc.symbolic.notebook import table_html
@@ -108,7 +108,7 @@ class Sweep:
                 axis.plot(branch.real, branch.imag, ".-", color=GREY, markersize=3, linewidth=0.7)
         for k, inside in ((0, "none"), (-1, COLOURS[0])):
             style = {"color": COLOURS[0], "markersize": 5, "markerfacecolor": inside}
-            axis.plot(roots[k].real, roots[k].imag, "o", **style, label=self._label(self.points[k]))
+            axis.plot(roots[k].real, roots[k].imag, "o", **style, label=literal(self._label(self.points[k])))
         axis.legend(loc="best", frameon=False)
         axis.axvline(0, color=GREY, linewidth=0.8)
         axis.set_xlabel("real part in 1/s")

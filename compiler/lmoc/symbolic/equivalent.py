@@ -14,6 +14,7 @@ import numpy as np
 from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.support.quoted import parent
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import Row, eliminate
 from lmoc.symbolic.parameters import ParameterSymbols
@@ -130,7 +131,7 @@ def _port(flat: FlatDAE, name: str) -> tuple[int, int]:
         for p, f in part.ports:
             for i in range(flat.blocks[p].size):
                 potential = flat.blocks[p].name(i)
-                ports[potential.rpartition(".")[0]] = (flat.blocks[p].offset + i, flat.blocks[f].offset + i)
+                ports[parent(potential)] = (flat.blocks[p].offset + i, flat.blocks[f].offset + i)
     if name not in ports:
         raise ModelError([Diagnostic("E0661", f"there is no port '{name}'", hint=_port_hint(name, list(ports)))])
     return ports[name]
@@ -139,7 +140,7 @@ def _port(flat: FlatDAE, name: str) -> tuple[int, int]:
 def _port_hint(name: str, ports: list[str]) -> str:
     """Suggest a port: for a part one of its own, for a variable one of the same part."""
     inside = [port for port in ports if port.startswith(f"{name}.")]
-    beside = [port for port in ports if port.rpartition(".")[0] == name.rpartition(".")[0]]
+    beside = [port for port in ports if parent(port) == parent(name)]
     if inside:
         return f"'{name}' is a part; did you mean {' or '.join(inside[:6])}?"
     return nearest(name, ports) or f"there are {', '.join((beside or ports)[:6])}"

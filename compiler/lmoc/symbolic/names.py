@@ -6,7 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-_SUBSCRIPT = re.compile(r"\[[^\]]*\]")
+from lmoc.support.quoted import last, parent, split, subscripts, without_subscripts
+
 _NUMBER = re.compile(r"\d+$")
 
 
@@ -65,33 +66,32 @@ def _one_by_one(names: list[str], taken: set[str]) -> dict[str, str]:
 
 def _whole_array_given(name: str, full: list[str], given: Mapping[str, str]) -> bool:
     """One member of an array keeps the form of the others (q1, q2, …) unless all have names of their own."""
-    pattern = _SUBSCRIPT.sub("", name)
-    return "[" not in name or all(other in given for other in full if _SUBSCRIPT.sub("", other) == pattern)
+    pattern = without_subscripts(name)
+    return not subscripts(name) or all(other in given for other in full if without_subscripts(other) == pattern)
 
 
 def _last(name: str) -> str:
-    return _SUBSCRIPT.sub("", name.rpartition(".")[2])
+    return without_subscripts(last(name))
 
 
 def _numbered(name: str) -> str | None:
     """With the indices of the arrays on its path, else with the number that its part's name ends in."""
-    parent, _, last = name.rpartition(".")
-    indices = [i for found in _SUBSCRIPT.findall(name) for i in found[1:-1].split(",")]
-    last = _SUBSCRIPT.sub("", last)
+    indices = [i for found in subscripts(name) for i in found]
+    own = _last(name)
     if indices:  # lever[3].l1 → l1_3
-        return last + "_" * last[-1].isdigit() + "_".join(indices)
-    found = _NUMBER.search(parent)
-    return last + found[0] if found and not last[-1].isdigit() else None
+        return own + "_" * own[-1].isdigit() + "_".join(indices)
+    found = _NUMBER.search(parent(name))
+    return own + found[0] if found and not own[-1].isdigit() else None
 
 
 def _with_first(name: str) -> str | None:
-    parts = name.split(".")
-    return f"{parts[-1]}_{parts[0]}" if len(parts) > 2 and "[" not in parts[-1] + parts[0] else None
+    parts = split(name)
+    return f"{parts[-1]}_{parts[0]}" if len(parts) > 2 and not subscripts(parts[-1] + parts[0]) else None
 
 
 def _with_part(name: str) -> str | None:
-    parts = name.split(".")
-    return f"{parts[-1]}_{parts[-2]}" if len(parts) > 1 and "[" not in parts[-1] + parts[-2] else None
+    parts = split(name)
+    return f"{parts[-1]}_{parts[-2]}" if len(parts) > 1 and not subscripts(parts[-1] + parts[-2]) else None
 
 
 def _whole(name: str) -> str:

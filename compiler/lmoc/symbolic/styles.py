@@ -8,6 +8,16 @@ from unicodedata import normalize
 _LETTERS = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
 GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθκλμνξπρστφχψω", strict=True))
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_PLAIN = re.compile(r"[\w.,\[\]δ]+")
+_LATEX_SIGNS = {sign: f"\\{sign}" for sign in "_{}$%#&"} | {
+    "\\": r"\textbackslash{}",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "`": r"\textasciigrave{}",
+    '"': r"\textquotedbl{}",
+}
 _ACCENTS = {1: "\u0307", 2: "\u0308", 3: "\u20db", 4: "\u20dc"}
 _LATEX_ACCENTS = {1: r"\dot", 2: r"\ddot", 3: r"\dddot", 4: r"\ddddot"}
 _DOTS = {1: "˙", 2: "¨", 3: "⃛", 4: "⃜"}
@@ -42,7 +52,17 @@ def _greek(index: str) -> str:
 
 def _latex_index(index: str) -> str:
     letter, digits = _lettered(index)
-    return f"\\{letter}" + (f"_{{{digits}}}" if digits else "") if letter else rf"\mathrm{{{_escaped(index)}}}"
+    return f"\\{letter}" + (f"_{{{digits}}}" if digits else "") if letter else _latex_word(index, "mathrm")
+
+
+def _latex_word(word: str, font: str) -> str:
+    """Return a word within a formula; one of other characters than those of plain names is a text in it."""
+    return rf"\{font if _PLAIN.fullmatch(word) else 'text'}{{{latex_text(word)}}}"
+
+
+def latex_text(text: str) -> str:
+    """Return a text as it is written in LaTeX: nothing in it is a command, a comment, or the end of a formula."""
+    return "".join(_LATEX_SIGNS.get(sign, sign if sign.isprintable() else "·") for sign in text)
 
 
 def markup(text: str) -> str:
@@ -131,7 +151,7 @@ class Latex(Ascii):
         if word in GREEK:
             letter = "\\" + word
         else:
-            letter = word if len(word) == 1 else rf"\mathit{{{_escaped(word)}}}"
+            letter = word if len(word) == 1 else _latex_word(word, "mathit")
         if order:
             letter = f"{_LATEX_ACCENTS[order]}{{{letter}}}" if order <= 4 else rf"{letter}^{{({order})}}"
         below = _latex_index(index) if index else digits
@@ -161,15 +181,11 @@ class Latex(Ascii):
         return {"pi": r"\pi"}.get(name, name)
 
     def words(self, text: str) -> str:
-        return rf"\text{{{_escaped(text)}}}"
+        return rf"\text{{{latex_text(text)}}}"
 
     def cases(self, parts: list[tuple[str, str]]) -> str:
         rows = [rf"{v} & {c}" if c else rf"{v} & \text{{otherwise}}" for v, c in parts]
         return r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}"
-
-
-def _escaped(text: str) -> str:
-    return text.replace("_", r"\_")
 
 
 class MathML(Ascii):

@@ -10,6 +10,7 @@ from lmoc.expression.text import number_text, to_text
 from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, Part
 from lmoc.ir.names import block_pattern
 from lmoc.ir.text.columns import aligned, cut
+from lmoc.support.quoted import last
 
 FEW = 3  # rows of a group that are written out one by one
 MOST_SUMS = 60
@@ -33,7 +34,7 @@ def instance_text(flat: FlatDAE) -> str:
 
     def lines(number: int, lead: str) -> Iterator[str]:
         part = flat.parts[number]
-        name = part.pattern.rpartition(".")[2] if number else flat.name
+        name = last(part.pattern) if number else flat.name
         described = f"  {part.description}" if part.description else ""
         yield f"{lead}{part.class_name} {name}{described}" if number else f"model {name}{described}"
         rows = [_declaration(b, part, values) for b in members.get(number, ())]

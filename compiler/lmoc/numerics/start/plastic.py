@@ -17,6 +17,7 @@ from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.start.gauss_newton import Start
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import listed
+from lmoc.support.quoted import parent
 from lmoc.support.records import dataclass
 
 _ALIKE = 1e-9  # share of the kinetic energy by which sums may differ
@@ -42,7 +43,7 @@ class PlasticImpact:
 
     def event(self, system: StartSystem) -> Event:
         """Return the record of the impact."""
-        parts = [system.name(k).rpartition(".")[0] for k in self.rows.tolist()]
+        parts = [parent(system.name(k)) for k in self.rows.tolist()]
         return Event(system.time, ", ".join(parts), "start", energy_lost=self.lost, note="plastic impact")
 
     def report(self, system: StartSystem, report: Report) -> None:
@@ -72,7 +73,7 @@ def plastic_impact(system: StartSystem, group: np.ndarray, start: Start) -> Plas
     rows, states, jacobian = _involved(system, group, start)
     if not len(states) or (rows >= len(system.targets)).any() or not system.hard[rows].all():
         return None
-    names = [f"{system.name(k).rpartition('.')[0]}.energy" for k in rows.tolist()]
+    names = [f"{parent(system.name(k))}.energy" for k in rows.tolist()]
     found = [system.flat.find(name) for name in (*names, "ledger.stored")]
     if len(set(names)) < len(names) or any(v is None or len(v) != 1 for v in found):
         return None

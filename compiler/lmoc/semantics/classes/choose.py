@@ -10,6 +10,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.wrong import Wrong
 from lmoc.sources.library import Packages
 from lmoc.sources.packages import Folder, own_folders
+from lmoc.support.quoted import split
 from lmoc.syntax import tree
 
 _SHOWN = 5  # so many models are marked where one must be chosen
@@ -128,7 +129,7 @@ def can_run(scope: Scope) -> bool:
 
 
 def _named(root: Scope, models: list[Scope], name: str) -> Scope:
-    first, *rest = name.split(".")
+    first, *rest = split(name)
     scope: Scope | None = root
     found: Scope | None = None
     while scope is not None and found is None:  # the user's classes, then the library's

@@ -20,6 +20,7 @@ from lmoc.structure.linear.vanishing import Missing
 from lmoc.structure.loops.redundancy import Constraints
 from lmoc.structure.messages.equations import HELD, Loops, listed
 from lmoc.support.distinct import distinct
+from lmoc.support.quoted import parent
 
 # of mistakes of one sort, this many are shown; one made in every row of an array counts once
 SHOWN = 3
@@ -136,7 +137,7 @@ def _held_points(work: Elimination, around: list[int]) -> list[str]:
         block = flat.block_at(v)
         if block.connector and not block.flow:
             name = flat.variable_name(v)
-            coordinates.setdefault(name.rpartition(".")[0], []).append(name)
+            coordinates.setdefault(parent(name), []).append(name)
     return next((sorted(names) for names in coordinates.values() if len(names) > 1), [])
 
 

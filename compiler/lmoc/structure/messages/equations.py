@@ -12,6 +12,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.ranges import ranges
 from lmoc.messages.source import Span
 from lmoc.support.indices import INDEX
+from lmoc.support.quoted import split, without_subscripts
 
 # of many names, equations or mistakes of one sort, this many are shown
 SHOWN = 5
@@ -78,10 +79,10 @@ class Equations:
         if g.origin in ("connection", "unconnected", "ledger") or not self.flat.parts[g.part].path:
             return ""
         depth = len(self.flat.parts[g.part].path)
-        names = [self.flat.variable_name(v).split(".") for v in g.slots[row].tolist() if v < self.flat.count]
-        own = [p.split("[")[0] for p in self.flat.parts[g.part].pattern.split(".")]
+        names = [split(self.flat.variable_name(v)) for v in g.slots[row].tolist() if v < self.flat.count]
+        own = [without_subscripts(p) for p in split(self.flat.parts[g.part].pattern)]
         for name in names:
-            if [n.split("[")[0] for n in name[:depth]] == own:
+            if [without_subscripts(n) for n in name[:depth]] == own:
                 return ".".join(name[:depth])
         return self.flat.parts[g.part].pattern
 

@@ -17,7 +17,7 @@ from lmoc.symbolic.equations import NOTHING_MOVES, EquationsOfMotion, equations_
 from lmoc.symbolic.equilibria import Equilibrium
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.notation import Notation
-from lmoc.symbolic.styles import ASCII, LATEX, UNICODE, Style
+from lmoc.symbolic.styles import ASCII, LATEX, UNICODE, Style, latex_text
 from lmoc.symbolic.system import jet_symbol, symbolic_system
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class LawText:
         motion = self.quantities["motion"]
         sliding = notation.text(-sp.sign(motion), style)
         limit = own["slip"] if self.quantities.get("slip", motion).is_Symbol else style.brackets(own["slip"])
-        held, slides = (rf"\text{{{w}: }}" if style is LATEX else f"{w}: " for w in self.words)
+        held, slides = (rf"\text{{{latex_text(w)}: }}" if style is LATEX else f"{w}: " for w in self.words)
         stuck = f"{held}{formula['motion']}{style.equals}{zero}, |{force}| {at_most} {own['stick']}"
         return f"{stuck}; {slides}{force}{style.equals}{sliding}{style.times}{limit}"
 
@@ -172,7 +172,7 @@ class EquationsOfModes:
 
     def latex(self) -> str:
         """An `align*` environment for each mode, and one for the laws."""
-        parts = [f"\\paragraph{{{_escaped(m.title)}}}\n{_latex(m.equations)}" for m in self.modes]
+        parts = [f"\\paragraph{{{latex_text(m.title)}}}\n{_latex(m.equations)}" for m in self.modes]
         rows = " \\\\\n".join(f"  &{law.write(self.notation, LATEX)}" for law in self.laws)
         return "\n".join([*parts, f"\\paragraph{{Laws}}\n\\begin{{align*}}\n{rows}\n\\end{{align*}}"])
 
@@ -310,7 +310,3 @@ def _latex(equations: EquationsOfMotion) -> str:
 
 def _indented(text: str) -> str:
     return "\n".join(f"  {line}".rstrip() for line in text.splitlines())
-
-
-def _escaped(text: str) -> str:
-    return text.replace("_", r"\_")

@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE, Part
 from lmoc.ir.look import Look
 from lmoc.semantics.connections.components import components
+from lmoc.support.quoted import last
 from lmoc.support.records import dataclass
 from lmoc.view.scene.elements import (
     DOMAINS,
@@ -132,7 +133,7 @@ def _dots(
             owner.append(count + np.arange(len(hidden)))
             node.append(_nodes(flat, part, port, hidden, first))
             side.append(np.full(len(hidden), k))
-        kinds += [part.class_name.rpartition(".")[2]] * len(hidden)
+        kinds += [last(part.class_name)] * len(hidden)
         count += len(hidden)
     if not count:
         return []

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.ir.flat import Block, FlatDAE, Kind, Part
 from lmoc.ir.look import Look
+from lmoc.support.quoted import last
 from lmoc.support.records import dataclass
 
 # the units of a port's potentials → what kind of port it is
@@ -137,5 +138,5 @@ def ports_of(flat: FlatDAE, part: Part, first: np.ndarray, position: int) -> tup
 def elements_of(flat: FlatDAE, part: Part, first: np.ndarray, positions: np.ndarray | range) -> list[Element]:
     """Return some of the elements of a part."""
     named = Block(part.path, 0, size(part), Kind.UNKNOWN)
-    kind = part.class_name.rpartition(".")[2]
+    kind = last(part.class_name)
     return [Element(named.name(i), kind, part.look, ports_of(flat, part, first, i)) for i in map(int, positions)]

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from lmoc.ir.flat import FlatDAE, Part
+from lmoc.support.quoted import last
 from lmoc.view.scene import symbols
 from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block
@@ -39,7 +40,7 @@ def _row(flat: FlatDAE, part: Part, kind: str, n: int, y: float, names: Names) -
     a, b = End(0, y), End(70, y)
     symbol = part.look.symbol
     shaft = any(flat.blocks[p].unit == "rad" for p, _ in part.ports)
-    name = kind.rpartition(".")[2]
+    name = last(kind)
     sample = Element(name, name, part.look, ())
     if symbol in BODIES:
         yield symbols.box("mass", name, End(35, y), (-20, -14, 20, 14), "")
