@@ -104,3 +104,14 @@ def test_absurd_numbers_end_by_themselves(verb, value, capsys):
     assert code in (0, 1, 3)
     if (verb, value) in (("run", "1e308"), ("run", "1e30")):
         assert code == 3 and f"is k1 = {float(value):g}, tire.k" in capsys.readouterr().err
+
+
+def test_too_little_memory_is_said(monkeypatch, capsys):
+    def greedy(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(Session, "prepare", greedy)
+    with pytest.raises(lmoc.ModelError) as error:
+        lmoc.compile(SUSPENSION).simulate()
+    assert error.value.diagnostics[0].code == "E0559" and isinstance(error.value, MemoryError)
+    assert main(["run", SUSPENSION]) == 1 and "not enough memory" in capsys.readouterr().err

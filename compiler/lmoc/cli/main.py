@@ -45,7 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with the given arguments (default: those of the process); returns the exit code."""
     process.prepare()
     try:
-        return _outcome(list(sys.argv[1:] if argv is None else argv))
+        with process.shown():
+            return _outcome(list(sys.argv[1:] if argv is None else argv))
     except BrokenPipeError:  # the reader of a pipe has seen enough
         process.give_up_output()
         return DONE

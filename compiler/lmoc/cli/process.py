@@ -5,8 +5,14 @@ from __future__ import annotations
 import errno
 import io
 import os
+import re
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+from lmoc.messages.diagnostics import visible
 
 INTERRUPTED, TERMINATED = 130, 143  # 128 + the number of the signal, as shells tell it
 _OUTPUT_LOST = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBADF, errno.EINVAL})
@@ -41,6 +47,36 @@ def prepare() -> None:
             signal.signal(signal.SIGTERM, _terminate)
     except ValueError:
         pass  # not the main thread, which alone gets signals
+
+
+class _Terminal(io.TextIOBase):
+    """A terminal to which nothing goes but texts and the command's own colours: names are a model's."""
+
+    _OWN = re.compile(r"(\x1b\[[\d;]*m)")
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        pieces = self._OWN.split(text)
+        return self.stream.write("".join(p if k % 2 else visible(p) for k, p in enumerate(pieces)))
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in ("write", "stream", "_OWN", "__class__"):
+            return object.__getattribute__(self, name)
+        return getattr(object.__getattribute__(self, "stream"), name)
+
+
+@contextmanager
+def shown() -> Iterator[None]:
+    """Keep what a model says from commanding the terminal to which standard output goes."""
+    before = sys.stdout
+    if before.isatty():
+        sys.stdout = _Terminal(before)
+    try:
+        yield
+    finally:
+        sys.stdout = before
 
 
 def _occupy_closed_streams() -> None:

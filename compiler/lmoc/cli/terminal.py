@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable
 from typing import TextIO
 
-from lmoc.messages.diagnostics import Diagnostic, render
+from lmoc.messages.diagnostics import Diagnostic, render, visible
 
 _COLOUR = {"error": "31", "warning": "33", "note": "36"}
 
@@ -43,7 +43,7 @@ def _painted(text: str, severity: str) -> str:
 
 def failure(message: str) -> None:
     """One line that says why nothing more comes."""
-    print(styled("failed: ", "1;31", sys.stderr) + message, file=sys.stderr)
+    print(styled("failed: ", "1;31", sys.stderr) + visible(message), file=sys.stderr)
 
 
 def internal_error(error: BaseException) -> None:

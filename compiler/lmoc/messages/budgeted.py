@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 from lmoc.support.budget import Spent, within
 
+_NO_ROOM = "failed to map segment"
 Action = TypeVar("Action", bound=Callable[..., Any])
 
 
@@ -39,10 +40,25 @@ def budgeted(what: str, suspicion: Callable[..., str] | None = None) -> Callable
                 return within(what, lambda: function(*args, **kwargs))
             except Spent as spent:
                 raise _error(spent, "" if suspicion is None else suspicion(*args, **kwargs)) from spent.__cause__
+            except MemoryError as error:
+                raise _out_of_memory(what) from error
+            except ImportError as error:
+                if _NO_ROOM in str(error):  # of a library, while it is loaded
+                    raise _out_of_memory(what) from error
+                raise
 
         return call  # type: ignore[return-value]
 
     return decorate
+
+
+class OutOfMemory(ModelError, MemoryError):
+    """The work takes more memory than there is (E0559)."""
+
+
+def _out_of_memory(what: str) -> OutOfMemory:
+    hint = "fewer parts, fewer output times (--points), or fewer variables kept (--keep); arrays of parts take least"
+    return OutOfMemory([Diagnostic("E0559", f"{what}: there is not enough memory", hint=hint)])
 
 
 def told(what: str, action: Callable[[], Any]) -> Any:

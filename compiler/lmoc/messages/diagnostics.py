@@ -157,7 +157,14 @@ def render(d: Diagnostic) -> str:
     for title, text in (("expected", d.expected), ("found", d.found), ("hint", d.hint)):
         if text:
             lines.append(f"  = {title}: {_clipped(text)}")
-    return "\n".join(lines)
+    return visible("\n".join(lines))
+
+
+def visible(text: str) -> str:
+    """Return a text without signs that a terminal would take for commands: they are shown as ``·``."""
+    if all(line.isprintable() for line in text.split("\n")):
+        return text
+    return "".join(sign if sign.isprintable() or sign == "\n" else "·" for sign in text)
 
 
 def _clipped(text: str) -> str:

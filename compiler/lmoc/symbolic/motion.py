@@ -156,6 +156,8 @@ def _independent(
     for residual in candidates if highest else ():
         row = trial.slopes(residual, highest)
         more = np.vstack([rows, row])
+        if not np.isfinite(row).all():
+            continue
         if row.any() and np.linalg.matrix_rank(more, tol=1e-9) > len(rows) and trial.vanishes(residual):
             rows, residuals = more, [*residuals, residual]
             if len(residuals) == len(highest):

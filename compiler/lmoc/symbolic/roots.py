@@ -10,7 +10,7 @@ import numpy as np
 
 from lmoc.support.records import dataclass
 from lmoc.symbolic.search import REACH, plain, rests, values_at
-from lmoc.symbolic.slope import slope
+from lmoc.symbolic.slope import in_numpy, slope
 from lmoc.symbolic.values import no_value
 
 if TYPE_CHECKING:
@@ -138,9 +138,8 @@ def _spread() -> np.ndarray:
 
 def _sign_changes(equation: sympy.Expr, x: sympy.Symbol, grid: np.ndarray) -> list[float]:
     """Zeros between points of a grid, refined by bisection; not the poles."""
-    import sympy as sp
 
-    f = sp.lambdify(x, equation, "numpy")
+    f = in_numpy(x, equation)
     with np.errstate(all="ignore"):
         value = np.broadcast_to(np.asarray(f(grid), float), grid.shape)
         changes = np.flatnonzero(np.signbit(value[:-1]) != np.signbit(value[1:]))
@@ -158,11 +157,10 @@ def _bisect(f, low: float, high: float) -> float:
 
 def search(equations: list, unknowns: list, system: SymbolicSystem) -> Sought:
     """Newton's method from many starts in a box, families recognized; says how thorough that was."""
-    import sympy as sp
 
     equations = _with_numbers(equations, unknowns, system)
-    f = sp.lambdify([unknowns], equations, "numpy")
-    jacobian = sp.lambdify([unknowns], [[slope(e, x) for x in unknowns] for e in equations], "numpy")
+    f = in_numpy([unknowns], equations)
+    jacobian = in_numpy([unknowns], [[slope(e, x) for x in unknowns] for e in equations])
     turning = np.array([_periodic(equations, x) for x in unknowns])
     found = rests(f, jacobian, turning, STARTS)
     reach = np.where(turning, np.pi, REACH)

@@ -176,7 +176,7 @@ def lowest(value: sympy.Expr) -> sympy.Expr:
     top = sp.expand(top)
     forms = [sp.factor_terms(plain)]
     if top.is_Add:
-        alone = [x for x in top.free_symbols if sp.degree(top, x) == 1]
+        alone = [x for x in top.free_symbols if top.is_polynomial(x) and sp.degree(top, x) == 1]
         forms.append(sp.collect(top, alone, sp.factor) / sp.factor(bottom))  # Jc + Js·(1 + ρ)²
     if bottom.is_Add or top.is_Add and len(top.args) <= MOST_FACTORED:
         forms.append(sp.factor(plain))

@@ -105,7 +105,11 @@ class TransferFunction:
     def coefficients(self) -> tuple[np.ndarray, np.ndarray]:
         """Numerator and denominator as numbers, highest power first; the denominator's leading one is 1."""
         top, bottom = (self._numbers(e) for e in (self.numerator, self.denominator))
-        return top / bottom[0], bottom / bottom[0]
+        with np.errstate(all="ignore"):
+            top, bottom = top / bottom[0], bottom / bottom[0]
+        if not (np.isfinite(top).all() and np.isfinite(bottom).all()):
+            raise refuse("its coefficients are too large for numbers", hint="look at very large and very small values")
+        return top, bottom
 
     def _numbers(self, polynomial: sympy.Expr) -> np.ndarray:
         import sympy as sp
@@ -117,7 +121,7 @@ class TransferFunction:
         missing = sorted(x.name for x in value.free_symbols_in_domain)
         if missing:
             raise refuse(f"poles and zeros need values for {', '.join(missing)}", hint="use `--set name=value`")
-        return np.array([float(c) for c in value.all_coeffs()])
+        return np.array([float(sp.Float(c, 17)) for c in value.all_coeffs()])
 
     @cached_property
     def numeric(self) -> TransferFunction:

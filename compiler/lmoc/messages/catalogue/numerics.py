@@ -177,6 +177,12 @@ NUMERICS: dict[str, Entry] = {
         "bodies are. Three equal balls in a row without loss leave with (-1/3, 2/3, 2/3) of the velocity where they\n"
         "touch, and with (0, 0, 1) where a gap gives an order. The note comes once a run, with the first such impact.",
     ),
+    "E0559": Entry(
+        "not enough memory",
+        "What was asked for takes more memory than the machine, or a limit set for the process, allows. Parts that\n"
+        "are an array with `each` modifications take far less than as many declarations, `--keep` and `--points`\n"
+        "bound what a run keeps.",
+    ),
     "W0553": Entry(
         "the energy balance does not close",
         "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"

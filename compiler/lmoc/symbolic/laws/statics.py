@@ -20,6 +20,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.support.records import dataclass
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.numeric import NumericSystem
+from lmoc.symbolic.too_long import no_symbols
 
 Array = NDArray[np.float64]
 
@@ -246,6 +247,8 @@ class Polyhedra:
             cost, bounds = np.append(cost, -1.0), [*bounds, (0.0, 1.0)]
         else:
             a_ub = -a_ub
+        if not all(np.isfinite(numbers).all() for numbers in (cost, a_ub, b_ub, a_eq, b_eq)):
+            raise no_symbols("the forces at rest are too large for numbers", "look at very large and very small values")
         found = linprog(cost, a_ub, b_ub, a_eq, -b_eq, bounds, method="highs", options=TOLERANCES)
         if found.status == 2:
             return None
