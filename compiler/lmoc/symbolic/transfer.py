@@ -121,7 +121,7 @@ class TransferFunction:
         missing = sorted(x.name for x in value.free_symbols_in_domain)
         if missing:
             raise refuse(f"poles and zeros need values for {', '.join(missing)}", hint="use `--set name=value`")
-        return np.array([float(sp.Float(c, 17)) for c in value.all_coeffs()])
+        return np.array([float(c.evalf(17)) for c in value.all_coeffs()])
 
     @cached_property
     def numeric(self) -> TransferFunction:
