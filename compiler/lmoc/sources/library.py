@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import pickle
+import re
 from collections.abc import Iterable, Iterator
 from functools import cache as once
 
@@ -20,6 +21,9 @@ from lmoc.syntax import tree
 
 # packages of parts that a scene must name to have them: {file: package}
 PACKAGES = {"planar.lmo": "Planar"}
+# files of global names that are read when a scene first uses one of them: most scenes have none
+SELDOM = ("machines.lmo",)
+_DEFINED = re.compile(r"^(?:partial )?(?:model|block|function|package|connector) (\w+)", re.M)
 
 
 def load(texts: Iterable[str] | None = None) -> tuple[tree.File, ...]:
@@ -27,14 +31,15 @@ def load(texts: Iterable[str] | None = None) -> tuple[tree.File, ...]:
 
     Parameters
     ----------
-    texts : what the scene is written in: a package whose name does not occur there is left out; None: all files
+    texts : what the scene is written in: a package whose name does not occur there is left out, and so are the files of
+        parts that are seldom used; None: all files
 
     Raises
     ------
     ModelError
         If a file of the library has a syntax error.
     """
-    named = set(PACKAGES) if texts is None else {f for text in texts for f, name in PACKAGES.items() if name in text}
+    named = {*PACKAGES, *SELDOM} if texts is None else {f for text in texts for f, name in PACKAGES.items() if name in text}
     return tuple(file for part in ("", *sorted(named)) for file in _load(part))
 
 
@@ -52,21 +57,30 @@ class Packages:
     """The packages of the library, each read when a scene first names it."""
 
     def names(self) -> Iterator[str]:
-        """Yield their names."""
+        """Yield their names, and those of the parts that are seldom used."""
         yield from PACKAGES.values()
+        yield from _seldom_used()
 
     def find(self, name: str) -> Found | None:
-        """Return the package of that name, None where there is none."""
-        for file, package in PACKAGES.items():
-            if package == name:
-                return Found(_load(file)[0].classes[0])
-        return None
+        """Return the package or the part of that name, None where there is none."""
+        file = next((f for f, package in PACKAGES.items() if package == name), None) or _seldom_used().get(name)
+        if file is None:
+            return None
+        return Found(next(c for c in _load(file)[0].classes if c.name == name))
+
+
+@once
+def _seldom_used() -> dict[str, str]:
+    """The files of parts that are seldom used, by their names."""
+    texts = dict(library_texts())
+    return {name: file for file in SELDOM for name in _DEFINED.findall(texts[file])}
 
 
 @once
 def _load(package: str) -> tuple[tree.File, ...]:
     """The files of global names, or the file of a package."""
-    texts = [(name, text) for name, text in library_texts() if (name if name in PACKAGES else "") == package]
+    apart = {*PACKAGES, *SELDOM}
+    texts = [(name, text) for name, text in library_texts() if (name if name in apart else "") == package]
     entry = f"library-{package.partition('.')[0]}" if package else "library"
     key = b"\0".join(part.encode() for text in texts for part in text) + _program()
     kept = cache.read(entry, key)
