@@ -46,6 +46,7 @@ TITLES = {
     "rotational.lmo": "Rotation",
     "couplings.lmo": "Couplings",
     "laws.lmo": "Strings, stops, friction, play",
+    "machines.lmo": "Machines",
     "planar.lmo": "The plane",
 }
 

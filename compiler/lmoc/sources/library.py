@@ -39,7 +39,10 @@ def load(texts: Iterable[str] | None = None) -> tuple[tree.File, ...]:
     ModelError
         If a file of the library has a syntax error.
     """
-    named = {*PACKAGES, *SELDOM} if texts is None else {f for text in texts for f, name in PACKAGES.items() if name in text}
+    if texts is None:
+        named = {*PACKAGES, *SELDOM}
+    else:
+        named = {file for text in texts for file, name in PACKAGES.items() if name in text}
     return tuple(file for part in ("", *sorted(named)) for file in _load(part))
 
 
