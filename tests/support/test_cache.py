@@ -72,8 +72,9 @@ def test_a_library_that_cannot_be_unpacked_is_parsed(folder: Path) -> None:
 
 def test_a_package_is_left_out_where_nobody_names_it(folder: Path) -> None:
     names = lambda files: {c.name for file in files for c in file.classes}  # noqa: E731
-    assert names(library.load()) - names(library.load(["model A Mass m; end A;"])) == {"Planar"}
-    assert names(library.load(["model A", "import Planar.*;"])) == names(library.load())
+    seldom = {c.name for file in library._load("machines.lmo") for c in file.classes}
+    assert names(library.load()) - names(library.load(["model A Mass m; end A;"])) == {"Planar"} | seldom
+    assert names(library.load(["model A", "import Planar.*;"])) == names(library.load()) - seldom
 
 
 def test_the_tables_from_the_cache_are_the_tables_made(folder: Path) -> None:
