@@ -343,3 +343,46 @@ def test_texts_are_not_wider_than_they_are_taken_for(text):
     from lmoc.view.scene.figure import _wide
 
     assert _wide(text, 13.0) <= width(text, 13.0) + 1.0
+
+
+# ----------------------------------------------------------------------------- belts, and what is between two points
+
+PICTURES = Path(__file__).parents[1] / "data" / "pictures"
+
+
+def test_a_belt_is_drawn_about_two_wheels():
+    found = lmoc.compile(PICTURES / "belt_drive.lmo").draw().picture
+    motor, driven = of(found, "motor"), of(found, "driven")
+    (one, *_), (other, *_) = ([s for s in i.shapes if isinstance(s, Circle)] for i in (motor, driven))
+    assert other.radius / one.radius == pytest.approx(0.15 / 0.05, rel=0.1)
+    assert not [i for i in found.items if i.symbol == "continuation"]
+    wheels = [(i.ends[0], c.radius) for i, c in ((motor, one), (driven, other))]
+    strands = [i for i in found.items if i.symbol == "string" and len(i.ends) == 2]
+    assert len(strands) == 4  # two at each cable
+    for strand in strands:
+        (x, y), (x2, y2) = ((e.x, e.y) for e in strand.ends)
+        away = [abs((x2 - x) * (y - e.y) - (x - e.x) * (y2 - y)) / hypot(x2 - x, y2 - y) - r for e, r in wheels]
+        assert away == pytest.approx([0, 0], abs=1.0)  # each is tangent to both wheels
+
+
+def test_a_spring_and_a_damper_between_the_same_points_stand_beside_each_other():
+    found = lmoc.compile(PICTURES / "bell_crank.lmo").draw().picture
+    spring, damper = of(found, "spring"), of(found, "damper")
+    assert {(e.x, e.y) for e in spring.ends} == {(e.x, e.y) for e in damper.ends}
+    heights = [[y for s in item.shapes[2:] for _, _, y in s.vertices] for item in (spring, damper)]
+    assert max(heights[0]) < min(heights[1]) or max(heights[1]) < min(heights[0])
+
+
+def test_one_shaft_is_one_wheel():
+    found = lmoc.compile(PICTURES / "windlass.lmo").draw().picture
+    assert [i.part for i in found.items if i.symbol in ("wheel", "disk")] == ["drumInertia"]
+    assert sum(i.symbol in ("rotation", "coordinate") and i.part != "" for i in found.items) == 1
+
+
+def test_a_building_is_upright_and_its_equal_floors_are_left_out():
+    found = lmoc.compile(PICTURES / "tower20.lmo").draw().picture
+    floors = {i.part: i.ends[0] for i in found.items if i.symbol == "mass"}
+    assert list(floors) == ["floor[1]", "floor[2]", "floor[19]", "floor[20]", "tuned"]
+    heights = [end.y for end in floors.values()]
+    assert heights == sorted(heights, reverse=True) and len({round(end.x) for end in floors.values()}) == 1
+    assert "… 17 × SpringDamper, 16 × Mass" in texts(found)

@@ -88,8 +88,8 @@ def _force(element: Element, port: Port, graph: Graph) -> Force:
     """The force of a part on the body at its port: the tension of the part where it has one."""
     import sympy as sp
 
-    names = [n for n in ("f", "tau", "torque") if (_v := graph.variable(element, n)) is not None]
-    named = [n for n in names if graph.flat.kind[graph.variable(element, n)] == Kind.UNKNOWN]
+    known = [(n, graph.variable(element, n)) for n in ("f", "tau", "torque")]
+    named = [n for n, v in known if v is not None and graph.flat.kind[v] == Kind.UNKNOWN]
     if element.symbol in TENSION and len(element.ports) == 2 and named:
         sense = 1 if element.ports[0].name == port.name else -1
         label = sp.Symbol(f"{element.name}.{named[0]}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import hypot, isfinite
+from math import atan2, hypot, isfinite
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
@@ -142,7 +142,8 @@ def _on(plane: Plane, element: Element, at: End, direction: Point) -> None:
     """A mass or a force at a point of a rail."""
     ux, uy = direction
     if element.symbol in BODIES:
-        plane.items.append(symbols.box("mass", element.name, at, (-24, -16, 24, 16), ""))
+        made = symbols.box("mass", element.name, at, (-24, -9, 24, 9), "")
+        plane.items.append(replace(made, turn=Turn(-atan2(uy, ux))))
         plane.wishes.append(Wish(plane.names.part(element, "m"), at, element.name, 20.0))
     elif element.symbol == "force":
         start, tip = (24 * ux, 24 * uy), (62 * ux, 62 * uy)

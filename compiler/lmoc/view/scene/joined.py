@@ -21,6 +21,7 @@ from lmoc.view.scene.standing import MARK, goes_on
 
 GROUNDS = ("wall", "fixed-shaft", "ground", "anchor")  # hatching says it all
 BESIDE = ("coordinate", "force", "torque", "contact")  # beside what they belong to, without touching it
+ROUND = ("wheel", "pulley", "string")
 TOUCHING = 5.0  # px
 NEAR = 60.0  # px, from an arrow to what it belongs to
 LEADER = 9.0  # px, the shortest line from a piece to its number
@@ -154,7 +155,8 @@ def _mark(items: Sequence[Item], piece: Sequence[int], node: int, ink: Ink) -> l
     for item in sorted((items[k] for k in piece), key=lambda i: i.symbol in BESIDE)[:4]:
         for corners in places(item, node):
             end = next((e for e, n in zip(item.ends, item.nodes) if n == node), item.ends[0])
-            found += [(End(*start, end.moves), centre) for start, centre in _candidates(corners)]
+            rim = item.symbol in ROUND
+            found += [(End(*start, end.moves), centre) for start, centre in _candidates(corners, rim)]
     room = MARK + 3.0
     boxes = [(x - room, y - room, x + room, y + room) for _, (x, y) in found]
     costs = ink.costs(boxes, 40.0) + np.array([hypot(x - start.x, y - start.y) for start, (x, y) in found])
@@ -165,14 +167,15 @@ def _mark(items: Sequence[Item], piece: Sequence[int], node: int, ink: Ink) -> l
     return made
 
 
-def _candidates(corners: Corners) -> Iterable[tuple[Point, Point]]:
-    """Yield points at the rim of a rectangle, each with a place for a circle beyond it."""
+def _candidates(corners: Corners, rim: bool) -> Iterable[tuple[Point, Point]]:
+    """Yield points at the rim of a rectangle or of the wheel in it, each with a place for a circle beyond it."""
     x, y = _middle(corners)
     wide, high = (corners[2] - corners[0]) / 2, (corners[3] - corners[1]) / 2
     for away in (LEADER, 2 * LEADER, 4 * LEADER, 7 * LEADER):
         for k in range(8):
             dx, dy = cos(k * pi / 4), sin(k * pi / 4)
-            start = x + max(-wide, min(wide, 2 * wide * dx)), y + max(-high, min(high, 2 * high * dy))
+            far = 1.0 if rim else 2.0  # the rim of a wheel, or that of the rectangle
+            start = x + max(-wide, min(wide, far * wide * dx)), y + max(-high, min(high, far * high * dy))
             yield start, (start[0] + (away + MARK) * dx, start[1] + (away + MARK) * dy)
 
 

@@ -11,6 +11,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names, symbol
+from lmoc.view.scene.parallel import moved_across, place_across
 from lmoc.view.scene.picture import Circle, End, Item, Move, Path, Point, Shape, Turn, Vertex, middle
 from lmoc.view.scene.placing import Wish, placed_labels
 from lmoc.view.scene.text import width
@@ -130,8 +131,13 @@ class Plane:
         else:
             self.items.append(replace(makers[kind](element.name, a, b), variables=force))
         text = self.names.part(element, "k", "c") if kind != "rod" else self.names.part(element, "L")
+        across = place_across(element, self.elements)
+        if across:
+            self.items[-1] = replace(made := self.items[-1], shapes=moved_across(made.shapes, across))
         if kind != "string":
-            self.wishes.append(Wish(text, self.items[-1].halfway, element.name, 12.0))
+            at, frame = self.items[-1].halfway, self.items[-1].frame()
+            x, y = at.x - across * frame.sin, at.y + across * frame.cos
+            self.wishes.append(Wish(text, End(x, y, at.moves), element.name, 12.0))
 
     def _slack(self, variables: Mapping[str, str]) -> float:
         """By how much a string is longer than the way between its ends, m; 0 where that is not known."""

@@ -8,6 +8,7 @@ from math import isfinite
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
+from lmoc.view.scene.belts import belts_of, draw_belt
 from lmoc.view.scene.block import Block, packed, tangled
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.levers import draw_lever
@@ -75,11 +76,12 @@ class Schematic:
         walls = {e.ports[0].node: e for e in elements if e.symbol == "wall"}
         self.hanging = Hanging(by_node, walls, style, lambda strip: gravity_of(strip, graph))
         self.wheel_shafts: set[int] = set()  # identities of shaft strips drawn along their axis
+        self.belted: set[str] = set()  # names of drums that a belt joins
         self.drums: dict[int, list[Drum]] = {}  # {shaft among gears: ropes on it}
 
     def block(self) -> Block:
         """Return everything, joints first, then what no joint has taken along."""
-        blocks = [*self._levers(), *self._ropes()]
+        blocks = [*self._levers(), *self._belts(), *self._ropes()]
         blocks += [b for s in self.lines if id(s) not in self.hanging.used and (b := self._line(s)) is not None]
         blocks += [b for s in self.shafts if id(s) not in self.wheel_shafts and (b := self._shaft(s)) is not None]
         blocks = [b for b in blocks if b.items]
@@ -138,6 +140,19 @@ class Schematic:
             blocks.append(block)
         return blocks
 
+    def _belts(self) -> list[Block]:
+        drums = self._joints(("drum",))
+        others = [e for e in self._joints((*ROPES, *LEVERS)) if e not in drums]
+        blocks = []
+        for belt in belts_of(drums, others, self.hanging.strips):
+            strands = [s for found in belt.strands for s in found]
+            self.belted |= {d.name for s in strands for d in s.drums}
+            self.hanging.used.update(id(s.strip) for s in strands if s.strip is not None)
+            ports = {d.port("shaft").node: d.port("shaft") for s in strands for d in s.drums}
+            shafts = {node: self._turning(port) for node, port in ports.items()}
+            blocks.append(draw_belt(belt, shafts, self.graph, self.hanging))
+        return blocks
+
     def _ropes(self) -> list[Block]:
         joints = self._rope_joints()
         ends = {n for j in joints for n in j.ends}
@@ -162,7 +177,7 @@ class Schematic:
     def _rope_joints(self) -> list[Joint]:
         found: list[Joint] = []
         wheels: dict[int, list[Element]] = {}
-        for element in self._joints(ROPES):
+        for element in (e for e in self._joints(ROPES) if e.name not in self.belted):
             if element.symbol == "drum":
                 wheels.setdefault(element.port("shaft").node, []).append(element)
             else:
