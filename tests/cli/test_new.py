@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import lmoc as package
-from lmoc.cli.fmt import formatted
 from lmoc.cli.new import FOLDER, starters
 from lmoc.messages.source import Source
+from lmoc.syntax.layout import formatted
 
 NAMES = sorted(starters())
 

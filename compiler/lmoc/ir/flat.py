@@ -26,6 +26,10 @@ from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 from lmoc.support.records import dataclass
 
+# parts whose force grows with a length or a rate, and the units of what it grows by
+_ELASTIC = {"spring", "damper", "spring-damper", "torsion-spring", "torsion-damper"}
+_COEFFICIENTS = {"N/m", "N/m3", "N.s/m", "N.m/rad", "N.m.s/rad"}
+
 
 class Kind(IntEnum):
     """The role of a variable for the solver."""
@@ -339,6 +343,19 @@ class FlatDAE:
         if check.part == 0:
             return check.message
         return f"{self.parts[check.part].element(row, len(check.slots))}: {check.message}"
+
+    @cached_property
+    def coefficients(self) -> np.ndarray:
+        """Parameters of springs and dampers that are a stiffness or a damping."""
+        found = [
+            np.arange(b.offset, b.offset + b.size)
+            for b in self.blocks
+            if b.kind == Kind.PARAMETER
+            and b.unit in _COEFFICIENTS
+            and self.parts[b.part].look.symbol in _ELASTIC
+            and len(b.path) == len(self.parts[b.part].path) + 1
+        ]
+        return np.concatenate(found) if found else np.zeros(0, int)
 
     @cached_property
     def constant_checks(self) -> frozenset[Check]:

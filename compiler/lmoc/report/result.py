@@ -14,6 +14,7 @@ from lmoc.ir.names import Names, UnknownNameError, hint_for, names_of
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.report.balance import is_unbalanced, unbalanced
+from lmoc.report.mechanics import remarks
 from lmoc.report.resolution import coarse_points, fine_count
 from lmoc.report.units import unit_of
 from lmoc.support.quoted import subscripts
@@ -73,7 +74,8 @@ class Result:
     def notes(self) -> tuple[Diagnostic, ...]:
         """Warnings and notes of the compilation and of this run."""
         found = unbalanced(self.energy, self._rtol) if self.complete else None
-        return self._notes if found is None else (*self._notes, found)
+        said = remarks(self.reduced, self.trajectory, self.complete)
+        return (*self._notes, *said) if found is None else (*self._notes, *said, found)
 
     @property
     def residual(self) -> tuple[float, float] | None:

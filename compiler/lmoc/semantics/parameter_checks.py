@@ -22,6 +22,7 @@ def check_parameters(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
     report : takes E0551, and W0537 for what has lost its value
     """
     warn_of_lost(flat, values, report)
+    _warn_of_signs(flat, values, report)
     for check in flat.checks:
         if not check.error or check not in flat.constant_checks:
             continue  # looked at along the run
@@ -61,6 +62,17 @@ def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
                 report.warning("W0537", f"the value given for {name} is not finite ({value})")
             else:
                 report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
+
+
+def _warn_of_signs(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
+    """A spring or a damper with a negative coefficient is allowed, and seldom meant."""
+    variables = flat.coefficients
+    for variable in variables[values[variables] < 0][:_SHOWN].tolist():
+        name, block = flat.variable_name(variable), flat.block_at(variable)
+        damping = ".s" in block.unit
+        what = "damping: it feeds energy in" if damping else "stiffness: it pushes away from its relaxed length"
+        message = f"{name} = {values[variable]:g} {block.unit} is a negative {what}"
+        report.warning("W0560", message, flat.declared_at(variable), hint="a sign too many, unless that is meant")
 
 
 def given_without_value(flat: FlatDAE, values: np.ndarray) -> np.ndarray:

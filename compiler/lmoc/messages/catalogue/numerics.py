@@ -162,6 +162,26 @@ NUMERICS: dict[str, Entry] = {
         "that the run may take hours. The number of those still ahead is estimated from how fast the latest have\n"
         "followed each other. The warning comes while the run goes on; it can be interrupted, and keeps what it has.",
     ),
+    "W0560": Entry(
+        "a negative stiffness or damping",
+        "A spring with a negative stiffness pushes away from its relaxed length, a damper with a negative damping\n"
+        "feeds energy in: motions grow without bound. Both are allowed.",
+        "model A\n  Fixed wall;\n  Spring spring(k = -50);\n  Mass mass(m = 2);\nequation\n"
+        "  connect(wall.flange, spring.a);\n  connect(spring.b, mass.flange);\nend A;",
+    ),
+    "N0561": Entry(
+        "a spring far from relaxed",
+        "At the start a spring is stretched or compressed by more than a metre, or twisted by more than a turn. Often\n"
+        "a start value is missing (positions start at 0), or the free length d0 is meant to be L, the distance of the\n"
+        "reference lines from which the positions of the two ends count.",
+        "model A\n  Fixed wall;\n  Spring spring(k = 50, d0 = 5);\n  Mass mass(m = 2);\nequation\n"
+        "  connect(wall.flange, spring.a);\n  connect(spring.b, mass.flange);\nend A;",
+    ),
+    "N0562": Entry(
+        "nothing moves",
+        "The scene starts at rest, and no force acts on it, so it stays where it is. A start value, a force or a\n"
+        "motion sets it going.",
+    ),
     "E0557": Entry(
         "nothing has moved on",
         "Work that may not end has a budget: where nothing moves on for 30 s of work, it is given up. A run moves on\n"

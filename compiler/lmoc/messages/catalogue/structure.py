@@ -87,6 +87,14 @@ STRUCTURE: dict[str, Entry] = {
         "is dropped: the motion is the same, but the forces inside the loop are not unique. They are reported as "
         "undetermined (NaN); their combined effect on the bodies is correct.",
     ),
+    "N0424": Entry(
+        "a body that cannot move",
+        "Parameters alone say where the body is: it is connected to a wall, or rigidly to something that is. Whatever\n"
+        "acts on it, nothing happens. The message names the connection that holds it.",
+        "model A\n  Fixed wall;\n  Spring spring(k = 50);\n  Mass mass(m = 2);\nequation\n"
+        "  connect(wall.flange, spring.a);\n  connect(spring.b, mass.flange);\n  connect(mass.flange, wall.flange);\n"
+        "end A;",
+    ),
     "W0417": Entry(
         "something that cannot move",
         "Constraints hold a mass or an inertia in one place: an arm of different length beside the first, a linkage "

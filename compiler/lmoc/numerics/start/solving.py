@@ -91,12 +91,19 @@ def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, 
     who = _listed(system, group)
     fixed = "the fixed values " if (group < len(system.targets)).all() else ""
     if len(group) == 1:
-        message, hint = f"the model does not allow {who} at the start", ""
+        message, hint = f"the model does not allow {who} at the start", _held(system, int(group[0]))
     else:
         message = f"{fixed}{who} contradict each other"
         hint = "fix fewer of them, or values that fit the constraints between them"
     found = f"the nearest the model allows is {_reached(system, group, start)}"
     report.error("E0531", message, system.span_of(group), found=found, hint=_with_given(system, group, hint))
+
+
+def _held(system: StartSystem, k: int) -> str:
+    """What ties a body to a place, where one value of it alone is not allowed."""
+    from lmoc.structure.messages.holding import holder
+
+    return holder(system.flat, int(system.targets.variable[k])) if k < len(system.targets) else ""
 
 
 def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
