@@ -80,9 +80,9 @@ def test_vanishing_inertia_takes_states_away_and_brings_them_back():
     assert_reference(dae.simulate(times=truth["times"], rtol=1e-8), reference)
 
     small = dae.simulate(times=truth["times"][:2], parameters={"J2": 1e-9}, rtol=1e-8)
-    assert [n.message.split("no longer holds: ")[1] for n in small.notes] == ["wheel.J = 0"]
+    assert [n.message.split("no longer holds: ")[1] for n in small.notes if n.code == "N0631"] == ["wheel.J = 0"]
     massless = dae.simulate(parameters={"J": 0})
-    assert [n.message.split("no longer holds: ")[1] for n in massless.notes] == ["rotor.J <> 0"]
+    assert [n.message.split("no longer holds: ")[1] for n in massless.notes if n.code == "N0631"] == ["rotor.J <> 0"]
     assert np.allclose(small["theta"], truth["reference"]["theta_J2_1e_9"][:2], rtol=0, atol=1e-6)
 
     assert_reference(dae.simulate(times=truth["times"], parameters={"J2": 0}, rtol=1e-8), reference)
