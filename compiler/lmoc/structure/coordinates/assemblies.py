@@ -132,6 +132,17 @@ class Loops:
             isolated = isolated or self._isolated(points[0])
             if counts.min() >= SEEN or not isolated:
                 break
+        return self._ordered(points, isolated)
+
+    def sorted(self, points: np.ndarray) -> Assemblies | None:
+        """Return ways that have been found elsewhere, the nearest first; None where the loops are not closed there."""
+        if not self._met(points, _MET).all():
+            return None
+        none = np.zeros((0, len(self.begin))), np.zeros(0, int)
+        points, _ = self._distinct(*none, points)
+        return self._ordered(points, self._isolated(points[0]))
+
+    def _ordered(self, points: np.ndarray, isolated: bool) -> Assemblies:
         order = self._by_distance(points)
         return Assemblies(np.array([self._rounded(x) for x in points[order]]), isolated)
 

@@ -8,12 +8,14 @@ the linearized constraints (Ben-Israel, J. Math. Anal. Appl. 15, 1966). Values t
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.structure.coordinates.assemblies import Assemblies, Loops, Wishes
 from lmoc.structure.coordinates.constraint_rows import ConstraintRows
+from lmoc.structure.coordinates.group_by_group import group_by_group
 from lmoc.structure.coordinates.initial_rows import initial_rows
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
@@ -109,15 +111,20 @@ def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> As
 
     What is given is kept if it can be, then what is fixed; where nothing else helps, that gives way, too.
     """
-    wishes, tried = wanted.among(part.jets), set()
+    tried: set[bytes] = set()
     for ease in (MEANT, FIXED, 0.0):
         held = weight <= ease
         if held.tobytes() not in tried:
             tried.add(held.tobytes())
-            found = Loops(part.dense, part.residual, part.begin, held, wishes).found()
+            loops = _loops(wanted, part, part.begin, held)
+            found = group_by_group(part, loops, partial(_loops, wanted)) or loops.found()
             if found is not None:
                 return found
     return None
+
+
+def _loops(wanted: _Wanted, part: ConstraintRows, begin: np.ndarray, held: np.ndarray) -> Loops:
+    return Loops(part.dense, part.residual, begin, held, wanted.among(part.jets))
 
 
 def _geometric(system: EquationSystem, source: np.ndarray) -> bool:
