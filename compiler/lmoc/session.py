@@ -116,6 +116,9 @@ class Session:
     def for_derivation(self, parameters: Mapping[str, Value] | None = None, clock: Clock | None = None) -> Prepared:
         """Return the scene for symbolic derivations with other parameter values: events as they are at the start."""
         prepared = self.prepare(parameters, clock)[1]
+        guess = prepared.reduced.guess
+        if guess is not None and guess.failures:  # with the values it was reduced for
+            raise ModelError(guess.failures)
         return prepared if prepared.flat.events is None else self.without_events(prepared, None, clock)
 
     def without_events(self, prepared: Prepared, held: np.ndarray | None, clock: Clock | None = None) -> Prepared:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.prepared import Prepared
-from lmoc.messages.diagnostics import ModelError, Report, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
 from lmoc.parameters import Value, check_initial, check_mappings, extreme_values
 from lmoc.pipeline import Clock
 from lmoc.session import Session
@@ -96,9 +96,12 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
     try:
         with clock.stage("simulate"):
             trajectory = session.run(prepared, request.options, request.inputs, request.initial, request.progress)
-    except StartSingular as error:
-        raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
     except ModelError as error:
+        doubts = () if request.initial or not _missed_its_start(error) else _doubts(prepared)
+        if doubts:
+            raise ModelError((*report.diagnostics, *doubts)) from None
+        if isinstance(error, StartSingular):
+            raise StartSingular((*report.diagnostics, *error.diagnostics), error.coordinates, error.place) from None
         raise ModelError((*report.diagnostics, *error.diagnostics)) from error.__cause__
     except (SimulationError, RunInterrupted) as failure:
         if failure.partial is not None:
@@ -108,6 +111,15 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
             failure.args = (f"{failure}; {suspicion}",)
         raise
     return result(trajectory)
+
+
+def _doubts(prepared: Prepared) -> tuple[Diagnostic, ...]:
+    """Return why closed loops may not close with what the model fixes."""
+    reduced, values = prepared.reduced, prepared.values
+    if reduced.guess is None or np.array_equal(values, reduced.values[: len(values)], equal_nan=True):
+        return () if reduced.guess is None else reduced.guess.doubts
+    nothing = np.zeros(0, int), np.zeros(0)
+    return () if reduced.guess_at is None else reduced.guess_at(values, nothing).doubts
 
 
 def start_values(session: Session, registers: np.ndarray) -> StartValues:

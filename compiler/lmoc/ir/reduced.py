@@ -125,6 +125,8 @@ class StartGuess:
     tied : flat variables that they contain
     ways : for each loop that can be put together in several ways: flat variables (m,) that tell them apart, and their
         values (k, m) in each, in those taken first
+    failures : why the constraints cannot hold anywhere, where that is certain
+    doubts : why they may not hold with what is fixed: reasons if no start is found
     """
 
     states: np.ndarray
@@ -133,6 +135,8 @@ class StartGuess:
     closed: bool
     tied: np.ndarray
     ways: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+    failures: tuple[Diagnostic, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

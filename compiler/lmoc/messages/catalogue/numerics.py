@@ -53,6 +53,11 @@ NUMERICS: dict[str, Entry] = {
         "a vibration of 50 Hz sampled at 62 points a second looks like one of 12 Hz). The values are correct "
         "nevertheless. Request more points or a shorter time. Pictures are drawn from points as dense as needed.",
     ),
+    "E0529": Entry(
+        "bars that cannot be put together",
+        "In a closed loop no bar can be longer than all others together, and bars between two points that do not move "
+        "must be at least as long together as the points are apart. Here the lengths do not allow any position.",
+    ),
     "E0530": Entry(
         "a parameter without a value",
         "The equations of the run read a parameter that has neither a binding nor a value from the command.",

@@ -46,5 +46,8 @@ def first_states(
     wanted = targets(plan, values, initial, report)
     report.check()
     guess = start_guess(plan, values, wanted)
+    if guess is not None and guess.failures:
+        report.diagnostics += guess.failures
+        report.check()
     seed_blocks(plan, base, wanted, guess)
     return lambda now: initial_state(plan, now, signals, values, time, wanted, guess, report, impacts)

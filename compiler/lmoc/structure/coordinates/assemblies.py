@@ -2,7 +2,8 @@
 
 A loop of given lengths closes in several ways: a four-bar in two, a six-bar in up to six. All are looked for by
 Newton's method from many places at once (steps of least weighted length, no longer than a radian), until each has been
-found several times. Of those that are found, turned by whole turns where that leaves the loops closed, the nearest one
+found several times; solutions of polynomials come in pairs, so that an odd number of them is looked at for longer. Of
+those that are found, turned by whole turns where that leaves the loops closed, the nearest one
 is taken: first to the values that are given, then to angles of zero. Where two are equally near a fixed rule decides,
 so that rounding does not.
 """
@@ -130,7 +131,7 @@ class Loops:
                     return None
                 continue
             isolated = isolated or self._isolated(points[0])
-            if counts.min() >= SEEN or not isolated:
+            if not isolated or (counts.min() >= SEEN and len(points) % 2 == 0):
                 break
         return self._ordered(points, isolated)
 

@@ -40,6 +40,7 @@ class StartPoint:
     jets : positions in the flattened sample of what they contain
     loose : whether some of that may move though what is fixed and given stays
     ways : as in `StartGuess`
+    moved : fixed flat variables without which no way was found to close their loops, with values that do
     """
 
     sample: Sample
@@ -47,6 +48,7 @@ class StartPoint:
     jets: np.ndarray
     loose: bool = False
     ways: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+    moved: tuple[tuple[int, float], ...] = ()
 
 
 def start_point(
@@ -83,7 +85,7 @@ def start_point(
 def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> StartPoint | None:
     """The point nearest to a sample that satisfies constraints; None where none is found."""
     weight = ease.ravel()[rows.jets]
-    values, ways, loose = rows.begin.copy(), [], False
+    values, ways, moved, loose, kept = rows.begin.copy(), [], [], False, True
     held = weight <= FIXED
     for own, columns in rows.components(held):
         if not len(own):
@@ -96,6 +98,11 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
             if assemblies is not None:
                 loose |= not assemblies.isolated
                 ways += wanted.told_apart(part.jets, assemblies)
+                fixed = weight[inside] <= FIXED
+                away = np.abs(found - part.begin) > 1e-9 * (1.0 + np.abs(part.begin))
+                if (away & fixed).any():
+                    kept = False
+                    moved += wanted.only(part.jets, fixed, found)
         else:
             found = _alone(part, values[inside], weight[inside])
         if found is None:
@@ -103,7 +110,8 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
         values[np.intersect1d(inside, columns)] = found[np.isin(inside, columns)]
     value = rows.sample.value.copy()
     value.flat[rows.jets] = values
-    return StartPoint(replace(rows.sample, value=value), True, rows.jets, loose, tuple(ways))
+    sample = replace(rows.sample, value=value)
+    return StartPoint(sample, kept, rows.jets, loose, tuple(ways) if kept else (), tuple(moved))
 
 
 def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
@@ -218,6 +226,15 @@ class _Wanted:
                 order = np.argsort(self.variable[own[chosen]])
                 return [(self.variable[own[chosen]][order], values[:, chosen][:, order])]
         return []
+
+    def only(self, jets: np.ndarray, fixed: np.ndarray, found: np.ndarray) -> list[tuple[int, float]]:
+        """Return the only fixed variable of a loop with the value that has been found for it."""
+        own, at = self._places(jets)
+        if np.count_nonzero(fixed) != 1:
+            return []
+        given = np.flatnonzero(fixed[at] & (self.level[own] == 0))[:1]
+        value = self.factor[own] * found[at] + self.offset[own]
+        return [(int(self.variable[own[k]]), float(value[k])) for k in given.tolist()]
 
     def _places(self, jets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of what is wanted of some jets, and the positions of those."""

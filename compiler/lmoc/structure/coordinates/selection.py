@@ -64,7 +64,7 @@ class Selection:
         ----------
         values : (flat.count,) parameter values
         """
-        system, start = self._system(values), self.start_at(values)
+        system, start = self.with_values(values), self.start_at(values)
         sample = generic(system, len(self.sample.value) - 1)
         tied, _ = constraint_matrix(system, self.c, self.d, sample, start)
         return determined_at_start(tied, self.c, self.d, self.choice)
@@ -86,14 +86,14 @@ class Selection:
         given = (values, *(fixed or ()), at_rest)
         key = tuple(b"" if a is None else a.tobytes() for a in given)
         if key not in self.kept:
-            system = self.system if values is None else self._system(values)
+            system = self.system if values is None else self.with_values(values)
             found = start_point(system, self.c, len(self.sample.value) - 1, fixed, at_rest)
             self.kept.clear()
             self.kept[key] = found
         return self.kept[key]
 
-    def _system(self, values: np.ndarray) -> EquationSystem:
-        """The equations with other parameter values."""
+    def with_values(self, values: np.ndarray) -> EquationSystem:
+        """Return the equations with other parameter values."""
         system, normalized = copy(self.system), self.system.normalized
         derived = derived_values(normalized.derived, values)
         system.normalized = replace(normalized, values=values, derived_values=derived)

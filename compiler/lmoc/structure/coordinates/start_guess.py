@@ -6,8 +6,11 @@ import numpy as np
 
 from lmoc.ir.program import Program, Solve, walk
 from lmoc.ir.reduced import StartGuess
+from lmoc.messages.diagnostics import Diagnostic
 from lmoc.structure.coordinates.closure import StartPoint
 from lmoc.structure.coordinates.selection import Selection
+from lmoc.structure.index.system import EquationSystem
+from lmoc.structure.loops.reach import out_of_reach
 from lmoc.structure.loops.sample import UNMARKED
 
 Given = tuple[np.ndarray, np.ndarray]  # flat variables, and values that are fixed at the start
@@ -27,7 +30,7 @@ def guess_of(selection: Selection, start: StartPoint, states: np.ndarray, unknow
     start : the point at which the coordinates have been chosen
     states, unknowns : registers of the states, and of unknowns of nonlinear blocks
     """
-    return _guess(selection, _settled(selection, start, states, None, None), states, unknowns)
+    return _guess(selection, selection.system, _settled(selection, start, states, None, None), states, unknowns)
 
 
 def guess_at(
@@ -35,7 +38,8 @@ def guess_at(
 ) -> StartGuess:
     """Return the guess with other parameter values (flat.count,) and values that are fixed for one run."""
     start = selection.start_at(values, fixed)
-    return _guess(selection, _settled(selection, start, states, values, fixed), states, unknowns)
+    system = selection.with_values(values)
+    return _guess(selection, system, _settled(selection, start, states, values, fixed), states, unknowns)
 
 
 def _settled(
@@ -50,7 +54,9 @@ def _settled(
     return settled if settled.closed else start
 
 
-def _guess(selection: Selection, start: StartPoint, states: np.ndarray, unknowns: np.ndarray) -> StartGuess:
+def _guess(
+    selection: Selection, system: EquationSystem, start: StartPoint, states: np.ndarray, unknowns: np.ndarray
+) -> StartGuess:
     variable, order = selection.layout.jets
     place = start.sample.value
     width = place.shape[1]
@@ -65,4 +71,23 @@ def _guess(selection: Selection, start: StartPoint, states: np.ndarray, unknowns
     moved = tied | (np.abs(place[jets]) > 2 * UNMARKED)  # else nobody has said anything, and zero will do
     n = selection.system.normalized
     tied_variables = np.flatnonzero((n.order == 0) & np.isin(n.root, start.jets[start.jets < width]))
-    return StartGuess(guess, registers[moved], place[jets][moved], start.closed, tied_variables, start.ways)
+    reason = None if start.closed else out_of_reach(system.normalized)
+    failures = () if reason is None else (reason,)
+    doubts = tuple(_not_closed(selection, variable, value) for variable, value in start.moved)
+    return StartGuess(
+        guess, registers[moved], place[jets][moved], start.closed, tied_variables, start.ways, failures, doubts
+    )
+
+
+def _not_closed(selection: Selection, variable: int, value: float) -> Diagnostic:
+    flat = selection.system.flat
+    name, parameters = flat.variable_name(variable), selection.system.normalized.all_values
+    given = [a for a in flat.starts if (a.target == variable).any()]
+    wanted = float(given[-1].values(parameters)[np.flatnonzero(given[-1].target == variable)[0]]) if given else 0.0
+    return Diagnostic(
+        "E0532",
+        f"no way was found to close the loop of {name.rsplit('.', 1)[0]} with {name} = {wanted:g}",
+        given[-1].span if given else flat.declared_at(variable),
+        found=f"it closes with {name} = {value:.6g}, for example",
+        hint="start elsewhere, or change the lengths of the bars",
+    )
