@@ -120,3 +120,21 @@ def test_names_are_split_outside_of_quotes():
     assert subscripts(name) == [["3"], ["1", "2"]] and with_subscripts(name, "789") == r"m[7].'a.b[1]\'c.'[8,9].q"
     assert partition("'a=b'=2=3", "=") == ("'a=b'", "=", "2=3") and partition("'a=b'", "=") == ("'a=b'", "", "")
     assert split("it's.an 'odd") == ["it's", "an 'odd"] or split("it's.an 'odd") == ["it's.an 'odd"]
+
+
+def test_no_sign_of_a_name_commands_a_terminal(tmp_path, capsys, monkeypatch):
+    """Messages show what is no letter as a dot; standard output does where it is a terminal, a file has it as it is."""
+    name = "'\x1b[2J'"
+    file = tmp_path / "a\x1b[31mb.lmo"
+    file.write_text(f"model M Real {name}; end M;")
+    assert main(["check", str(file)]) == 1
+    said = capsys.readouterr().err
+    assert "\x1b" not in said and "'·[2J'" in said
+    for words in (["run", "m.lmo", "--set", f"{name}=1"], ["run", "m.lmo", "--\x9b2J"], ["\x1b[2J"]):
+        assert main(words) in (1, 2)
+        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", capsys.readouterr().err)
+    file.write_text(f"model M Real {name}(start = 1, fixed = true); equation der({name}) = -{name}; end M;")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    assert main(["run", str(file), "--stop", "1"]) == 0
+    shown = re.sub(r"\x1b\[[\d;]*m", "", capsys.readouterr().out)  # but for the command's own colours
+    assert "\x1b" not in shown and "'·[2J'" in shown

@@ -49,7 +49,7 @@ def prepare() -> None:
         pass  # not the main thread, which alone gets signals
 
 
-class _Terminal(io.TextIOBase):
+class _Terminal:
     """A terminal to which nothing goes but texts and the command's own colours: names are a model's."""
 
     _OWN = re.compile(r"(\x1b\[[\d;]*m)")
@@ -61,10 +61,8 @@ class _Terminal(io.TextIOBase):
         pieces = self._OWN.split(text)
         return self.stream.write("".join(p if k % 2 else visible(p) for k, p in enumerate(pieces)))
 
-    def __getattribute__(self, name: str) -> Any:
-        if name in ("write", "stream", "_OWN", "__class__"):
-            return object.__getattribute__(self, name)
-        return getattr(object.__getattribute__(self, "stream"), name)
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
 
 
 @contextmanager
@@ -72,7 +70,7 @@ def shown() -> Iterator[None]:
     """Keep what a model says from commanding the terminal to which standard output goes."""
     before = sys.stdout
     if before.isatty():
-        sys.stdout = _Terminal(before)
+        sys.stdout = _Terminal(before)  # type: ignore[assignment]
     try:
         yield
     finally:
