@@ -5,10 +5,8 @@ import pytest
 from conftest import ROOT
 
 import lmoc
-from lmoc.numerics.coordinates import certificate, watch
-from lmoc.numerics.coordinates.compiled_certificate import Text
+from lmoc.numerics.coordinates import watch
 from lmoc.numerics.coordinates.tableau import rank_margin
-from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.integrate import loop
 from lmoc.numerics.integrate.loop import Loop
 
@@ -32,14 +30,8 @@ def certified_looks(scene: str, monkeypatch) -> list[tuple]:
     return seen
 
 
-@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("scene", SCENES)
-def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
-    if compiled and find_compiler() is None:
-        pytest.skip("no C compiler")
-    if not compiled:
-        monkeypatch.setattr(Text, "library", None)
-    monkeypatch.setattr(certificate, "_WORTHWHILE", 1)
+def test_bounds_are_those_of_the_whole_matrix(scene, monkeypatch):
     seen = certified_looks(scene, monkeypatch)
     assert len(seen) > 10
     for (worst, sign, least, change, _, grown), place, begin, watched, counted in seen:
@@ -55,7 +47,6 @@ def test_bounds_are_those_of_the_whole_matrix(scene, compiled, monkeypatch):
         assert grown <= 0
 
 
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize("solver", ["dop853", "taylor"])
 @pytest.mark.parametrize("scene", [*SCENES, "planar/pendulum_cartesian"])
 def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch):
@@ -80,7 +71,6 @@ def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch
         np.testing.assert_allclose(run[name], other[name], rtol=1e-11, atol=1e-11 * np.abs(other[name]).max())
 
 
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize("options", [{"solver": "dop853"}, {"solver": "taylor"}, {"formulation": "projected"}])
 def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(options, monkeypatch):
     dae = lmoc.compile(ROOT / "models/planar/four_bar.lmo")

@@ -11,7 +11,6 @@ from scipy.special import ellipj, ellipk
 import lmoc
 from lmoc.numerics.coordinates.changes import Changes, Way
 from lmoc.numerics.coordinates.watch import CoordinateWatch
-from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.formulations import manifold
 from lmoc.numerics.integrate.status import Status
 
@@ -59,7 +58,6 @@ def pendulum() -> lmoc.DAE:
     return lmoc.compile(ROOT / "models/planar/pendulum_cartesian.lmo")
 
 
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize("solver", ["auto", "taylor"])
 def test_cartesian_pendulum_after_845_periods(pendulum, solver):
     run = pendulum.simulate(stop=2000, rtol=1e-10, solver=solver)
@@ -124,7 +122,6 @@ def test_singular_positions_of_four_rods_are_passed(rtol, solver):
     assert np.abs(run["cx"] - 1 - np.sin(angle)).max() < 100 * rtol + 1e-8
 
 
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 def test_projection_in_c_is_that_of_numpy(monkeypatch):
     dae = lmoc.compile_text(ROCKER)
     options = {"stop": 2, "rtol": 1e-6, "formulation": "projected", "points": 41}

@@ -1,4 +1,4 @@
-"""Steps judged in C by their certificate, many of them without Python in between (`native/c/judge.c`)."""
+"""Steps judged in C by their certificate, many of them without Python in between (``engine/c/judge.c``)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lmoc.numerics.coordinates.compiled_certificate import CompiledCertificate
+from lmoc.engine.kernel import Hold
+from lmoc.engine.library import address
+from lmoc.numerics.coordinates.bounds import Bounds
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import SHARE
-from lmoc.numerics.evaluate.native.kernel import Hold
 from lmoc.numerics.evaluate.system import InC
 
 Step = tuple[float, np.ndarray, np.ndarray]  # its end: time, states, solutions of blocks
@@ -18,7 +19,7 @@ Step = tuple[float, np.ndarray, np.ndarray]  # its end: time, states, solutions 
 
 class _Judge(ctypes.Structure):
     _fields_ = [
-        *[(name, ctypes.c_void_p) for name in ("call", "evaluate", "mark", "registers", "w", "m", "tab")],
+        *[(name, ctypes.c_void_p) for name in ("call", "evaluate", "mark", "registers", "by")],
         *[(name, ctypes.c_void_p) for name in ("given", "found", "reads", "told", "solved")],
         *[(name, ctypes.c_int64) for name in ("read_count", "solved_count", "n")],
         *[(name, ctypes.c_double) for name in ("limit", "sure", "share", "sign", "least")],
@@ -50,7 +51,7 @@ class Judged(NamedTuple):
 class Judge:
     """Judges the steps of one system, and keeps a record of those that are certainly good."""
 
-    def __init__(self, certificate: CompiledCertificate, system: InC, n: int, *registers: np.ndarray) -> None:
+    def __init__(self, certificate: Bounds, system: InC, n: int, *registers: np.ndarray) -> None:
         """
         Parameters
         ----------
@@ -65,7 +66,7 @@ class Judge:
             reads.ctypes.data, told.ctypes.data, solved.ctypes.data, len(reads), len(solved), n, share=SHARE,
         )  # fmt: skip
         own = ctypes.addressof(self._judge)
-        self._hold = Hold(own, certificate.address("lmoc_judge_look"), None, certificate.address("lmoc_judge_keep"), 1)
+        self._hold = Hold(own, address("lmoc_judge_look"), None, address("lmoc_judge_keep"), 1)
         self.address = ctypes.addressof(self._hold)
 
     def enter(self, place: Place, by: Judged, most: int) -> None:

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.certificate import NEIGHBOURS, UNEXPLAINED, Certifier, Scales, recipe_of
+from lmoc.numerics.coordinates.bounds import NEIGHBOURS, UNEXPLAINED
+from lmoc.numerics.coordinates.certificate import Certifier, Scales, recipe_of
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
-from lmoc.numerics.coordinates.entries import Unscaled, entries_of
+from lmoc.numerics.coordinates.entries import entries_of
 from lmoc.numerics.coordinates.equilibration import Equilibration
 from lmoc.numerics.coordinates.judge import Judged
 from lmoc.numerics.coordinates.passage import Passage
@@ -75,14 +76,12 @@ class CoordinateWatch:
         self._place = own.row.astype(int) * len(own.variable) + own.column
         # scaled matrix of the last look, `Place.least` of it, and the factors of both
         self._recent: tuple[np.ndarray, float, tuple[np.ndarray, np.ndarray]] | None = None
-        self._unscaled: Unscaled | None = None  # of the last matrix, where casadi computes the tableau
         self._sizes = Equilibration(own.rows, len(own.variable))
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
         self._recipe = recipe_of(system, self._registers)
         self._certifier: Certifier | None = None
-        self._steps = 0  # of the run, judged without a certifier
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
@@ -101,7 +100,6 @@ class CoordinateWatch:
             )
         )
         self._sizes.size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
-        self._steps = before._steps
 
     @property
     def sizes(self) -> np.ndarray:
@@ -271,11 +269,7 @@ class CoordinateWatch:
         if certifier is None or sizes.scales is None:
             matrix = self._matrix(t, x)
             sizes.grow(np.abs(matrix))
-            even, made = sizes.scaled(matrix), self._unscaled
-            if made is None:
-                found = tableau(matrix, own.watched, sizes.ranges)
-            else:
-                found = scaled(*made, own.watched, sizes.ranges)
+            even, found = sizes.scaled(matrix), tableau(matrix, own.watched, sizes.ranges)
             least = self._least(even)
             self._recent = even, least, sizes.scales
         else:
@@ -303,10 +297,7 @@ class CoordinateWatch:
 
     def _find_certifier(self) -> None:
         if self._certifier is None and self._recipe is not None:
-            self._steps += 1
-            evaluation = self._recipe.evaluation(self._steps)
-            if evaluation is not None:
-                self._certifier = Certifier(self.system, self._recipe, self._registers, evaluation)
+            self._certifier = Certifier(self.system, self._recipe, self._registers, self._recipe.evaluation())
 
     def _begin_certifier(self) -> None:
         """Have the certifier stand at the last place accepted."""
@@ -396,5 +387,5 @@ class CoordinateWatch:
 
     def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
         rows, columns = self._sizes.size.shape
-        entries, self._unscaled = self._entries(t, x)
+        entries = self._entries(t, x)
         return np.bincount(self._place, entries, rows * columns).reshape(rows, columns)
