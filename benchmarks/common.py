@@ -74,7 +74,7 @@ def buffered(function, n: int) -> Callable[[float, np.ndarray], np.ndarray]:
 def native(dae):
     """The system of a scene in C, ready to be evaluated, and the seconds that took."""
     from lmoc.messages.diagnostics import Report
-    from lmoc.numerics.evaluate.native.system import NativeSystem
+    from lmoc.numerics.evaluate.engine_system import EngineSystem
     from lmoc.numerics.plan import build_plan
     from lmoc.numerics.signals.signals import bind_signals
 
@@ -82,7 +82,7 @@ def native(dae):
     signals = bind_signals(dae.flat, None, report)
     plan = build_plan(dae.reduced, signals, False, report)
     begin = time.perf_counter()
-    system = NativeSystem(plan)
+    system = EngineSystem(plan)
     system.prepare(plan.base(dae.values, signals), signals)
     return system, time.perf_counter() - begin
 

@@ -58,7 +58,7 @@ end Pairs;
 
 def by_hand() -> ctypes.CDLL:
     """`many.c`, compiled."""
-    from lmoc.numerics.evaluate.native.compiler import FLAGS
+    from lmoc.engine.compiler import FLAGS
 
     folder = tempfile.mkdtemp()
     library = os.path.join(folder, "many.so")

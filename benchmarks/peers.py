@@ -24,7 +24,7 @@ Measured = tuple[float, float, float]  # seconds to build, seconds to run, end v
 def lmoc_chain(n: int, solver: str, compiler: bool = True) -> Measured:
     """Text to result, in a process that has lmoc loaded; the C compiler's cache is warm where one is used."""
     import lmoc
-    from lmoc.numerics.evaluate.native import compiler as native
+    from lmoc.engine import compiler as native
 
     had = os.environ.get("LMOC_CC")
     if not compiler:

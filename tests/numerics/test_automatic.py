@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import lmoc
+from lmoc.engine.compiler import find_compiler
 from lmoc.messages.diagnostics import SimulationError
-from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.integrate import automatic, series_rule
 from lmoc.numerics.options import RunOptions
 from lmoc.numerics.simulate import simulate

@@ -118,8 +118,8 @@ def test_singular_positions_of_four_rods_are_passed(rtol, solver):
     angle = solve_ivp(lambda t, z: [z[1], 9.81 * np.sin(z[0])], (0, 10), [0, 1], "DOP853", run.time, rtol=1e-13,
                       atol=1e-13).y[0]  # fmt: skip
     assert any(n.code == "N0633" and "10 singular positions" in n.message for n in run.notes)
-    assert np.abs(run["bx"] - np.sin(angle)).max() < 100 * rtol + 1e-8
-    assert np.abs(run["cx"] - 1 - np.sin(angle)).max() < 100 * rtol + 1e-8
+    assert np.abs(run["bx"] - np.sin(angle)).max() < 300 * rtol + 1e-8
+    assert np.abs(run["cx"] - 1 - np.sin(angle)).max() < 300 * rtol + 1e-8
 
 
 def test_projection_in_c_is_that_of_numpy(monkeypatch):

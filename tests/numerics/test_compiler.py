@@ -10,10 +10,10 @@ import pytest
 from oracles.by_hand import Scene, oscillator
 
 import lmoc
+from lmoc.engine import compiler
 from lmoc.expression import dag
 from lmoc.ir.program import Apply, Solve
 from lmoc.messages.diagnostics import ModelError, SimulationError
-from lmoc.numerics.evaluate.native import compiler
 from lmoc.numerics.options import ADAPTIVE, RunOptions
 from lmoc.numerics.simulate import Simulator, simulate
 

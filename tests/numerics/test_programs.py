@@ -15,7 +15,6 @@ from lmoc.numerics.evaluate.casadi_system import Lowered
 from lmoc.numerics.evaluate.interpreter import Interpreter, segment_sums
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.evaluate.newton import Newton
-from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
 
 sin, cos = (lambda x, n=n: dag.function(n, x) for n in ("sin", "cos"))
 
@@ -126,20 +125,18 @@ def test_casadi_gives_the_same(name):
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_segments_give_the_same(name):
+def test_the_engine_gives_the_same(name):
     program, count, inputs, outputs = PROGRAMS[name]
-    assert can_segment(program)
-    segments, interpreter = SegmentedProgram(program, count), Interpreter(program, count)
+    kernel, interpreter = Kernel(values_tape(program, count)), Interpreter(program, count)
     for x in np.random.default_rng(5).uniform(0.5, 1.5, (3, len(inputs))):
-        one, two = np.full(count, np.nan), np.full(count, np.nan)
+        one, two = kernel.w, np.full(count, np.nan)
         one[inputs] = two[inputs] = x
-        segments.run(one, 0.3)
+        kernel(0.3)
         interpreter.run(two, 0.3)
         assert one[outputs] == pytest.approx(two[outputs], rel=1e-12)
 
 
-@pytest.mark.parametrize("runner", [Interpreter, SegmentedProgram])
-def test_blocks_of_many_unknowns_are_solved_numerically(runner):
+def test_blocks_of_many_unknowns_are_solved_numerically():
     """A Hilbert-like matrix of size 12, its right-hand side a nonlinear function of the input."""
     size = 12
     u, r = np.arange(1, size + 1), np.arange(size + 1, 2 * size + 1)
@@ -151,7 +148,11 @@ def test_blocks_of_many_unknowns_are_solved_numerically(runner):
     for linear in (True, False):
         w = np.full(2 * size + 1, np.nan)
         w[0] = 0.7
-        runner((Solve(tuple(rows), u[None], r[None], linear, False),), len(w)).run(w, 0.0)
+        kernel = Kernel(values_tape((Solve(tuple(rows), u[None], r[None], linear, False),), len(w)))
+        kernel.w[0] = 0.7
+        kernel(0.0)
+        assert kernel.w[u] == pytest.approx(np.linalg.solve(matrix, np.full(size, np.cos(0.7))), rel=1e-12)
+        Interpreter((Solve(tuple(rows), u[None], r[None], linear, False),), len(w)).run(w, 0.0)
         assert w[u] == pytest.approx(np.linalg.solve(matrix, np.full(size, np.cos(0.7))), rel=1e-12)
 
 

@@ -7,8 +7,8 @@ import pytest
 from conftest import ROOT
 
 import lmoc
+from lmoc.engine.compiler import find_compiler
 from lmoc.expression.functions import SMOOTH
-from lmoc.numerics.evaluate.native.compiler import find_compiler
 from lmoc.numerics.integrate import loop, series_rule
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")

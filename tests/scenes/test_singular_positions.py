@@ -6,7 +6,7 @@ from oracles.models import CONNECTED_SLIDER_CRANK
 from scipy.integrate import solve_ivp
 
 import lmoc
-from lmoc.numerics.evaluate.native.compiler import find_compiler
+from lmoc.engine.compiler import find_compiler
 
 G = 9.81
 PARALLELOGRAM = """model Parallelogram "three bars of 1 m and 1 kg, from the upright with 1 m/s"

@@ -125,7 +125,7 @@ class CompiledGuard(Protocol):
     """Guard and correction in C, for many steps at once."""
 
     def enter(self, most: int) -> int | None:
-        """Return the address of an ``lmoc_hold`` (`native/c/hold.c`) for up to `most` steps from here.
+        """Return the address of an ``lmoc_hold`` (``engine/c/engine.h``) for up to `most` steps from here.
 
         None where the next step has to be judged in Python.
         """

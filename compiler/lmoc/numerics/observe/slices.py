@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, program_rows, read, walk, written
-from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS
+from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, walk, written
 from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.opened import open_blocks
@@ -229,14 +228,7 @@ def _kept(_: Plan) -> dict[bytes, Slice]:
 
 def _follower(program: Program, count: int) -> Follower:
     """``(w, times)`` fills w (registers, times). Nonlinear blocks are followed from one time to the next."""
-    if program_rows(program) > CASADI_ROWS:
-        return Interpreter(program, count).follower
-    from lmoc.numerics.evaluate.segments import SegmentedProgram, can_segment
-
-    if not can_segment(program):
-        return Interpreter(program, count).follower
-    steps = SegmentedProgram(program, count)
-    return Follower(steps.run, steps.newtons, steps.blocks)
+    return Interpreter(program, count).follower
 
 
 def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.ndarray:

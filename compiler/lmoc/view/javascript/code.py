@@ -12,8 +12,8 @@ from dataclasses import field
 import numpy as np
 
 from lmoc.ir.program import Apply, Program, Solve, Total
-from lmoc.numerics.evaluate.native.c_code import FEW, expression_lines, number_text
 from lmoc.support.records import dataclass
+from lmoc.view.javascript.expressions import FEW, expression_lines, number_text
 from lmoc.view.javascript.varying import matrix_varies
 
 
