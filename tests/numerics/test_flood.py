@@ -6,7 +6,7 @@ import pytest
 
 import lmoc
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.failures import flood
+from lmoc.numerics.failures import flood, pace
 from lmoc.numerics.observe.event import Event
 
 
@@ -63,3 +63,24 @@ def test_a_run_says_so_when_it_is_still_on_its_way(equation, line, monkeypatch, 
     assert len(found) == len(caplog.records) == 1 and found[0].span.line == line
     assert "about 2e+02 are still ahead until 2e-07 s" in found[0].message  # 180
     assert len(reached) == 200 and {stop for _, stop in reached} == {2e-7}
+
+
+def test_a_slow_run_says_how_long_it_takes(monkeypatch, caplog):
+    """By the pace so far; a run that is nearly over says nothing."""
+    spent = [0.0]
+    monkeypatch.setattr(pace.clock, "thread_time", lambda: spent[0])
+
+    def said(steps):
+        caplog.clear()
+        spent[0] = 0.0
+        made = pace.Pace(1.0, 3.0)
+        with caplog.at_level(logging.WARNING, "lmoc"):
+            for spent[0], t in steps:
+                made.reached(t)
+        return [r.getMessage() for r in caplog.records]
+
+    (text,) = said([(1.0, 1.01), (6.0, 1.02), (20.0, 1.1), (50.0, 1.2)])
+    assert "W0563" in text and "t = 1.02 s in 6 s of work" in text and "about 10 min more until 3 s" in text
+    assert said([(6.0, 2.5), (20.0, 2.9)]) == []
+    assert said([(6.0, 1.0)]) == []
+    assert "3.3 h more" in said([(6.0, 1.001)])[0]

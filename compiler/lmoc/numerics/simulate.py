@@ -16,6 +16,7 @@ from lmoc.messages.ranges import report_alike
 from lmoc.numerics.coordinates.change import Place
 from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.failures.pace import Pace
 from lmoc.numerics.observe.trajectory import End, Trajectory
 from lmoc.numerics.options import FIXED_STEP, MOREAU, SOLVERS, RunOptions, Span, checked_formulation, solver_hint
 from lmoc.numerics.pieces import run_pieces, starting_place
@@ -152,10 +153,12 @@ class Simulator:
 
 
 def _heard(progress: Progress | None, span: Span) -> Progress:
-    """Return the progress of a run that its budget hears of, too."""
+    """Return the progress of a run that its budget hears of, too, and that tells of a long run."""
+    pace = Pace(span.start, span.end)
 
     def told(t: float, stop: float) -> None:
         budget.reached((t - span.start) / (span.end - span.start) if span.end > span.start else 1.0)
+        pace.reached(t)
         if progress is not None:
             progress(t, stop)
 

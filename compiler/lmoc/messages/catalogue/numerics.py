@@ -208,6 +208,13 @@ NUMERICS: dict[str, Entry] = {
         "are an array with `each` modifications take far less than as many declarations, `--keep` and `--points`\n"
         "bound what a run keeps.",
     ),
+    "W0563": Entry(
+        "a run that takes long",
+        "After five seconds of work the run has come so little of its way that at this pace more than a minute is\n"
+        "still ahead. It goes on, and can be interrupted: what it has computed is kept. Many short steps are taken\n"
+        "where inputs jump or bend often (a long table), where events follow each other, and where something swings\n"
+        "very fast.",
+    ),
     "W0553": Entry(
         "the energy balance does not close",
         "The energy supplied by sources, the energy dissipated and the change of the stored energy differ by\n"
