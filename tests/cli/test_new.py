@@ -110,3 +110,10 @@ def test_what_cannot_be_written_is_told(lmoc, tmp_path, words, code, said):
     answer = lmoc("new", *words)
     assert answer.code == 2 and f"error[{code}]" in answer.err and said in answer.err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_missing_leads_to_the_scenes(lmoc):
+    assert "`lmoc new` lists scenes to start from" in lmoc("run", "first.lmo").err
+    assert lmoc("new", "crane").code == 0
+    answer = lmoc("run", "crane")
+    assert answer.code == 1 and "The file itself is named with its ending: crane.lmo" in answer.err

@@ -56,7 +56,8 @@ def _similar_file(path: Path) -> str:
     folder = path.parent
     if not folder.is_dir():
         return f"there is no folder '{folder}' either"
-    return nearest(path.name, (p.name for p in folder.iterdir()))
+    near = nearest(path.name, (p.name for p in folder.iterdir()))
+    return near or ("`lmoc new` lists scenes to start from" if path.suffix == ".lmo" else "")
 
 
 def class_files(folder: str | Path) -> dict[str, list[str]]:

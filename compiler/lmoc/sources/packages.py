@@ -131,7 +131,10 @@ def own_folders(file: tree.File, definition: tree.Class) -> tuple[Folder, ...]:
 
 def _misnamed(name: str, path: Path, file: tree.File) -> Diagnostic:
     names = [c.name for c in file.classes]
-    hint = nearest(name, names) or "a file has the name of the class that it defines"
+    near = nearest(name, names)
+    hint = near or "a file has the name of the class that it defines"
+    if near and path.stem == name:
+        hint = f"{near} The file itself is named with its ending: {path.name}"
     place = file.classes[0].name_span if file.classes else None
     return Diagnostic("E0244", f"'{path}' defines no class '{name}'", place, expected=f"a class '{name}'",
                       found=", ".join(f"'{n}'" for n in names) or "no class", hint=hint)  # fmt: skip

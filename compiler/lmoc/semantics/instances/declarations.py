@@ -142,7 +142,7 @@ def _rows(
     expected = type_ or variable.type.name
     if value.type != expected and (expected, value.type) != ("Real", "Integer"):
         raise Wrong("E0301", f"the value of '{variable.label}' must be of type {expected}", binding_span(binding),
-                    expected=expected, found=value.type, hint=_rounding_hint(expected, value))  # fmt: skip
+                    expected=expected, found=value.type, hint=_other_type_hint(expected, value))  # fmt: skip
     if not value.dims and not variable.total and value.uniform:
         leaves, (shape,) = compact(context.leaves.items, value.expr)
         yield 0, shape, tuple((leaf.variable, leaf.index) for leaf in leaves)
@@ -150,12 +150,12 @@ def _rows(
     yield from spread(context, value, binding, variable, lenient)
 
 
-def _rounding_hint(expected: str, value: Value) -> str:
-    return (
-        "div(a, b) divides whole numbers, integer(x) rounds down"
-        if (expected, value.type) == ("Integer", "Real")
-        else ""
-    )
+def _other_type_hint(expected: str, value: Value) -> str:
+    if (expected, value.type) == ("Integer", "Real"):
+        return "div(a, b) divides whole numbers, integer(x) rounds down"
+    if (expected, value.type) == ("Real", "String"):
+        return "a number stands without quotation marks and without its unit: write 50, in SI units"
+    return ""
 
 
 def _require_constant(rows: list, variable: Variable, binding: Binding, what: str, signal: bool) -> None:
