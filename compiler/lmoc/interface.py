@@ -125,6 +125,8 @@ class DAE(CompiledDAE):
         *,
         run: Run | None = None,
         time: float | None = None,
+        dimensions: bool = False,
+        frames: int | None = None,
     ) -> Drawing:
         """Draw the scene: a schematic of what moves along lines and turns, mechanisms of the plane where they start.
 
@@ -135,6 +137,8 @@ class DAE(CompiledDAE):
         parameters : {name: value} for this picture only
         run, time : for free-body diagrams with numbers, their arrows to scale: at the output time nearest to `time`
             (s), by default the last
+        dimensions : with the lengths of bars, rods, links and lever arms
+        frames : draw so many instants of `run` beside each other, the first and the last among them
 
         Raises
         ------
@@ -144,7 +148,8 @@ class DAE(CompiledDAE):
         """
         from lmoc.view.drawing import draw
 
-        drawing = draw(self.prepare(parameters), lambda: self.at_start(parameters), free_body, run, time)
+        prepared = self.prepare(parameters)
+        drawing = draw(prepared, lambda: self.at_start(parameters), free_body, run, time, dimensions, frames)
         if path is not None:
             drawing.save(path)
         return drawing

@@ -80,16 +80,20 @@ def draw(
     free_body: bool = False,
     run: Result | None = None,
     time: float | None = None,
+    dimensions: bool = False,
+    frames: int | None = None,
 ) -> Drawing:
     """Draw a scene.
 
     Parameters
     ----------
     start : gives the values of variables, by name, where a run starts; called where the scene is a mechanism
-    free_body, run, time : as in `lmoc.DAE.draw`, with its errors
+    free_body, run, time, dimensions, frames : as in `lmoc.DAE.draw`, with its errors
     """
-    if not free_body and (run is not None or time is not None):
-        raise TypeError("`run` and `time` belong to free-body diagrams: free_body=True")
+    if not free_body and (time is not None or (run is not None) != (frames is not None)):
+        raise TypeError("`run` and `time` belong to free-body diagrams, free_body=True, and `run` to `frames`")
+    if free_body and (dimensions or frames is not None):
+        raise TypeError("`dimensions` and `frames` belong to the picture of the scene, not to free-body diagrams")
     if run is None and time is not None:
         raise TypeError("`time` is an instant of a run: give `run` as well")
     if run is not None and run.flat.name != prepared.flat.name:
@@ -100,4 +104,11 @@ def draw(
         return Drawing(free_body_picture(prepared, run, time, start))
     from lmoc.view.scene.compose import picture_of
 
-    return Drawing(picture_of(prepared.flat, prepared.values, start))
+    picture = picture_of(prepared.flat, prepared.values, start, dimensions)
+    if frames is None or run is None:
+        return Drawing(picture)
+    from lmoc.view.scene.moving import strip
+
+    if frames < 1:
+        raise ValueError(f"a strip has one frame or more, not {frames}")
+    return Drawing(strip(picture, run, frames))

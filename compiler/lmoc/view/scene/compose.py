@@ -11,6 +11,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.abbreviate import shown
 from lmoc.view.scene.attached import attach
 from lmoc.view.scene.block import Block, packed
+from lmoc.view.scene.dimensions import dimensioned
 from lmoc.view.scene.elements import Graph
 from lmoc.view.scene.joined import joined
 from lmoc.view.scene.names import Names, shortened, symbol
@@ -27,13 +28,16 @@ MOST_NAMED = 6  # parts that are not drawn
 ROOM = 24.0  # px that a node may go
 
 
-def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | None = None) -> Picture:
+def picture_of(
+    flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | None = None, dimensions: bool = False
+) -> Picture:
     """Return the picture of a scene.
 
     Parameters
     ----------
     values : (flat.count,) of the parameters
     start : returns what gives the value of a variable at the start of a run; called for mechanisms of the plane only
+    dimensions : with the lengths of bars, rods, links and lever arms
     """
     found = shown(flat, values)
     if found.graph is None:
@@ -57,6 +61,8 @@ def picture_of(flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | 
     block = joined(packed([b for b in blocks if b.items], WIDTH, GAP), graph)
     if not block.items:
         return without_parts(flat)
+    if dimensions:
+        block = dimensioned(block, graph, names)
     if gravity := gravity_name(graph, names):
         block = gravity_arrow(block, gravity)
     return finished(block, flat.description or flat.name, (*found.notes, *not_drawn(graph)))

@@ -1,0 +1,133 @@
+"""Strips and films of a run, and dimension lines."""
+
+from __future__ import annotations
+
+import os
+from math import cos, hypot, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.cli.main import main
+from lmoc.view.scene.moving import Moving
+from lmoc.view.scene.picture import Label, Picture
+from lmoc.view.scene.text import plain
+
+MODELS = Path(__file__).parents[2] / "models"
+SHORT = """model Short
+  Fixed wall; Spring spring(k = 40); Mass mass(m = 1, q(start = 0.1, fixed = true));
+equation
+  connect(wall.flange, spring.a); connect(spring.b, mass.flange);
+  annotation(experiment(StopTime = 1));
+end Short;
+"""
+CRANK = MODELS / "planar" / "slider_crank.lmo"
+
+
+def texts(picture: Picture) -> list[str]:
+    return [plain(s.text) for _, s, _ in picture.placed() if isinstance(s, Label)]
+
+
+def test_a_mechanism_is_where_the_run_has_it():
+    dae = lmoc.compile(MODELS / "planar" / "four_bar.lmo")
+    run = dae.simulate(points=31)
+    picture = dae.draw().picture
+    moving = Moving(picture, run)
+    scale = next(m.dx for i in picture.items for e in i.ends for m in e.moves if m.dx)
+    for k in (0, 7, 30):
+        crank = next(i for i in moving.at(k) if i.part == "crank" and len(i.ends) == 2)
+        a, b = crank.ends
+        angle = float(run["crank.a.theta"][k])
+        length = hypot(b.x - a.x, b.y - a.y)
+        assert (b.x - a.x, a.y - b.y) == pytest.approx((length * cos(angle), length * sin(angle)), abs=1e-6)
+        assert length == pytest.approx(0.3 * scale)
+
+
+def test_in_a_schematic_the_largest_excursion_takes_the_room():
+    dae = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo")
+    run = dae.simulate(points=51)
+    picture = dae.draw().picture
+    moving = Moving(picture, run)
+    frames = np.array([[i.ends[0].y for i in moving.at(k) if i.symbol == "mass"] for k in range(51)])
+    ways = np.abs(frames - frames[0])
+    others = np.abs(np.array([[e.y for i in moving.at(k) for e in i.ends] for k in range(51)]))
+    assert ways.max() > 1 and np.abs(others - others[0]).max() == pytest.approx(picture.room["line"])
+    motion = np.column_stack([run["q1"], run["q2"]]) - [run["q1"][0], run["q2"][0]]
+    assert ways == pytest.approx(np.abs(motion) * ways.max() / np.abs(motion).max(), abs=1e-9)
+
+
+def test_a_strip_has_the_instants_asked_for(tmp_path):
+    path = tmp_path / "strip.svg"
+    assert main(["draw", str(CRANK), "--frames", "5", "-o", str(path), "--quiet"]) == 0
+    text = path.read_text()
+    assert text.count("t = ") == 5 and text.count('data-part="crank"') >= 5
+    run = lmoc.compile(CRANK).simulate(points=9)
+    picture = lmoc.compile(CRANK).draw(frames=3, run=run).picture
+    assert [t for t in texts(picture) if t.startswith("t = ")] == [f"t = {run.time[k]:.4g} s" for k in (0, 4, 8)]
+
+
+BESIDE_EACH_OTHER = (["--frames", "0"], ["--free-body", "--frames", "3"], ["--free-body", "--dimensions"])
+
+
+@pytest.mark.parametrize("options", BESIDE_EACH_OTHER)
+def test_options_that_do_not_belong_together_are_refused(tmp_path, capsys, options):
+    assert main(["draw", str(CRANK), *options, "-o", str(tmp_path / "s.svg")]) == 2
+    assert "E0620" in capsys.readouterr().err
+
+
+def test_without_a_place_to_write_to(capsys):
+    assert main(["draw", str(CRANK)]) == 2
+    assert "where should the picture be written" in capsys.readouterr().err
+
+
+def test_a_film_needs_ffmpeg(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["draw", str(CRANK), "--gif", str(tmp_path / "s.gif")]) in (1, 2)
+    assert "ffmpeg" in capsys.readouterr().err and not (tmp_path / "s.gif").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the stand-in is a shell script")
+def test_a_film_is_what_ffmpeg_makes_of_the_frames(tmp_path, monkeypatch):
+    """A stand-in counts the pictures that it is given, and writes them down."""
+    stand_in = tmp_path / "bin" / "ffmpeg"
+    stand_in.parent.mkdir()
+    stand_in.write_text('#!/bin/sh\nfor last; do :; done\ncat > "$last"\n')
+    stand_in.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{stand_in.parent}{os.pathsep}{os.environ['PATH']}")
+    path = tmp_path / "film.gif"
+    file = tmp_path / "short.lmo"
+    file.write_text(SHORT)
+    assert main(["draw", str(file), "--gif", str(path), "--quiet"]) == 0
+    frames = path.read_bytes().split(b"\x89PNG")[1:]
+    sizes = {frame[16:24] for frame in frames}
+    assert len(frames) == 25 and len(sizes) == 1  # all of one size
+
+
+def test_what_ffmpeg_says_is_told(tmp_path, monkeypatch, capsys):
+    stand_in = tmp_path / "ffmpeg"
+    stand_in.write_text("#!/bin/sh\necho no such codec >&2\nexit 1\n")
+    stand_in.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    assert main(["draw", str(MODELS / "notes" / "s2_2_rotor.lmo"), "--mp4", str(tmp_path / "s.mp4")]) != 0
+    assert "no such codec" in capsys.readouterr().err
+
+
+def test_dimension_lines_are_as_long_as_what_they_measure():
+    dae = lmoc.compile(MODELS / "planar" / "four_bar.lmo")
+    assert not [i for i in dae.draw().picture.items if i.symbol == "dimension"]
+    picture = dae.draw(dimensions=True).picture
+    lines = {i.part: i for i in picture.items if i.symbol == "dimension"}
+    assert set(lines) >= {"crank", "coupler", "rocker"}
+    length = {part: hypot(i.ends[1].x - i.ends[0].x, i.ends[1].y - i.ends[0].y) for part, i in lines.items()}
+    said = {p: next(s.text for s in i.shapes if isinstance(s, Label)) for p, i in lines.items()}
+    ratios = [length[p] / float(said[p].split("=")[-1][:-2]) for p in ("crank", "coupler", "rocker")]
+    assert ratios == pytest.approx([ratios[0]] * 3)
+
+
+def test_lever_arms_have_dimensions():
+    picture = lmoc.compile(MODELS / "notes" / "s9_lever_small_angles.lmo").draw(dimensions=True).picture
+    lines = [i for i in picture.items if i.symbol == "dimension"]
+    said = [plain(s.text) for i in lines for s in i.shapes if isinstance(s, Label)]
+    assert len(said) == 2 and all(t.startswith("l") and t.endswith(" m") for t in said)
