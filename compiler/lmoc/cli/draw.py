@@ -95,10 +95,9 @@ def _drawn(arguments: argparse.Namespace, films: bool) -> tuple[Drawing, Run | N
         else:
             from lmoc.view.scene.compose import picture_of
 
-            dae = DAE(scene, flat, clock)
-            picture = picture_of(flat, values, dae.at_start, arguments.dimensions)
             if films or arguments.frames is not None:
-                run = dae.simulate()
+                run = DAE(scene, flat, clock).simulate()
+            picture = picture_of(flat, values, lambda: DAE(scene, flat, clock).at_start(), arguments.dimensions)
     if not arguments.quiet:
         terminal.show(flat.notes, ("warning",))
     return Drawing(picture), run
