@@ -11,6 +11,9 @@ DRIFT = """model Drift Real x(start = 1, fixed = true), y(start = 0, fixed = tru
 SWING = """model Swing Fixed w; Spring s(k = 10); Damper d(c = 1); Mass m(m = 1, q(start = 1, fixed = true)); Force p;
   input Real u = 1; equation connect(w.flange, s.a); connect(s.b, m.flange); connect(w.flange, d.a);
   connect(d.b, m.flange); connect(p.flange, m.flange); p.f = u; end Swing;"""
+TIRE = """model Tire Fixed road; Spring tire(k = 1e5), spring(k = 1e4); Mass wheel(m = 50), body(m = 300); equation
+  connect(road.flange, tire.a); connect(tire.b, wheel.flange); connect(wheel.flange, spring.a);
+  connect(spring.b, body.flange); end Tire;"""
 STUCK = """model Stuck DryFriction f(F = 1); Fixed w; Mass m(m = 1, g = 1); Spring s(k = 1); equation
   connect(w.flange, f.a); connect(f.b, m.flange); connect(w.flange, s.a); connect(s.b, m.flange); end Stuck;"""
 
@@ -27,6 +30,17 @@ def test_every_derivation_ends_with_an_answer_or_a_diagnostic(text, name, value,
     for verb, *more in verbs:
         assert main([verb, str(file), *more, "--set", f"{name}={value}", "--budget", "5"]) in (0, 1, 2)
         assert "RuntimeWarning" not in capsys.readouterr().err
+
+
+def test_eigenvalues_that_are_lost_are_not_told():
+    """A stiff tire beside a soft spring: right as long as numbers can tell, and then refused, never zero."""
+    dae = lmoc.compile_text(TIRE)
+    slow = abs(dae.linearize(parameters={"tire.k": 1e9}).eigenvalues).min()
+    assert abs(dae.linearize(parameters={"tire.k": 1e18}).eigenvalues).min() == pytest.approx(slow, rel=1e-3)
+    for stiff in (1e40, 1e100, 1e308):
+        with pytest.raises(lmoc.ModelError, match="orders of magnitude"):
+            print(dae.linearize(parameters={"tire.k": stiff}).eigenvalues)
+        assert dae.equilibria(parameters={"tire.k": stiff})[0].stability == "undecided"
 
 
 def test_a_rest_is_sought_with_numbers_that_are_no_fractions_of_floats(tmp_path):

@@ -88,6 +88,8 @@ def _stability(e: Equilibrium, notation) -> list[str]:
     lines = f"stability: {e.stability or 'not known: a parameter has no value'}"
     if e.model is None:
         return [lines]
+    if e.model.is_too_wide:
+        return [f"{lines} (the numbers of the linear model lie too far apart for its eigenvalues)"]
     if e.nonlinear:
         symbols = {s.name for value in e.values.values() for s in value.free_symbols}
         zeroed = [f"{notation.name(u)} = 0" for u in e.model.inputs if u in symbols]
@@ -129,13 +131,14 @@ def _value(notation, value) -> str:
 
 def as_data(e: Equilibrium) -> dict:
     """An equilibrium as plain data."""
+    told = e.model is not None and not e.model.is_too_wide
     return {
         "values": {symbol.name: str(value) for symbol, value in e.values.items()},
         "inputs": {symbol.name: str(value) for symbol, value in e.inputs.items()},
         "free": [symbol.name for symbol in e.free],
         "conditions": [f"{condition} = 0" for condition in e.conditions],
         "stability": e.stability,
-        "eigenvalues": [] if e.model is None else [[v.real, v.imag] for v in e.model.eigenvalues.tolist()],
+        "eigenvalues": [[v.real, v.imag] for v in e.model.eigenvalues.tolist()] if told else [],
         "how": e.how,
     } | ({} if e.laws is None else {"laws": _laws_data(e.laws)})
 

@@ -121,6 +121,8 @@ class Equilibrium(Mapping):
         """
         if self.model is None:
             return None
+        if self.model.is_too_wide:
+            return "undecided"
         if self.laws is not None and self.laws.at_limit:
             return "undecided"  # a law that has just closed, or friction at its limit: it may let go
         values = self.model.eigenvalues

@@ -24,7 +24,7 @@ from lmoc.symbolic.names import without_dots
 from lmoc.symbolic.notebook import MOST_SHOWN, matrices_html
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.stability import Spectrum, spectrum, stability
+from lmoc.symbolic.stability import Spectrum, spectrum, stability, too_wide
 from lmoc.symbolic.system import SymbolicSystem, refuse
 from lmoc.symbolic.values import exactly, no_value
 
@@ -109,8 +109,18 @@ class LinearModel:
         """Sorted by frequency, then by real part; the partners of a complex pair stand together."""
         return self._spectrum.values
 
+    @property
+    def is_too_wide(self) -> bool:
+        """Its numbers lie so far apart that the eigenvalues are lost in rounding."""
+        return too_wide(self._numeric_A)
+
     @cached_property
     def _spectrum(self) -> Spectrum:
+        if self.is_too_wide:
+            raise refuse(
+                "the numbers of the linear model span more than 24 orders of magnitude: its eigenvalues are lost",
+                hint="look at very large and very small values",
+            )
         return spectrum(self._numeric_A)
 
     @cached_property

@@ -17,6 +17,7 @@ NEAR_AXIS = 1e-6  # |Re λ|/|λ| below which several equal eigenvalues may be on
 ON_AXIS = 1e-9  # and below which a single one is
 
 ROUNDED_OFF = 1e-24  # of the largest entry: less is what a square of a difference of equal numbers leaves
+NOT_ROUNDING = 1e-3  # in SI units: the rate of a coordinate is 1 times a velocity, what rounding leaves is far less
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,15 @@ class Spectrum:
     values: np.ndarray
     chains: tuple[int, ...]
     rounding: float
+
+
+def too_wide(A: np.ndarray) -> bool:
+    """Return whether numbers that are more than rounding are lost beside the largest, or are none."""
+    size = np.abs(A)
+    if not np.isfinite(size).all():
+        return True
+    lost = size[(size > 0) & (size < ROUNDED_OFF * size.max(initial=0.0))]
+    return bool(lost.max(initial=0.0) > NOT_ROUNDING)
 
 
 def spectrum(A: np.ndarray) -> Spectrum:
