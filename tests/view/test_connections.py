@@ -28,6 +28,7 @@ RANDOM = {
     "lattice": lattice(5, 2),
     "lattice of three rows": lattice(4, 3),
     "lattice of shafts": lattice(3, 3, "shaft"),
+    "a rope over its own axle": graph(143, 8 + (143 * 7) % 53),
     **{f"plane-{k}": plane(k, 2 + k % 4) for k in range(2)},
 }
 
@@ -49,3 +50,17 @@ def test_the_test_notices_a_piece_that_is_taken_away(tmp_path):
     for item in picture.items:
         if item.symbol in ("mass", "spring"):
             assert lost(flat, replace(picture, items=tuple(i for i in picture.items if i is not item))) != []
+
+
+def test_a_part_with_both_ends_at_one_place_is_drawn(tmp_path):
+    path = tmp_path / "scene.lmo"
+    path.write_text("""model M
+  Fixed wall; Spring spring(k = 1), ring(k = 2); Mass mass(m = 1);
+equation
+  connect(wall.flange, spring.a); connect(spring.b, mass.flange);
+  connect(ring.a, mass.flange); connect(ring.b, mass.flange);
+end M;
+""")
+    flat, picture = opened(path)
+    assert lost(flat, picture) == []
+    assert sum(i.part == "ring" and i.symbol == "spring" for i in picture.items) == 1

@@ -152,7 +152,8 @@ def _groups(items: Sequence[Item], members: Sequence[int], node: int) -> list[li
 def _mark(items: Sequence[Item], piece: Sequence[int], node: int, ink: Ink) -> list[Item]:
     """Return a circle beside a piece, where it covers least, and the line that leads to it."""
     found: list[tuple[End, Point]] = []
-    for item in sorted((items[k] for k in piece), key=lambda i: i.symbol in BESIDE)[:4]:
+    plain = [k for k in piece if items[k].symbol not in (*BESIDE, "string")]  # a rope over a wheel fills no rectangle
+    for item in [items[k] for k in plain or piece][:4]:
         for corners in places(item, node):
             end = next((e for e, n in zip(item.ends, item.nodes) if n == node), item.ends[0])
             rim = item.symbol in ROUND

@@ -25,6 +25,8 @@ def draw_strip(strip: Strip, style: Style, direction: Direction = RIGHT) -> Draw
     ----------
     direction : of +q in the picture
     """
+    loops = [link for link in strip.links if link[1] == link[2]]  # both ends at one place
+    strip = strip.broken(loops) if loops else strip
     layout = Layout(strip, style, direction)
     if layout.rows.conflicts:  # a wall that everything leads to may be what is in the way
         apart = Layout(strip.apart(), style, direction)
