@@ -13,7 +13,7 @@ help:
 	@echo "make demo         run the suspension of the notes and draw a picture of it"
 	@echo "make test         run the tests"
 	@echo "make test-random  run them with fresh random examples"
-	@echo "make test-machines  run a hundred scenes as on other machines: BLAS kernels, compilers, threads, busy ones"
+	@echo "make test-machines  run a hundred scenes as on other machines: BLAS kernels, engines, threads, busy ones"
 	@echo "make fuzz         20 000 mutated models: no traceback, nothing slow, nothing large (an hour; resumable)"
 	@echo "make lint         check the style and the types of the code"
 	@echo "make grammar      write the parser's tables that come with the package"

@@ -53,11 +53,10 @@ more and is not counted; "without series" compares with the others alone. Errors
 the series has an order of 18 at least, and steps end at outputs, breaks or events. `failures/drift` is left out of the
 errors: its output is itself what the steps' errors have made.
 
-Why `auto` chooses so: a Taylor series in C that is compiled is faster than DOP853 in nearly all scenes of up to 2500
-rows, at every tolerance, where DOP853 works on casadi's functions; where its equations are in C as well, only from a
-tolerance of 1e-7 on; and in no scene of more rows. To compile it takes a quarter of a second or more; so it is compiled
-where the steps of DOP853 in this run, made and ahead, are many. What other runs have compiled does not count: the same
-call gives the same bits.
+Why `auto` chooses so: along a Taylor series a sum costs the same at each order, a product as much as there are orders
+below. So it is faster than DOP853 where sums outweigh products and functions in the equations, by up to ten times in
+long runs, whose errors add up less along it; and for less than 1000 steps the change is not worth while. What other
+runs have done does not count: the same call gives the same bits.
 
 The exceptions by more than 2 ms, and the errors above 30 times the tolerance:
 

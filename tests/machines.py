@@ -1,8 +1,9 @@
 """The same scenes on many machines: ``make test-machines``, ``python tests/machines.py [WORD …] [--again] [--on …]``.
 
 A hundred scenes (laws, loops, singular places, stiff ones, charts, pages; those alone whose names contain a word, where
-one is given) are run in processes that see another machine each: another kernel of OpenBLAS, other options of the C
-compiler or none, two threads, another seed of hashes, a machine that four processes keep busy, a cold and a warm cache.
+one is given) are run in processes that see another machine each: another kernel of OpenBLAS, an engine built with other
+options, no compiler, two threads, another seed of hashes, a machine that four processes keep busy, a cold and a warm
+cache.
 
 Where the arithmetic is the same, all bits are. Where it is not, a run succeeds or fails in the same way, the same
 events happen in the same order, and values and instants agree within `NEAR` times the tolerance, of the size of a
@@ -18,6 +19,7 @@ import argparse
 import json
 import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -91,7 +93,7 @@ class Machine:
     Attributes
     ----------
     environment : variables in addition
-    compiler : options of the C compiler after its own; None for the usual one
+    built : options of the C compiler with which the engine is built, after its own; none for the engine that is there
     same : whether its arithmetic is that of the first machine, so that all bits are the same
     busy : whether others keep it busy
     warm : whether it finds the cache that the first machine has left
@@ -99,7 +101,7 @@ class Machine:
 
     name: str
     environment: tuple[tuple[str, str], ...] = ()
-    compiler: str | None = None
+    built: str = ""
     same: bool = False
     busy: bool = False
     warm: bool = False
@@ -120,9 +122,8 @@ def machines() -> list[Machine]:
         Machine("2 threads", (("OPENBLAS_NUM_THREADS", "2"),), same=True, warm=True),
         *(Machine(f"hash seed {k}", (("PYTHONHASHSEED", str(k)),), same=True, warm=True) for k in (1, 2)),
         *(Machine(k, (("OPENBLAS_CORETYPE", k),), warm=True) for k in kernels),
-        Machine("no compiler", (("LMOC_CC", ""),), warm=True),
-        Machine("-O0", compiler="-O0"),
-        Machine("-march=x86-64", compiler="-march=x86-64"),
+        Machine("no compiler", (("LMOC_CC", ""), ("PATH", "")), same=True, warm=True),
+        *(Machine(f"engine {flag}", built=flag, same=True, warm=True) for flag in ("-O0", "-march=native")),
     ]
 
 
@@ -164,8 +165,8 @@ def answers(machine: Machine, cases: Sequence[Case], place: Path) -> list[Answer
         environment = {k: v for k, v in os.environ.items() if k not in ("OPENBLAS_L2_SIZE", "OPENBLAS_CORETYPE")}
         environment |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0", "XDG_CACHE_HOME": str(cache)}
         environment.pop("LMOC_CACHE", None)
-        if machine.compiler is not None:
-            environment["LMOC_CC"] = str(_compiler(own / "cc", machine.compiler))
+        if machine.built:
+            environment["PYTHONPATH"] = str(_built(own / "built", machine.built))
         environment |= dict(machine.environment)
         command = [sys.executable, str(ROOT / "tests/oracles/outcomes.py"), str(own / "cases"), str(own / "answers")]
         with _kept_busy(BUSY if machine.busy else 0):
@@ -176,11 +177,20 @@ def answers(machine: Machine, cases: Sequence[Case], place: Path) -> list[Answer
         return [Answer(**json.loads(line)) for line in lines]
 
 
-def _compiler(path: Path, options: str) -> Path:
-    """The usual compiler with further options, which count most as they come last."""
-    path.write_text(f'#!/bin/sh\nexec gcc "$@" {options}\n')
-    path.chmod(0o755)
-    return path
+def _built(place: Path, options: str) -> Path:
+    """A copy of the package whose engine is built with further options, which count most as they come last."""
+    ignored = shutil.ignore_patterns("*.so", "__pycache__")
+    shutil.copytree(ROOT / "compiler" / "lmoc", place / "compiler" / "lmoc", ignore=ignored)
+    for folder in ("stdlib", "grammar"):
+        (place / folder).symlink_to(ROOT / folder)
+    compiler = place / "cc"
+    compiler.write_text(f'#!/bin/sh\nexec cc "$@" {options}\n')
+    compiler.chmod(0o755)
+    command = [sys.executable, "setup.py", "-q", "build_ext", "--build-lib", place / "compiler", "--build-temp", place]
+    environment = os.environ | {"CC": str(compiler)}
+    subprocess.run([str(word) for word in command], cwd=ROOT, env=environment, check=True, capture_output=True)
+    assert list((place / "compiler" / "lmoc" / "engine").glob("_engine*"))
+    return place / "compiler"
 
 
 @contextmanager
