@@ -49,7 +49,7 @@ def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
 def seeded(plan: Plan, values: np.ndarray, signals: dict) -> np.ndarray:
     """The registers that do not change, and where Newton's method begins."""
     base = plan.base(values, signals)
-    seed_blocks(plan, base, targets(plan, values, {}, Report()))
+    seed_blocks(plan, base, targets(plan, values, {}, Report()), plan.reduced.guess)
     return base
 
 

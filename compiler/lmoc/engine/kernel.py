@@ -99,6 +99,7 @@ class Kernel:
         self.nonlinear = [b for b in tape.blocks if b.work]
         self.unknowns = np.concatenate([np.zeros(0, int), *(b.unknowns.ravel() for b in self.nonlinear)])
         self._guesses = np.concatenate([np.zeros(0, int), *(_guess(b) for b in self.nonlinear)])
+        self._run = self._library.lmoc_tape_run
         self._calls: dict[bytes, Call] = {}
         self._last = np.zeros(1, np.uintp)  # the call whose solution stands in the registers
         self.addresses = self.w.ctypes.data, ctypes.addressof(self._tape)
@@ -150,9 +151,16 @@ class Kernel:
         """Of the Jacobians of the nonlinear blocks' instances, where they were solved last."""
         return np.concatenate([np.zeros(0), *(self.w[b.work : b.work + len(b.unknowns)] for b in self.nonlinear)])
 
+    def accelerate(self, compiled: ctypes.CDLL) -> None:
+        """Have a compiled tape take the interpreter's place: with the same bits."""
+        self._compiled = compiled
+        self._tape.run = ctypes.cast(compiled.lmoc_program, ctypes.c_void_p).value
+        self._run = compiled.lmoc_program
+        self._run.restype, self._run.argtypes = ctypes.c_int, [ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p]
+
     def __call__(self, time: float) -> int:
         """Run the tape on `w`; 0, or the bits FAILED (a block has no solution that was found) and FAR (none near)."""
-        return int(self._library.lmoc_tape_run(time, *self.addresses))
+        return int(self._run(time, *self.addresses))
 
     def results(self) -> np.ndarray:
         """Return what has been asked for beside registers."""

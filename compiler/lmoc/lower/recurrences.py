@@ -125,7 +125,8 @@ class Nodes:
         entry = FUNCTIONS[node.op]
         if entry.kind is not Kind.SMOOTH:
             raise NoSeries(f"'{entry.text}' has kinks or jumps")
-        partials = tuple(prepared(lift(rule(function, node, *node.args)), self.fixed) for rule in entry.derivatives)
+        rules = entry.derivatives or ()
+        partials = tuple(prepared(lift(rule(function, node, *node.args)), self.fixed) for rule in rules)
         self.partials[node] = partials
         return partials
 

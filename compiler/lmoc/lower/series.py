@@ -165,14 +165,16 @@ class _SeriesWriter:
         if op == "neg":
             self.write("neg", out, own[0])
         elif op in ("add", "sub"):
-            varying = "neg" if op == "sub" and steady[0] else "copy"
-            self.write(*((varying, out, max(own)) if any(steady) else (op, out, *own)))
+            if any(steady):
+                self.write("neg" if op == "sub" and steady[0] else "copy", out, max(own))
+            else:
+                self.write(op, out, *own)
         elif op == "mul" and any(steady):
             self.write("scale", out, max(own), place[args[int(steady[1])]])
         elif op == "mul":
-            self.write(*(("square", out, own[0]) if own[0] == own[1] else ("convolve", out, *own)))
+            self.write("square" if own[0] == own[1] else "convolve", out, *own)
         elif op == "div":
-            self.write(*(("ratio", out, own[0], place[args[1]]) if steady[1] else ("quotient", out, *own)))
+            self.write("ratio" if steady[1] else "quotient", out, own[0], place[args[1]] if steady[1] else own[1])
         elif node not in nodes.partials:
             self.write("power", out, own[0], place[args[1]])
         else:

@@ -25,6 +25,8 @@ class InEngine(RightHandSide, Protocol):
 
     def shared_call(self) -> Call: ...
 
+    def note_work(self) -> None: ...
+
     def sample_many(self, times: np.ndarray, out: np.ndarray) -> None: ...
 
 
@@ -110,6 +112,7 @@ class EngineStepper(Stepper):
         self.f[:] = self.k[12]
 
     def walk(self, kept, given, times, out) -> Walked:
+        self.system.note_work()
         steps = self._steps = self._made() if self._steps is None else self._steps
         steps.x, steps.x_new, steps.rtol = self._x, self._x_new, self.rtol
         steps.times, steps.out, steps.outputs, steps.room = times.ctypes.data, out.ctypes.data, len(times), len(out)

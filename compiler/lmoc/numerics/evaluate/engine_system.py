@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lmoc.engine.accelerator import Accelerator
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import address
 from lmoc.ir.program import Program
@@ -33,6 +34,11 @@ def has_branches(plan: Plan) -> bool:
 def plan_tape(plan: Plan) -> Tape:
     """Return the tape of a plan's program; to be asked for by `Plan.once`."""
     return values_tape(plan.program, plan.count)
+
+
+def plan_accelerator(plan: Plan) -> Accelerator:
+    """Return what compiles a plan's tape when it has been worked with for long; to be asked for by `Plan.once`."""
+    return Accelerator(plan.once(plan_tape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +95,8 @@ class EngineSystem(System):
         tape = plan.once(plan_tape) if program is None else values_tape(program, plan.count)
         self.kernel = self._kernel(tape)
         self.w = self.kernel.w[: plan.count]
+        self._accelerator = plan.once(plan_accelerator) if program is None else Accelerator(tape)
+        self._accelerated, self._noted = False, 0
         self._x = np.zeros(self.n + len(plan.sampled))
         self._own = self._call(np.arange(self.n))
         self._seeds = np.zeros(0)
@@ -103,7 +111,9 @@ class EngineSystem(System):
         return Kernel(tape, not has_branches(self.plan))
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        self.note_work()
         super().prepare(base, signals)
+        self._noted = 0
         self.w[:] = base
         self.kernel.forget()
         if self._derivatives is not None:
@@ -168,6 +178,16 @@ class EngineSystem(System):
         self._retries.note(found, self.evaluations)
         return found
 
+    def note_work(self) -> None:
+        """Go on with compiled code if it is there by now: with the same bits."""
+        if self._accelerated:
+            return
+        made, self._noted = self.evaluations - self._noted, self.evaluations
+        self._accelerator.note(max(made, 0))  # the count has begun anew
+        if self._accelerator.library is not None:
+            self.kernel.accelerate(self._accelerator.library)
+            self._accelerated = True
+
     def mark(self) -> None:
         self.kernel.mark(self._own)
 
@@ -190,6 +210,7 @@ class EngineSystem(System):
         own = self._ready_slopes()
         assert self._derivatives is not None
         self.jacobians += 1
+        self.note_work()
         self._run(t, x)
         self._derivatives.w[: self.plan.count] = self.w
         self._derivatives(t)
