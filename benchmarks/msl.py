@@ -7,8 +7,8 @@ REFERENCES its results (`Modelica/Mechanics/…/Example/Example.csv`; github.com
 neither is part of this project. PACKAGE is a dotted name, `Modelica.Mechanics.Rotational`: all examples with a
 reference below it are run, each in a process of its own, so that nothing that one leaves behind helps another.
 
-An example is *right* where each signal of the reference stays within a tube of the run: at most `tube` of the signal's
-range above or below what the run takes within `tube` of the whole time before and after.
+An example is *right* where each of its signals stays within a tube around that of the reference: at most `tube` of
+the signal's range above or below what the reference takes within `tube` of the whole time before and after.
 """
 
 from __future__ import annotations
@@ -42,24 +42,24 @@ def reference(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(names, values.T, strict=True))
 
 
-def outside(run_time: np.ndarray, run: np.ndarray, at: np.ndarray, truth: np.ndarray, tube: float) -> float:
-    """Return by how many tube widths a reference leaves the tube around a run; ≤ 1 is inside.
+def outside(at: np.ndarray, truth: np.ndarray, run_time: np.ndarray, run: np.ndarray, tube: float) -> float:
+    """Return by how many of its widths a run leaves the tube around a reference; ≤ 1 is inside.
 
     Parameters
     ----------
-    run_time, run : the run, densely sampled
     at, truth : the reference
+    run_time, run : the run, densely sampled
     tube : half its width, as a share of the signal's range and of the whole time
     """
     if not np.isfinite(run).all():
         return np.inf
     width = tube * (at[-1] - at[0])
-    low = np.searchsorted(run_time, at - width, "left")
-    high = np.searchsorted(run_time, at + width, "right")
-    span = max(float(np.ptp(truth)), 1e-3 * float(np.abs(truth).max()), 1e-12)
+    low = np.searchsorted(at, run_time - width, "left")
+    high = np.searchsorted(at, run_time + width, "right")
+    span = max(float(np.ptp(truth)), 1e-3 * float(np.abs(truth).max()), 1e-9)
     worst = 0.0
-    for a, b, t, y in zip(low.tolist(), high.tolist(), at.tolist(), truth.tolist(), strict=True):
-        near = np.append(run[a:b], np.interp(t, run_time, run))
+    for a, b, t, y in zip(low.tolist(), high.tolist(), run_time.tolist(), run.tolist(), strict=True):
+        near = np.append(truth[a:b], np.interp(t, at, truth))
         worst = max(worst, (near.min() - y) / span, (y - near.max()) / span)
     return float(worst / tube)
 
@@ -79,7 +79,10 @@ def run_one(library: str, name: str, csv: str | None, tube: float) -> dict[str, 
         found["runs"], found["run_s"] = True, time.perf_counter() - begin
         found.update(judged(run, truth, tube))
     except (lmoc.ModelError, lmoc.SimulationError) as error:
-        found["stops"] = " ".join(str(error).split())[:160]
+        said = [d for d in getattr(error, "diagnostics", ()) if d.severity == "error"]
+        text = f"{said[0].code}: {said[0].message}" if said else str(error)
+        where = f" ({Path(said[0].span.source.name).name}:{said[0].span.line})" if said and said[0].span else ""
+        found["stops"] = (" ".join(text.split()) + where)[:160]
     except Exception as error:  # a mistake of ours is a row of the table, too
         found["stops"] = f"internal: {type(error).__name__}: {error}"[:160]
     return found
@@ -97,7 +100,8 @@ def judged(run, truth: Mapping[str, np.ndarray], tube: float) -> dict[str, objec
             own = np.asarray(run[signal], float)
         except KeyError:
             return {"right": False, "stops": f"'{signal}' is missing"}
-        found = outside(run.time, np.broadcast_to(own, run.time.shape), truth["time"], values, tube)
+        before = run.time < run.time[-1]  # whether an event at the stop time still happens is a matter of the tool
+        found = outside(truth["time"], values, run.time[before], np.broadcast_to(own, run.time.shape)[before], tube)
         if found > worst:
             worst, which = found, signal
     return {

@@ -11,6 +11,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.ir.flat import Block, FlatDAE, Group, Kind, StateSelect
 from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Source
 from lmoc.semantics.algorithms import add_algorithm, assigned_at_events
 from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
@@ -82,7 +83,7 @@ def flatten(
     root = root_instance(cls, overrides.modifier())
     elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
     try:
-        flat = _Flattening(elaboration, overrides, drafts).run()
+        flat = _Flattening(elaboration, overrides, drafts, tuple(file.span.source for file in files)).run()
     except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
         wrong.put_into(report)
     except RecursionError:
@@ -96,8 +97,9 @@ def flatten(
 class _Flattening:
     """The steps from the instance tree to the flat model."""
 
-    def __init__(self, model: Elaboration, overrides: Overrides, drafts: Drafts):
+    def __init__(self, model: Elaboration, overrides: Overrides, drafts: Drafts, own: tuple[Source, ...]):
         self.model = model
+        self.own = own  # the texts that the user has named
         self.report = model.report
         self.overrides = overrides
         self.drafts = drafts
@@ -159,7 +161,7 @@ class _Flattening:
         for instance in root.instances():
             self._equations(instance)
         report_unknown_units(self.layout.variables, self.report)
-        check_units(self.drafts, self.report)
+        check_units(self.drafts, self.report, self.own)
         for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
             drafts[:] = map(without_ones, drafts)
         self.connections = collect(self.drafts.connects, self.layout.count, self.report)

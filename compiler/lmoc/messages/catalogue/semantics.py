@@ -253,6 +253,10 @@ SEMANTICS: dict[str, Entry] = {
         "factors; a literal and a variable without unit are compatible with every unit. Arguments of sin, exp, "
         "... have the unit 1 (rad is 1).",
     ),
+    "W0303": Entry(
+        "units differ within a library",
+        "As E0303, in the text of a library that was found in a folder: it is run as it is written.",
+    ),
     "E0304": Entry(
         "unknown unit",
         "Units are products of SI symbols: `N.m/rad`, `kg.m2`, `m/s2`, `1/s`, with prefixes as in `kN`. Factors are\n"

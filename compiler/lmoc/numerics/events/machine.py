@@ -8,6 +8,7 @@ again, until no event follows (Modelica specification 3.6, 8.6 and appendix B).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import chain, combinations, islice
 
 import numpy as np
 
@@ -21,6 +22,13 @@ from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
+_ULP = 2.0**-52
+_ZERO = 1e-10  # of the largest values: what is smaller may be a zero with rounding
+_NOISES = 32.0  # times the change by rounding that is measured, within which a function may be zero
+_EQUAL = 1e-13  # of the largest difference: two sides of a relation that are no farther apart are equal
+_TRIALS = 1024  # combinations of values of relations that are tried: all those of ten
+_FEW = 3  # relations that are changed at once among all
+_SETTLING = 20  # rounds in which the values behind a combination agree, or do not
 _ROUNDS = 100  # of solving at one instant, and of events that follow each other at it
 
 
@@ -101,6 +109,7 @@ class Machine:
         # what a function that has just crossed zero may come back by rounding, and its largest magnitude since
         self.margin, self.largest = np.zeros(layout.zero_count), np.zeros(layout.zero_count)
         self.literal = True  # relations of time are taken as they are written, not as what they are right behind
+        self.supposed: np.ndarray | None = None  # mask of relations whose values are being tried
         self.early: frozenset[int] = frozenset()  # relations that are then taken as what they were right before
         self.remember()
 
@@ -123,6 +132,23 @@ class Machine:
         self.time = t
         self.v[self.layout.seen] = self.layout.values(t, x)
         self.zero = self.layout.zeros(t, x).copy()
+        self._widen(t, x)
+
+    def _widen(self, t: float, x: np.ndarray) -> None:
+        """Widen the margins of functions that are zero but for rounding: a relation does not react to that.
+
+        How much rounding there is shows when the states are changed by it: the acceleration of a wheel at rest behind
+        open clutches is a sum that cancels, 1e-15 or −2e-15, as it comes.
+        """
+        size = max(1.0, float(np.abs(x).max(initial=0.0)), float(np.abs(self.zero).max(initial=0.0)))
+        near = (np.abs(self.zero) <= _ZERO * size) & (self.zero != 0) & ~self.layout.rounded
+        if not near.any():
+            return
+        noise = np.zeros(len(self.zero))
+        for signs in (np.ones(len(x)), np.where(np.arange(len(x)) % 2, 1.0, -1.0)):
+            moved = self.layout.zeros(t, x * (1.0 + signs * _ULP))
+            noise = np.fmax(noise, np.abs(moved - self.zero))
+        self.margin[near] = np.fmax(self.margin, _NOISES * noise)[near]
 
     def remember(self) -> None:
         """``pre(v) := v``."""
@@ -134,7 +160,14 @@ class Machine:
     def assign(self) -> None:
         """Carry out the discrete equations in their order."""
         for step in self.layout.plan.reduced.discrete:
-            self.v[step.target] = self._relation(step) if step.relation >= 0 else self.values(step.value, step.slots)
+            if step.relation < 0:
+                self.v[step.target] = self.values(step.value, step.slots)
+            else:
+                found = self._relation(step)
+                self.v[step.target] = found if self.supposed is None else self._unless_supposed(step, found)
+
+    def _unless_supposed(self, step: DiscreteStep, found: np.ndarray) -> np.ndarray:
+        return np.where(self.supposed[step.target], self.v[step.target], found)
 
     def values(self, shape: Expr, table: np.ndarray) -> np.ndarray:
         """Return an expression for all rows of a table of variables."""
@@ -183,20 +216,89 @@ class Machine:
     def solve(self, t: float, x: np.ndarray) -> None:
         """Find discrete values that agree with the continuous ones.
 
+        Solved in turn, as long as that leads somewhere. Where the values repeat each other (a friction that would start
+        forward if it were stuck, and backward if it slid), those of the relations that flip are tried.
+
         Raises
         ------
         Unsettled
         """
         discrete = self.layout.events.discrete
-        for _ in range(_ROUNDS):
-            self.push()
-            self.look(t, x)
-            before = self.v[discrete].copy()
-            self.assign()
-            changed = differ(before, self.v[discrete])
+        begun, seen = self.v.copy(), set()
+        flipped = np.zeros(len(self.v), bool)
+        while len(seen) < _ROUNDS:
+            changed = self._turn(t, x)
             if not changed.any():
                 return
-        raise Unsettled(discrete[changed])
+            flipped[discrete[changed]] = True
+            key = self.v[discrete].tobytes()
+            if key in seen:
+                break
+            seen.add(key)
+        if not self._try_relations(t, x, begun, flipped):
+            raise Unsettled(discrete[changed])
+
+    def _turn(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Solve once for the continuous values, then for the discrete ones; (discrete,) which have changed."""
+        discrete = self.layout.events.discrete
+        self.push()
+        self.look(t, x)
+        before = self.v[discrete].copy()
+        self.assign()
+        return differ(before, self.v[discrete])
+
+    def _try_relations(self, t: float, x: np.ndarray, begun: np.ndarray, flipped: np.ndarray) -> bool:
+        """Find values of relations with which all equations hold, those with the fewest changes first.
+
+        Tried are those that flip, in all combinations; then a few of all those in the equations of what has changed,
+        since one that does not flip may be what keeps the others from agreeing.
+
+        Parameters
+        ----------
+        begun : (flat.count,) values before
+        flipped : (flat.count,) mask of what has changed
+        """
+        own = np.flatnonzero(~self.layout.rounded)
+        flips = own[flipped[self.layout.zero_target[own]]]
+        if self._try(t, x, begun, flips, len(flips)):
+            return True
+        read = np.zeros(len(self.v), bool)
+        for step in self.layout.plan.reduced.discrete:
+            if step.relation < 0:
+                read[step.slots[flipped[step.target]]] = True
+        return self._try(t, x, begun, own[read[self.layout.zero_target[own]]], _FEW)
+
+    def _try(self, t: float, x: np.ndarray, begun: np.ndarray, zeros: np.ndarray, most: int) -> bool:
+        """Try values of relations, with at most so many of them changed."""
+        targets = self.layout.zero_target[zeros]
+        self.supposed = np.zeros(len(self.v), bool)
+        self.supposed[targets] = True
+        changes = chain.from_iterable(combinations(range(len(zeros)), k) for k in range(most + 1))
+        try:
+            for change in islice(changes, _TRIALS):
+                self.v[:] = begun
+                others = targets[list(change)]
+                self.v[others] = 1.0 - self.v[others]
+                if self._settles(t, x) and self._agrees(zeros, targets):
+                    return True
+        finally:
+            self.supposed = None
+        return False
+
+    def _settles(self, t: float, x: np.ndarray) -> bool:
+        """Return whether the other values agree with those that are being tried, and take them."""
+        return any(not self._turn(t, x).any() for _ in range(_SETTLING))
+
+    def _agrees(self, zeros: np.ndarray, targets: np.ndarray) -> bool:
+        """Return whether relations have the values that are being tried; where both sides are equal, either will do.
+
+        A friction that holds no more than its limit slides and does not move: two of them on one shaft at rest.
+        """
+        ops = np.array([self.layout.relation_at(k).op for k in zeros.tolist()])
+        value = self.zero[zeros]
+        found = np.where(ops == "gt", value > 0, value >= 0)
+        rounding = _EQUAL * max(1.0, float(np.abs(self.zero).max(initial=0.0)))
+        return bool(((found == (self.v[targets] > 0)) | (np.abs(value) <= np.fmax(self.margin[zeros], rounding))).all())
 
     def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
         """Carry out everything that happens at an instant.

@@ -15,6 +15,9 @@ from lmoc.numerics.start.singular import StartSingular
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import SHOWN, listed
 
+_LEFT_OVER = 1e-10  # of the largest state: what is smaller may be the rounding of a zero
+_ULPS = 16  # of what is wanted, by which it may be missed
+
 
 def solve(
     system: StartSystem, x: np.ndarray, guess: np.ndarray, nearby: StartGuess | None, report: Report
@@ -83,8 +86,27 @@ def solve(
         (_report_contradiction if certain else _report_nothing_found)(system, group, start, found)
     report_alike(found.diagnostics, report, SHOWN, max(0, len(groups) - LOOKED_AT))  # type: ignore[attr-defined]
     if not start.hard.any():
+        x[:] = _with_zeros(system, x)
         _report_missed(system, np.flatnonzero(start.soft), start, nearby, report)
     return impacts
+
+
+def _with_zeros(system: StartSystem, x: np.ndarray) -> np.ndarray:
+    """The states with zeros for what rounding has left of them, as far as all that is wanted is met no worse.
+
+    A clutch at rest slips with 7e-15 rad/s otherwise, and a relation takes that for a motion.
+    """
+    small = np.flatnonzero((x != 0) & (np.abs(x) <= _LEFT_OVER * np.abs(x).max(initial=0.0)))
+    if not len(small) or len(small) > LOOKED_AT:
+        return x
+    before = np.abs(system.evaluate(x)[0])
+    allowed = before + _ULPS * np.finfo(float).eps * np.abs(system.value)
+    for own in (small, *small[:, None]):
+        other = x.copy()
+        other[own] = 0.0
+        if (np.abs(system.evaluate(other)[0]) <= allowed).all():
+            x = other
+    return x
 
 
 def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:

@@ -23,6 +23,7 @@ from lmoc.semantics.classes.predefined import BUILTINS, Builtin
 from lmoc.semantics.classes.redeclare import constraint_of
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.wrong import Refused, Wrong
+from lmoc.sources.natives import NAMES, native
 from lmoc.sources.packages import Folder, Found
 from lmoc.syntax import tree
 
@@ -113,8 +114,14 @@ class Scope:
                 labels=(Label(old.definition.name_span, "first defined here"),),
             )
             return old
+        definition = self._native(definition)
         self.local[definition.name] = scope = Scope(definition, self, self.report, self.library)
         return scope
+
+    def _native(self, definition: tree.Class) -> tree.Class:
+        """The class that stands in the place of one of Modelica's library; others as they are."""
+        found = native(f"{self.full_name}.{definition.name}") if definition.name in NAMES else None
+        return definition if found is None else found
 
     def class_in(self, name: str) -> Scope | None:
         """A class in this one, which is read now if it is in a folder and has not been used before."""
@@ -138,7 +145,8 @@ class Scope:
             around = Scope(None, self, self.report, self.library)
             for definition in read.others:
                 around.add_class(definition)
-        made = self.local[read.definition.name] = Scope(read.definition, around, self.report, self.library)
+        definition = self._native(read.definition)
+        made = self.local[read.definition.name] = Scope(definition, around, self.report, self.library)
         made.folders = (read.folder,) if read.folder is not None else ()
         return made
 

@@ -63,10 +63,11 @@ def check_balance(
 ) -> None:
     """Report inputs that nobody gives, and each class whose instance has too few or too many equations."""
     counts: dict[int, _Count] = defaultdict(_Count)
-    _count_equations(counts, drafts)
-    _count_connections(counts, connections)
     given = _connected_signals(connections)
-    bound = {id(d.columns[0][0]) for d in drafts.groups if d.origin == "binding"}
+    taken = _taken_from_outside(drafts, given)
+    _count_equations(counts, drafts, taken)
+    _count_connections(counts, connections)
+    bound = {id(d.columns[0][0]) for d in drafts.groups if d.origin == "binding"} - taken
     unbound = [v for v in variables if _is_input(v) and id(v) not in bound]
     missing = [v for v in unbound if not _is_given(v, counts, given)]
     for variable in missing:
@@ -102,10 +103,22 @@ def _is_input(variable: Variable) -> bool:
     return variable.parent.owner.parent is not None and not variable.hidden
 
 
-def _count_equations(counts: dict[int, _Count], drafts: Drafts) -> None:
+def _taken_from_outside(drafts: Drafts, connected: np.ndarray) -> set[int]:
+    """Inputs that are connected, and bound in their own class: ``input Real u = inner_u`` gives inner_u its value."""
+    found = set()
+    for draft in drafts.groups:
+        variable = draft.columns[0][0] if draft.origin == "binding" else None
+        if variable is not None and _is_input(variable) and variable.value.node is variable.parent.owner:
+            if connected[variable.offset : variable.offset + variable.size].any():
+                found.add(id(variable))
+    return found
+
+
+def _count_equations(counts: dict[int, _Count], drafts: Drafts, taken: set[int]) -> None:
     for draft in drafts.groups:
         count = counts[id(draft.node)]
-        if draft.origin == "binding" and _is_input(draft.columns[0][0]):
+        own = draft.columns[0][0] if draft.origin == "binding" else None
+        if own is not None and _is_input(own) and id(own) not in taken:
             continue  # given from outside, like the input itself
         own = draft.origin in ("sum", "argument", "condition")  # these come with a variable of their own
         count.equations += draft.rows * (not own)

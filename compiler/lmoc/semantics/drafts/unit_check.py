@@ -5,20 +5,38 @@ A group is checked once: its columns have one unit each.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from lmoc.expression.dag import Expr
 from lmoc.expression.text import to_text
 from lmoc.expression.units import Unit, UnitError, parse_unit
 from lmoc.messages.diagnostics import Report
-from lmoc.messages.source import Span
+from lmoc.messages.source import Source, Span
 from lmoc.semantics.drafts.draft import Column, Drafts
 from lmoc.semantics.nodes.instance import Variable
 from lmoc.semantics.values.unit_inference import Mismatch, infer, unit_of
 
 
-def check_units(drafts: Drafts, report: Report) -> None:
-    """Report every equation, binding and start value of the user's whose units do not fit."""
+def check_units(drafts: Drafts, report: Report, own: Collection[Source]) -> None:
+    """Report every equation, binding and start value of the user's whose units do not fit.
+
+    In the text of a library that is found in a folder this is a warning: whoever uses it cannot mend it.
+
+    Parameters
+    ----------
+    own : the files that the user has named
+    """
+    judged = Report()
+    _check_all(drafts, judged)
+    for d in judged.diagnostics:
+        if d.span is None or d.span.source in own:
+            report.diagnostics.append(d)
+        else:
+            report.diagnostics.append(replace(d, code="W0303"))
+
+
+def _check_all(drafts: Drafts, report: Report) -> None:
     seen: set[tuple] = set()
     for group in (*drafts.groups, *drafts.branches, *drafts.initial):
         if not group.library:

@@ -156,6 +156,8 @@ class _Body:
                     raise Wrong("E0222", f"the function '{self.function.name}' gives '{name}' no value",
                                 variable.member.component.span)  # fmt: skip
                 value = self.values[name]
+                if name not in self.records and self._has_unit(name):
+                    value = self._of_any_unit(value)  # in the declared unit: from_degC gives K
                 outputs.append(Value(value.expr, lead + value.dims, value.type, value.items) if lead else value)
         return outputs
 

@@ -1,0 +1,43 @@
+"""Elements of Modelica's library that are written in lmo here (``stdlib/modelica.mo``), under the same names.
+
+What the library leaves to C, or to loops over values that change, stands in the place of its own text.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from functools import cache
+
+from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Source
+from lmoc.syntax import tree
+
+NAMES = frozenset(("interpolate", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv"))  # without their packages
+
+
+def native(full_name: str) -> tree.Class | None:
+    """Return the definition that stands in the place of a class, None where there is none."""
+    return _definitions().get(full_name)
+
+
+@cache
+def _definitions() -> Mapping[str, tree.Class]:
+    import lmoc.stdlib
+    from lmoc.syntax.parse import parse
+
+    path = os.path.join(os.path.dirname(lmoc.stdlib.__file__), "modelica.mo")
+    report = Report()
+    with open(path, encoding="utf-8") as file:
+        parsed = parse(Source("stdlib/modelica.mo", file.read()), report)
+    report.check()
+    return dict(_inside("", parsed.classes))
+
+
+def _inside(prefix: str, classes: Iterator[tree.Class]) -> Iterator[tuple[str, tree.Class]]:
+    for definition in classes:
+        name = f"{prefix}{definition.name}"
+        if definition.kind == "package":
+            yield from _inside(f"{name}.", (e for e in definition.elements if isinstance(e, tree.Class)))
+        else:
+            yield name, definition

@@ -1,0 +1,129 @@
+"""Systems of relations and equations that decide about each other: frictions written as machines of states."""
+
+import numpy as np
+import pytest
+
+import lmoc
+
+MACHINE = """  Real a, sa, f; parameter Real fmax = 5;
+  Boolean startForward(start = false, fixed = true), startBackward(start = false, fixed = true), locked(start = false);
+  Integer mode(start = 3, fixed = true);
+equation
+  startForward = pre(mode) == 0 and (sa > fmax or pre(startForward) and sa > fmax) or initial() and v > 0;
+  startBackward = pre(mode) == 0 and (sa < -fmax or pre(startBackward) and sa < -fmax) or initial() and v < 0;
+  locked = not (pre(mode) == 1 or startForward or pre(mode) == -1 or startBackward);
+  a = if locked then 0 else if startForward then sa - fmax else if startBackward then sa + fmax
+    else if pre(mode) == 1 then sa - fmax else sa + fmax;
+  f = if locked then sa else if startForward then fmax else if startBackward then -fmax
+    else if pre(mode) == 1 then fmax else -fmax;
+  mode = if (pre(mode) == 1 or startForward) and v > 0 then 1
+    elseif (pre(mode) == -1 or startBackward) and v < 0 then -1 else 0;"""
+
+
+def test_a_friction_machine_stops_and_sticks() -> None:
+    """It would start forward if it were stuck and slide backward if it started: only `locked` satisfies everything."""
+    run = lmoc.compile_text(
+        f"""model M Real x(start = 0, fixed = true), v(start = 1, fixed = true);{MACHINE}
+        der(x) = v; der(v) = a; 0.1*a = sin(10*time) - f; end M;"""
+    ).simulate(stop=1, points=201)
+    stop = 0.02041534  # where v = 1 - 50 t + (1 - cos(10 t)) vanishes
+    assert 1 - 50 * stop + (1 - np.cos(10 * stop)) == pytest.approx(0, abs=1e-5)
+    (locked,) = [e.time for e in run.events if e.name == "locked"]
+    assert locked == pytest.approx(stop, abs=1e-6)
+    assert np.abs(run["v"][run.time > locked]).max() < 1e-9
+    assert run["f"][-1] == pytest.approx(np.sin(10.0), abs=1e-9)
+
+
+def test_a_friction_machine_starts_where_the_load_exceeds_its_limit() -> None:
+    run = lmoc.compile_text(
+        f"""model M Real x(start = 0, fixed = true), v(start = 0, fixed = true);{MACHINE}
+        der(x) = v; der(v) = a; a = 10*time - f; end M;"""
+    ).simulate(stop=1, points=101)
+    moving = run.time > 0.5
+    assert run["v"][moving] == pytest.approx(5 * (run.time[moving] - 0.5) ** 2, abs=1e-5)
+    assert np.abs(run["v"][~moving]).max() < 1e-9
+
+
+def test_a_relation_does_not_react_to_rounding() -> None:
+    """0.1 + 0.2 - 0.3 is 5.6e-17, and no motion; a hundred times as much is one."""
+    text = """model M Real a(start = 0.1, fixed = true), b(start = 0.2, fixed = true), c(start = {}, fixed = true);
+      Boolean up; equation der(a) = 0; der(b) = 0; der(c) = 0; up = a + b - c > 0; end M;"""
+    for c, up in ((0.3, False), (0.3 - 1e-14, True)):
+        run = lmoc.compile_text(text.format(repr(c))).simulate(times=[0, 1])
+        assert bool(run["up"][-1]) is up
+
+
+def test_what_is_zero_starts_as_zero() -> None:
+    """The slip of clutches between wheels at rest behind one that turns."""
+    run = lmoc.compile_text("""model M
+      Real w1(start = 10, fixed = true), w2(start = 0, fixed = true), w3(start = 0, fixed = true);
+      Real w4(start = 0, fixed = true);
+      Real r1(stateSelect = StateSelect.always), r2(stateSelect = StateSelect.always);
+      Real r3(stateSelect = StateSelect.always);
+      equation r1 = w2 - w1; r2 = w3 - w2; r3 = w4 - w3;
+      der(w1) = -w1; der(w2) = w1; der(w3) = 0; der(w4) = 0; end M;""").simulate(times=[0])
+    assert run["r1"][0] == pytest.approx(-10) and run["r2"][0] == run["r3"][0] == 0.0
+
+
+TYPES = """package Modelica
+  package Math package Vectors
+    function interpolate input Real x[:]; input Real y[:]; input Real xi; input Integer iLast = 1;
+      output Real yi; output Integer iNew; algorithm while xi > x[1] loop yi := 0; end while; end interpolate;
+  end Vectors; end Math;
+  package Blocks
+    package Types
+      type Smoothness = enumeration(LinearSegments, ContinuousDerivative, ConstantSegments);
+      type Extrapolation = enumeration(HoldLastPoint, LastTwoPoints, Periodic, NoExtrapolation);
+      type TimeEvents = enumeration(Always, AtDiscontinuities, NoTimeEvents);
+    end Types;
+    package Interfaces
+      partial block MO parameter Integer nout = 1; output Real y[nout]; end MO;
+      partial block SIMO parameter Integer nout = 1; input Real u; output Real y[nout]; end SIMO;
+      partial block MIMOs parameter Integer n = 1; input Real u[n]; output Real y[n]; end MIMOs;
+    end Interfaces;
+    package Sources block CombiTimeTable Real theirs = 1; end CombiTimeTable; end Sources;
+    package Tables block CombiTable1Ds end CombiTable1Ds; block CombiTable1Dv end CombiTable1Dv; end Tables;
+  end Blocks;
+end Modelica;"""
+
+
+def signal(declaration: str, stop: float = 6.0) -> tuple[np.ndarray, np.ndarray]:
+    model = f"model M Modelica.Blocks.Sources.CombiTimeTable t({declaration}); end M;"
+    run = lmoc.compile_text(TYPES + model, model="M").simulate(stop=stop, points=1201)
+    return run.time, run["t.y[1]"]
+
+
+def test_tables_over_time() -> None:
+    table = "table = [0, 1; 1, 3; 1, 5; 4, 2]"
+    x, y = [0, 1, 1, 4], [1, 3, 5, 2]
+    types = "Modelica.Blocks.Types"
+    t, found = signal(f"{table}, extrapolation = {types}.Extrapolation.HoldLastPoint, startTime = 0.5, offset = {{10}}")
+    inside = np.abs(t - 1.5) > 1e-9
+    expected = 10 + np.where(t < 0.5, 0, np.interp(np.maximum(t - 0.5, 0), x, y))
+    assert found[inside & (t != 0.5)] == pytest.approx(expected[inside & (t != 0.5)], abs=1e-9)
+    t, found = signal(table)
+    assert found[-1] == pytest.approx(2 - 2, abs=1e-9)  # the last line goes on: slope −1 from (4, 2)
+    t, found = signal(f"{table}, extrapolation = {types}.Extrapolation.Periodic")
+    away = np.abs((t % 4) - 1) > 1e-6
+    away &= np.abs((t + 2) % 4 - 2) > 1e-6
+    assert found[away] == pytest.approx(np.interp(t[away] % 4, x, y), abs=1e-9)
+    t, found = signal(f"{table}, smoothness = {types}.Smoothness.ConstantSegments")
+    assert [float(found[np.searchsorted(t, at)]) for at in (0.5, 2, 5)] == [1, 5, 2]
+
+
+def test_tables_over_an_input_and_interpolation() -> None:
+    run = lmoc.compile_text(
+        TYPES
+        + """model M
+        Modelica.Blocks.Tables.CombiTable1Ds s(table = [0, 1, 0; 1, 3, 1; 3, 2, 4], u = time);
+        Modelica.Blocks.Tables.CombiTable1Dv v(table = [0, 1, 0; 1, 3, 1; 3, 2, 4], u = {time, 2*time},
+          extrapolation = Modelica.Blocks.Types.Extrapolation.HoldLastPoint);
+        Real y, n; equation (y, n) = Modelica.Math.Vectors.interpolate({0, 1, 3}, {1, 3, 2}, time); end M;""",
+        model="M",
+    ).simulate(stop=5, points=501)
+    t = run.time
+    beyond = np.where(t > 3, 2 - 0.5 * (t - 3), np.interp(t, [0, 1, 3], [1, 3, 2]))
+    assert run["s.y[1]"] == pytest.approx(beyond, abs=1e-9) and run["y"] == pytest.approx(beyond, abs=1e-9)
+    assert run["v.y[1]"] == pytest.approx(np.interp(t, [0, 1, 3], [1, 3, 2]), abs=1e-9)
+    assert run["v.y[2]"] == pytest.approx(np.interp(2 * t, [0, 1, 3], [0, 1, 4]), abs=1e-9)
+    assert sorted(set(run["n"])) == [1, 2]
