@@ -11,6 +11,7 @@ body of a model.
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -51,3 +52,11 @@ def test_a_construct(clause: str, expected: str, text: str) -> None:
         number = {"true": 1.0, "false": 0.0}.get(value)
         found = float(run[name][times.index(float(at or 0))])
         assert found == pytest.approx(float(value) if number is None else number, abs=1e-6, rel=1e-5), clause
+
+
+def test_the_page_is_made_of_these_programs() -> None:
+    root = FOLDER.parent.parent.parent
+    spec = importlib.util.spec_from_file_location("make_modelica", root / "docs" / "make_modelica.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert (root / "docs" / "modelica.md").read_text(encoding="utf-8") == module.page(), "python docs/make_modelica.py"

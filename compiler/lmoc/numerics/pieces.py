@@ -254,6 +254,7 @@ class _Run:
             return None
         self.flood.count(time, self.happenings.records)
         stretch.recorder.take_back(time)
+        check_values(stretch, outcome, self.variables is None, self.report)
         self.pieces.append(stretch.piece())
         if self.happenings.is_over:
             self.before_terminal = self.pieces[-1], outcome.x

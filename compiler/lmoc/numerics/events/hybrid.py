@@ -295,6 +295,7 @@ class Hybrid:
         behind = self.step(t, happened.x, base, machine.base)
         self._tell(t, kind, happened, held, lost)
         self._judge(t, happened)
+        self._warn_of_lost(t)
         for k in happened.terminations:
             raise Stopped(Status.OK, events.terminations[k].message)
         return behind
@@ -359,6 +360,16 @@ class Hybrid:
             if check.error:
                 raise Stopped(Status.ASSERTION, f"an assertion does not hold: {_where(message, check.span)}")
             self.report.warning("W0551", f"{message} (t = {t:.6g} s)", check.span)
+
+    def _warn_of_lost(self, t: float) -> None:
+        """Warn of a discrete variable that has no finite value, once in a run."""
+        discrete = self.layout.events.discrete
+        lost = discrete[~np.isfinite(self.machine.v[discrete])]
+        if not len(lost) or any(d.code == "W0537" for d in self.report.diagnostics):
+            return
+        first, flat = int(lost[0]), self.layout.flat
+        message = f"{flat.variable_name(first)} has no finite value ({self.machine.v[first]:g}) at t = {t:g} s"
+        self.report.warning("W0537", message, flat.block_at(first).span)
 
     def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:
         """Raise `Stopped` where a condition switches again and again without the run getting on."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Program, Solve, walk, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
@@ -189,7 +189,15 @@ def _rest_interpreter(plan: Plan) -> Interpreter:
 
 def moving_risks(plan: Plan) -> Moving:
     """Return the part of `losable` that has to be looked at along a run (`losable.moving`)."""
-    return moving(plan.once(_losable), np.concatenate([plan.states, plan.sampled]), DENSE, plan.program)
+    sources = np.concatenate([plan.states, plan.sampled, _switching(plan)])
+    return moving(plan.once(_losable), sources, DENSE, plan.program)
+
+
+def _switching(plan: Plan) -> np.ndarray:
+    """The registers of discrete variables, which change from piece to piece."""
+    flat = plan.reduced.flat
+    registers = plan.reduced.register_of[np.flatnonzero(flat.kind == Kind.DISCRETE)]
+    return registers[registers >= 0]
 
 
 def _moving_slice(plan: Plan) -> Slice:

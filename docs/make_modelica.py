@@ -1,0 +1,61 @@
+"""Writes `docs/modelica.md`: constructs clause by clause, from the programs of the tests, and how to use a library."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+PAGE = Path(__file__).with_name("modelica.md")
+PROGRAMS = Path(__file__).parent.parent / "tests" / "data" / "specification"
+CHAPTERS = {
+    3: "Operators and expressions", 4: "Classes, predefined types and declarations", 5: "Scoping and name lookup",
+    6: "Interfaces", 7: "Inheritance, modification, redeclaration", 8: "Equations", 9: "Connectors and connections",
+    10: "Arrays", 11: "Statements and algorithms", 12: "Functions", 15: "Stream connectors",
+}  # fmt: skip
+HEAD = """# Modelica
+
+How lmoc stands to the Modelica specification 3.6. Each line is a program of the tests (`tests/data/specification`): it
+gives what the specification says, or is refused with a code that [diagnostics.md](diagnostics.md) explains. This page is
+made by `docs/make_modelica.py`.
+
+## Using a library
+
+`lmoc run Modelica.Mechanics.Rotational.Examples.First --path FOLDER` runs a class of a library in a folder, as it is
+published: FOLDER holds `Modelica/package.mo`, `Complex.mo`, …. In Python: `lmoc.compile("Modelica.….First", path=FOLDER)`. Files are
+read when a name first needs them. What the library leaves to C or to loops over values that change stands in lmo in
+`stdlib/modelica.mo`, under the library's own names. Units that do not fit within a library are warnings (W0303).
+
+`python -m benchmarks.msl FOLDER REFERENCES PACKAGE` runs all examples of a package, and holds them against the
+published results.
+"""
+
+
+def programs() -> Iterator[tuple[str, str, str]]:
+    """(clause, construct, expectation) of each program."""
+    for path in sorted(PROGRAMS.glob("*.txt")):
+        joined = re.sub(r"\n[ \t]+", " ", path.read_text(encoding="utf-8"))
+        for line in joined.splitlines():
+            if line.strip() and not line.startswith("#"):
+                name, expected, _ = line.split(" | ", 2)
+                clause, construct = name.strip().split(" ", 1)
+                yield clause, construct, expected.strip()
+
+
+def page() -> str:
+    """The page."""
+    lines = [HEAD]
+    found = sorted(programs(), key=lambda p: [int(n) for n in p[0].split(".")])
+    for chapter, title in CHAPTERS.items():
+        rows = [p for p in found if int(p[0].split(".")[0]) == chapter]
+        refused = [p for p in rows if re.fullmatch(r"E\d{4}|stopped", p[2])]
+        if rows:
+            lines += [f"## {chapter} {title}", "", f"{len(rows)} programs, of which {len(refused)} are refused.", ""]
+            lines += ["| clause | construct | result |", "| --- | --- | --- |"]
+            lines += [f"| {clause} | {construct} | {expected} |" for clause, construct, expected in rows]
+            lines += [""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
