@@ -15,15 +15,16 @@ CHAPTERS = {
 }  # fmt: skip
 HEAD = """# Modelica
 
-How lmoc stands to the Modelica specification 3.6. Each line is a program of the tests (`tests/data/specification`): it
-gives what the specification says, or is refused with a code that [diagnostics.md](diagnostics.md) explains. This page is
-made by `docs/make_modelica.py`.
+How lmoc stands to the Modelica specification 3.6. Each line is a program of the tests (`tests/data/specification`):
+it gives what the specification says, or is refused with a code that [diagnostics.md](diagnostics.md) explains. This
+page is made by `docs/make_modelica.py`.
 
 ## Using a library
 
 `lmoc run Modelica.Mechanics.Rotational.Examples.First --path FOLDER` runs a class of a library in a folder, as it is
-published: FOLDER holds `Modelica/package.mo`, `Complex.mo`, …. In Python: `lmoc.compile("Modelica.….First", path=FOLDER)`. Files are
-read when a name first needs them. What the library leaves to C or to loops over values that change stands in lmo in
+published: FOLDER holds `Modelica/package.mo`, `Complex.mo`, …. In Python: `lmoc.compile("Modelica.….First",
+path=FOLDER)`. Files are read when a name first needs them.
+What the library leaves to C or to loops over values that change stands in lmo in
 `stdlib/modelica.mo`, under the library's own names. Units that do not fit within a library are warnings (W0303).
 
 `python -m benchmarks.msl FOLDER REFERENCES PACKAGE` runs all examples of a package, and holds them against the
