@@ -61,7 +61,7 @@ def landing(plan: Plan, base: np.ndarray, scale: np.ndarray) -> Landing | None:
     return None if len(plan.sampled) else Landing(plan, base, scale)
 
 
-def _tapes(plan: Plan) -> tuple[Tape, ...]:
+def stage_tapes(plan: Plan) -> tuple[Tape, ...]:
     """Return what fills the entries of each stage's Jacobian; to be asked for by `Plan.once`."""
     own = plan.once(closing)
     return tuple(derivatives_tape(s.program, s.jacobian, own.count, values=True) for s in own.stages)
@@ -77,7 +77,7 @@ class Landing:
 
     def __init__(self, plan: Plan, base: np.ndarray, scale: np.ndarray) -> None:
         self._kept: list[object] = []  # what C points to
-        own, tapes = plan.once(closing), plan.once(_tapes)
+        own, tapes = plan.once(closing), plan.once(stage_tapes)
         stages = (_Stage * len(own.stages))(*(self._stage(s, t, base) for s, t in zip(own.stages, tapes, strict=True)))
         self._kept.append(stages)
         self._closures = _Closures(

@@ -8,20 +8,18 @@ that share no coordinate are treated apart, equal ones together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.ir.program import program_rows
-from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, Lowered, can_lower
-from lmoc.numerics.evaluate.interpreter import Interpreter
+from lmoc.lower.tape import Tape
+from lmoc.numerics.evaluate.function import TapeFunction
 from lmoc.numerics.evaluate.newton import dense_solve
 from lmoc.numerics.formulations.closing import Closing, Stage, closing
-from lmoc.numerics.formulations.landing import Landing, landing
+from lmoc.numerics.formulations.landing import Landing, landing, stage_tapes
 from lmoc.numerics.plan import Plan
-from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.numerics.signals.signals import Signal
 
-_CHUNK = 2_000_000  # numbers held at once where many places are looked at
 _CORRECTIONS = 10
 _SMALL = 1e-9  # of the size of a coordinate: a correction behind which nothing is left to correct
 
@@ -38,8 +36,7 @@ class Manifold:
         self.plan, self.signals, self.scale = plan, signals, scale
         self.own: Closing = plan.once(closing)
         self.base = np.concatenate([base, np.full(self.own.count - len(base), np.nan)])
-        self._interpreter = Interpreter(self.own.program, self.own.count)
-        self._single = self._compiled()
+        self._calls = [self._call(s, t) for s, t in zip(self.stages, plan.once(stage_tapes), strict=True)]
         self.landing: Landing | None = landing(plan, self.base, scale)
 
     @property
@@ -51,43 +48,15 @@ class Manifold:
 
     def values(self, times: np.ndarray, states: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return for each stage the residuals (times, m) and the entries of their Jacobian (times, nnz)."""
-        if self._single is not None:
-            if len(times) == 1:
-                return self._single(float(times[0]), states[0])
-            places = zip(times.tolist(), states, strict=True)
-            each = [[(r.copy(), e.copy()) for r, e in self._single(t, x)] for t, x in places]
-        else:
-            chunk = max(1, _CHUNK // self.own.count)
-            each = [self._chunk(times[a : a + chunk], states[a : a + chunk]) for a in range(0, len(times), chunk)]
-        return [tuple(map(np.concatenate, zip(*parts, strict=True))) for parts in zip(*each, strict=True)]
+        found = [call.many(times, states) for call in self._calls]
+        entries = [len(s.jacobian.source) for s in self.stages]
+        return [(own[:, n:], own[:, :n]) for own, n in zip(found, entries, strict=True)]
 
-    def _chunk(self, times: np.ndarray, states: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        w = np.repeat(self.base[:, None], len(times), axis=1)
-        w[self.plan.states] = states.T
-        for register, (variable, order) in zip(self.plan.sampled.tolist(), self.plan.samplers, strict=True):
-            w[register] = sample(self.signals[variable], order, times)
-        self._interpreter.run(w, times)
-        return [(w[s.residual].T, s.jacobian.values(w, times).T) for s in self.stages]
-
-    def _compiled(self) -> Callable[[float, np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None:
-        """Return the values at one place as a casadi function; None where the program is too large for that."""
-        own, plan = self.own, self.plan
-        if program_rows(own.program) > CASADI_ROWS or not can_lower(own.program):
-            return None
-        t, x, p = np.zeros(1), np.zeros(len(plan.states)), self.base[own.parameters]
-        u = np.zeros(len(plan.sampled))
-        call = Buffered(plan.once(_function), (t, x, p, u))
-        results = [r[None] for r in call.results]
-        pairs = list(zip(results[::2], results[1::2], strict=True))
-
-        def values(time: float, state: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-            t[0], x[:] = time, state
-            for k, (variable, order) in enumerate(plan.samplers):
-                u[k] = self.signals[variable].value(time, order)
-            call()
-            return pairs
-
-        return values
+    def _call(self, stage: Stage, tape: Tape) -> TapeFunction:
+        """Return the entries and residuals of a stage."""
+        call = TapeFunction(tape, self.plan, np.concatenate([tape.results, stage.residual]))
+        call.prepare(self.base, self.signals)
+        return call
 
     def residuals(self, times: np.ndarray, states: np.ndarray) -> tuple[float, float]:
         """Return the largest residuals of positions and of velocities."""
@@ -137,21 +106,3 @@ def shortest(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
         return rows[..., 0, :] * right
     product = rows @ np.swapaxes(rows, -1, -2)
     return (np.swapaxes(dense_solve(product, right[..., None]), -1, -2) @ rows)[..., 0, :]
-
-
-def _function(plan: Plan):
-    """``(t, x, p, u) -> residuals and Jacobian entries of each stage``."""
-    import casadi as ca
-
-    own = plan.once(closing)
-    outputs = np.concatenate([s.residual for s in own.stages])
-    low = Lowered(own.program, own.count, plan.states, own.parameters, plan.sampled, outputs)
-    results, first = [], 0
-    for stage in own.stages:
-        residual = low.out[first : first + len(stage.residual)]
-        matrix = ca.jacobian(residual, low.x)
-        columns = stage.columns[stage.jacobian.columns].tolist()
-        entries = [matrix[i, j] for i, j in zip(stage.jacobian.rows.tolist(), columns, strict=True)]
-        results += [residual, ca.densify(ca.vertcat(*entries))]
-        first += len(stage.residual)
-    return ca.Function("closures", [low.time, low.x, low.p, low.u], results)

@@ -21,7 +21,7 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.casadi_system import Lowered
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.observe.readout import BoundFunction, fits_casadi, given_registers
+from lmoc.numerics.laws.bound_function import BoundFunction, fits_casadi, given_registers
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Signal, sample
 from lmoc.structure.laws.switched import POSITION

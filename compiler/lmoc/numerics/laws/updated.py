@@ -23,8 +23,8 @@ from lmoc.numerics.evaluate.casadi_stepper import CasadiStepper
 from lmoc.numerics.evaluate.casadi_system import Buffered
 from lmoc.numerics.evaluate.stepper import Stepper
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.laws.bound_function import BoundFunction
 from lmoc.numerics.laws.open_scene import OpenScene, open_scene
-from lmoc.numerics.observe.readout import BoundFunction
 from lmoc.numerics.observe.slices import Evaluate
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal

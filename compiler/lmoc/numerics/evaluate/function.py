@@ -1,0 +1,56 @@
+"""Places of a tape as a function of time and states, with the inputs and parameters of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.engine.kernel import Kernel
+from lmoc.engine.library import library
+from lmoc.lower.tape import Tape
+from lmoc.numerics.plan import Plan
+from lmoc.numerics.signals.signals import Signal, sample
+
+
+class TapeFunction:
+    """A tape that is called with states.
+
+    Parameters
+    ----------
+    tape : of registers of a plan, and perhaps of more
+    places : where the results stand
+    """
+
+    def __init__(self, tape: Tape, plan: Plan, places: np.ndarray) -> None:
+        self._kernel, self._plan = Kernel(tape), plan
+        self._places = np.ascontiguousarray(places, np.int32)
+        self._call = self._kernel.call(plan.states, plan.states, plan.sampled)
+        self._samplers: list[tuple[Signal, int]] = []
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        """Take the registers that do not change between events, and the inputs."""
+        self._kernel.w[: len(base)] = base
+        self._kernel.forget()
+        self._samplers = [(signals[v], order) for v, order in self._plan.samplers]
+
+    def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return the results."""
+        w, plan = self._kernel.w, self._plan
+        w[plan.states] = x
+        for register, (signal, order) in zip(plan.sampled.tolist(), self._samplers, strict=True):
+            w[register] = signal.value(t, order)
+        self._kernel(t)
+        return w[self._places]
+
+    def many(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return the results at several times, (times, size)."""
+        inputs = [sample(signal, order, times)[:, None] for signal, order in self._samplers]
+        given = np.ascontiguousarray(np.concatenate([states, *inputs], axis=1) if inputs else states, float)
+        times, nothing = np.ascontiguousarray(times, float), np.zeros(0)
+        out, good = np.empty((len(times), len(self._places))), np.empty(len(times), np.uint8)
+        library().lmoc_many(
+            self._call.reference, len(times), times.ctypes.data, given.ctypes.data, nothing.ctypes.data,
+            len(self._places), self._places.ctypes.data, out.ctypes.data, good.ctypes.data,
+        )  # fmt: skip
+        return out
