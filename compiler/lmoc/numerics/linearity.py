@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntFlag
 
 import numpy as np
 
@@ -12,13 +12,13 @@ from lmoc.ir.program import Apply, Program, Total, read, written
 from lmoc.numerics.plan import Plan
 
 
-class _Kind(IntEnum):
-    """What a register's value is, as a function of time and the states; a sum is of the highest kind in it."""
+class _Kind(IntFlag):
+    """What a register's value is made of, as a function of time and the states."""
 
     CONSTANT = 0
     GIVEN = 1  # a function of time
-    LINEAR = 2  # in the states, with constant coefficients, and a function of time
-    OTHER = 3
+    LINEAR = 2  # a term that is linear in the states, with constant coefficients
+    OTHER = 4
 
 
 def is_linear(plan: Plan) -> bool:
@@ -29,11 +29,28 @@ def is_linear(plan: Plan) -> bool:
     reduced = plan.reduced
     if reduced.switched is not None or reduced.flat.events is not None:
         return False
-    n, kinds = plan.state_count, np.full(plan.count, _Kind.CONSTANT)
-    kinds[plan.sampled] = _Kind.GIVEN
-    kinds[plan.states[:n]], kinds[plan.states[n:]] = _Kind.LINEAR, _Kind.OTHER
-    _spread(plan.program, kinds)
-    return bool((kinds[plan.derivatives[:n]] <= _Kind.LINEAR).all())
+    n = plan.state_count
+    kinds = _kinds(plan, plan.program, plan.states[:n], plan.sampled)
+    return not (kinds[plan.derivatives[:n]] & _Kind.OTHER).any()
+
+
+def linear_registers(plan: Plan, program: Program, sampled: np.ndarray) -> np.ndarray:
+    """Return (count,) which registers are linear in the states, with coefficients that depend on parameters alone.
+
+    Parameters
+    ----------
+    sampled : registers that are given as functions of time
+    """
+    return (_kinds(plan, program, plan.states, sampled) & ~_Kind.LINEAR) == 0
+
+
+def _kinds(plan: Plan, program: Program, states: np.ndarray, sampled: np.ndarray) -> np.ndarray:
+    kinds = np.zeros(plan.count, int)
+    kinds[sampled] = _Kind.GIVEN
+    kinds[plan.states] = _Kind.OTHER
+    kinds[states] = _Kind.LINEAR
+    _spread(program, kinds)
+    return kinds
 
 
 def _spread(program: Program, kinds: np.ndarray) -> None:
@@ -44,28 +61,29 @@ def _spread(program: Program, kinds: np.ndarray) -> None:
             kinds[step.out] = np.array([_kind(step.shape, p) for p in patterns], int)[which.ravel()]
         elif isinstance(step, Total):
             owner = np.repeat(np.arange(len(step.out)), np.diff(step.start))
-            found = np.full(len(step.out), _Kind.CONSTANT)
-            np.maximum.at(found, owner, kinds[step.index])
+            found = np.zeros(len(step.out), int)
+            np.bitwise_or.at(found, owner, kinds[step.index])
             kinds[step.out] = found
         elif not step.constant:
             kinds[written(step)] = _Kind.OTHER
         else:  # a combination of the residuals without the unknowns, with constant coefficients
-            kinds[step.unknowns] = kinds[read(step)].max(initial=_Kind.CONSTANT)
+            kinds[step.unknowns] = np.bitwise_or.reduce(kinds[read(step)], initial=0)
             _spread(step.inner, kinds)
-            kinds[step.unknowns] = max(kinds[step.unknowns].max(), kinds[step.residuals].max())
+            kinds[step.unknowns] |= np.bitwise_or.reduce(kinds[step.residuals], axis=None, initial=0)
             _spread(step.inner, kinds)
 
 
 def _kind(shape: Expr, columns: np.ndarray) -> int:
     """Return the kind of an expression of slots of the given kinds."""
-    highest = int(columns.max(initial=_Kind.CONSTANT))
-    if highest < _Kind.LINEAR:
-        return max(highest, _Kind.GIVEN if depends_on_time(shape) else _Kind.CONSTANT)
-    parts = linear_parts(shape, [leaf for leaf in slots(shape) if columns[leaf.value[0]] == _Kind.LINEAR])
-    if highest > _Kind.LINEAR or parts is None:
+    whole = int(np.bitwise_or.reduce(columns, initial=0))
+    given = _Kind.GIVEN if depends_on_time(shape) else _Kind.CONSTANT
+    if not whole & (_Kind.LINEAR | _Kind.OTHER):
+        return whole | given
+    parts = linear_parts(shape, [leaf for leaf in slots(shape) if columns[leaf.value[0]] & _Kind.LINEAR])
+    if whole & _Kind.OTHER or parts is None:
         return _Kind.OTHER
     varies = any(
         depends_on_time(c) or any(columns[leaf.value[0]] != _Kind.CONSTANT for leaf in slots(c))
         for c in parts[0].values()
     )
-    return _Kind.OTHER if varies else _Kind.LINEAR
+    return _Kind.OTHER if varies else whole | given

@@ -20,25 +20,29 @@ class TapeFunction:
     ----------
     tape : of registers of a plan, and perhaps of more
     places : where the results stand
+    constant : inputs that stay as they are between events
     """
 
-    def __init__(self, tape: Tape, plan: Plan, places: np.ndarray) -> None:
+    def __init__(self, tape: Tape, plan: Plan, places: np.ndarray, constant: np.ndarray | None = None) -> None:
         self._kernel, self._plan = Kernel(tape), plan
+        varying = np.ones(len(plan.sampled), bool) if constant is None else ~np.isin(plan.sampled, constant)
+        self._sampled = plan.sampled[varying]
+        self._signals = [plan.samplers[k] for k in np.flatnonzero(varying)]
         self._places = np.ascontiguousarray(places, np.int32)
-        self._call = self._kernel.call(plan.states, plan.states, plan.sampled)
+        self._call = self._kernel.call(plan.states, plan.states, self._sampled)
         self._samplers: list[tuple[Signal, int]] = []
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         """Take the registers that do not change between events, and the inputs."""
         self._kernel.w[: len(base)] = base
         self._kernel.forget()
-        self._samplers = [(signals[v], order) for v, order in self._plan.samplers]
+        self._samplers = [(signals[v], order) for v, order in self._signals]
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return the results."""
-        w, plan = self._kernel.w, self._plan
-        w[plan.states] = x
-        for register, (signal, order) in zip(plan.sampled.tolist(), self._samplers, strict=True):
+        w = self._kernel.w
+        w[self._plan.states] = x
+        for register, (signal, order) in zip(self._sampled.tolist(), self._samplers, strict=True):
             w[register] = signal.value(t, order)
         self._kernel(t)
         return w[self._places]

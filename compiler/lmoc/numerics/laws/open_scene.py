@@ -17,11 +17,15 @@ from numpy.typing import NDArray
 from lmoc.ir.flat import Kind
 from lmoc.ir.law import NONE, LawKind, Switched
 from lmoc.ir.program import Solve, needed_steps, walk
+from lmoc.lower.blocks import derivatives_tape
+from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.casadi_system import Lowered
+from lmoc.numerics.evaluate.function import TapeFunction
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.laws.bound_function import BoundFunction, fits_casadi, given_registers
+from lmoc.numerics.laws.bound_function import fits_casadi, given_registers
+from lmoc.numerics.linearity import linear_registers
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Signal, sample
 from lmoc.structure.laws.switched import POSITION
@@ -115,7 +119,7 @@ class OpenScene:
         self.program = needed_steps(
             self.plan.full_program, np.concatenate([self.values, self.plan.derivatives]), self.plan.count
         )
-        self.functions = Functions(self) if fits_casadi(self.program) else None
+        self.is_explicit = fits_casadi(self.program)
 
     def base(self, given: Array, signals: Mapping[int, Signal]) -> Array:
         """Return the registers that do not change between events.
@@ -145,7 +149,18 @@ class OpenScene:
         It returns the registers `values`, the derivatives of the levels and of the states' rates by the forces, and
         those of gaps and rates by the states.
         """
-        return _Compiled(self, self.functions, base, signals) if self.functions else Interpreted(self, base, signals)
+        return _ByEngine(self, base, signals) if self.is_explicit else Interpreted(self, base, signals)
+
+    @cached_property
+    def functions(self) -> Functions | None:
+        """Return the scene as casadi functions; None where it is too large for that, or has blocks."""
+        return Functions(self) if self.is_explicit else None
+
+    @cached_property
+    def tapes(self) -> tuple[Tape, Tape]:
+        """Return the derivatives by the forces, with all values, and those by the states."""
+        own, count = self.program, self.plan.count
+        return derivatives_tape(own, self.by_force, count, True), derivatives_tape(own, self.by_state, count, True)
 
     @cached_property
     def linear(self) -> NDArray[np.bool_]:
@@ -167,8 +182,10 @@ class OpenScene:
     def _motions(self, chosen: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> NDArray[np.bool_]:
         """Return an entry for each law of what is chosen by whether motions are linear."""
         found = np.zeros((2, len(self.push)), bool)
-        if self.functions is not None:
-            found[self.quantities.registers[:2] >= 0] = chosen(self.functions.linear)
+        if self.is_explicit:
+            plan = self.plan
+            linear = linear_registers(plan, self.program, plan.sampled[~np.isin(plan.sampled, self.push)])
+            found[self.quantities.registers[:2] >= 0] = chosen(linear[self.motions])
         return found
 
     @cached_property
@@ -260,15 +277,6 @@ class Functions:
         return ca.jacobian(self.levels, self._forces)
 
     @cached_property
-    def instant(self):
-        """The function that `OpenScene.bind` returns."""
-        import casadi as ca
-
-        rates = ca.vertcat(self.by_force, ca.jacobian(self.rates, self._forces))
-        own = ca.jacobian(self.motions, self.lowered.x)
-        return self.named("instant", [self.values, rates.T, own.T])  # casadi's matrices are column-major
-
-    @cached_property
     def has_constant_matrix(self) -> bool:
         """Return whether the levels depend on the forces in the same way everywhere."""
         import casadi as ca
@@ -276,36 +284,29 @@ class Functions:
         lowered = self.lowered
         return not ca.depends_on(self.by_force, ca.vertcat(lowered.time, lowered.x, lowered.u))
 
-    @cached_property
-    def linear(self) -> NDArray[np.bool_]:
-        """Return which of the motions are linear in the states, with coefficients that depend on parameters alone."""
-        import casadi as ca
-
-        lowered = self.lowered
-        bent = ca.which_depends(self.motions, lowered.x, 2, True)
-        driven = ca.which_depends(self.motions, ca.vertcat(lowered.time, lowered.u), 1, True)
-        return ~(np.array(bent, bool) | np.array(driven, bool))
-
     @property
     def _forces(self):
         return self.lowered.p[len(self.parameters) - self.laws :]
 
 
-class _Compiled:
-    """The casadi function with the parameters and signals of a run."""
+class _ByEngine:
+    """The program and its derivatives by the engine, with the parameters and signals of a run."""
 
-    def __init__(self, scene: OpenScene, made: Functions, base: Array, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, scene: OpenScene, base: Array, signals: Mapping[int, Signal]) -> None:
         base = base.copy()
         base[scene.push] = 0.0
-        self._call = BoundFunction(made.instant, made.parameters, made.samplers, len(scene.plan.states))
-        self._call.prepare(base, signals)
-        laws, states = len(scene.push), len(scene.plan.states)
-        self._shapes = (len(scene.outputs), laws), (len(scene.motions), states)
+        force, state = scene.tapes
+        self._scene, self._size = scene, len(scene.values)
+        self._force = TapeFunction(force, scene.plan, np.concatenate([scene.values, force.results]), scene.push)
+        self._state = TapeFunction(state, scene.plan, state.results, scene.push)
+        for function in (self._force, self._state):
+            function.prepare(base, signals)
 
     def __call__(self, t: float, x: Array) -> tuple[Array, Array, Array]:
-        value, by_force, by_state = self._call(t, x)
-        first, second = self._shapes
-        return value.copy(), by_force.reshape(first).copy(), by_state.reshape(second).copy()
+        scene, found = self._scene, self._force(t, x)
+        force = _dense(scene.by_force, found[self._size :], (len(scene.outputs), len(scene.push)))
+        state = _dense(scene.by_state, self._state(t, x), (len(scene.motions), len(x)))
+        return found[: self._size], force, state
 
 
 # ------------------------------------------------------------------------------ numpy
@@ -329,12 +330,12 @@ class Interpreted:
         for register, (variable, order) in zip(plan.sampled, plan.samplers, strict=True):
             w[register] = sample(self.signals[variable], order, np.array([t]))[0]
         self.interpreter.run(w, t)
-        force = _dense(scene.by_force, w, t, (len(scene.outputs), len(scene.push)))
-        state = _dense(scene.by_state, w, t, (len(scene.motions), len(x)))
+        force = _dense(scene.by_force, scene.by_force.values(w, t), (len(scene.outputs), len(scene.push)))
+        state = _dense(scene.by_state, scene.by_state.values(w, t), (len(scene.motions), len(x)))
         return w[scene.values], force, state
 
 
-def _dense(jacobian: Jacobian, w: Array, t: float, shape: tuple[int, int]) -> Array:
+def _dense(jacobian: Jacobian, entries: Array, shape: tuple[int, int]) -> Array:
     matrix = np.zeros(shape)
-    matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, t)
+    matrix[jacobian.rows, jacobian.columns] = entries
     return matrix
