@@ -61,7 +61,7 @@ class Environment(gymnasium.Env):
         self._reward = reward if reward is not None else lambda values, ended: 1.0
         given = dae.flat.experiment.stop if horizon is None else horizon
         self.horizon = math.inf if given is None else float(given)
-        self._options = {"parameters": parameters, "rtol": rtol}
+        self._parameters, self._rtol = parameters, rtol
         low, high = np.array([actions[n] for n in self.inputs], np.float64).reshape(-1, 2).T
         self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
         shape = (len(self.names),)
@@ -70,18 +70,18 @@ class Environment(gymnasium.Env):
         self._first: Live | None = None
         self.live: Live | None = None
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode; `options` may have {"initial": {name: value}} in place of what is drawn."""
         super().reset(seed=seed)
         drawn = {name: float(self.np_random.uniform(*ends)) for name, ends in self._drawn.items()}
         drawn |= (options or {}).get("initial", {})
         if self._first is None:
             start = {name: min(max(0.0, low), high) for name, (low, high) in zip(self.inputs, self._ranges())}
-            self._first = self.dae.live(inputs=start, **self._options)
+            self._first = self.dae.live(inputs=start, parameters=self._parameters, rtol=self._rtol)
         self.live = self._first.copy()
         for name, value in drawn.items():
             self.live.set(name, value)
-        return self._seen(), {"time": self.live.time}
+        return self._seen(self.live), {"time": self.live.time}
 
     def step(self, action: Sequence[float] | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold an action for one step."""
@@ -101,8 +101,8 @@ class Environment(gymnasium.Env):
             if not isinstance(error, SimulationError):
                 raise
             info["error"] = str(error)
-        seen = self._seen()
-        ended = "error" in info or live.time < target - 1e-9 * self.dt or self._outside()
+        seen = self._seen(live)
+        ended = "error" in info or live.time < target - 1e-9 * self.dt or self._outside(live)
         values = dict(zip((*self.names, *self.inputs), (*seen.tolist(), *held.tolist())))
         info["time"] = live.time
         truncated = not ended and live.time >= self.horizon - 1e-9 * self.dt
@@ -115,8 +115,8 @@ class Environment(gymnasium.Env):
     def _ranges(self) -> list[Range]:
         return list(zip(self._low.tolist(), self._high.tolist()))
 
-    def _seen(self) -> np.ndarray:
-        return np.array([self.live[name] for name in self.names])
+    def _seen(self, live: Live) -> np.ndarray:
+        return np.array([live[name] for name in self.names])
 
-    def _outside(self) -> bool:
-        return any(not low <= self.live[name] <= high for name, (low, high) in self.bounds.items())
+    def _outside(self, live: Live) -> bool:
+        return any(not low <= live[name] <= high for name, (low, high) in self.bounds.items())

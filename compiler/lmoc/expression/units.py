@@ -62,7 +62,7 @@ ONE_UNIT = Unit()
 SECOND = Unit(tuple(int(name == "s") for name in BASE))
 
 
-def _of(text: str) -> tuple[int, ...]:
+def _of(text: str) -> tuple[int | Fraction, ...]:
     powers = dict.fromkeys(BASE, 0)
     for symbol, exponent in re.findall(r"([A-Za-z]+)(-?\d+)?", text):
         powers[symbol] += int(exponent or 1)

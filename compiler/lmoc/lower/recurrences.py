@@ -123,7 +123,7 @@ class Nodes:
         if node.op == "pow":  # with a constant exponent
             return ()
         entry = FUNCTIONS[node.op]
-        if entry.kind is not Kind.SMOOTH:
+        if entry.kind is not Kind.SMOOTH or entry.derivatives is None:
             raise NoSeries(f"'{entry.text}' has kinks or jumps")
         rules = entry.derivatives or ()
         partials = tuple(prepared(lift(rule(function, node, *node.args)), self.fixed) for rule in rules)

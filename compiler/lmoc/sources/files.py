@@ -14,7 +14,7 @@ SUFFIXES = (".lmo", ".mo")  # of files with classes, the first going before the 
 PACKAGE = "package"  # the file of a folder that makes a package of it
 
 
-def read_source(path: str | Path) -> Source:
+def read_source(path: str | os.PathLike[str]) -> Source:
     """Return the text of a file.
 
     Raises
@@ -97,6 +97,6 @@ def library_texts() -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def refusal(code: str, message: str, **more: str) -> ModelError:
+def refusal(code: str, message: str, *, expected: str = "", found: str = "", hint: str = "") -> ModelError:
     """Return the error for a file that cannot be used."""
-    return ModelError([Diagnostic(code, message, **more)])
+    return ModelError([Diagnostic(code, message, expected=expected, found=found, hint=hint)])

@@ -120,7 +120,8 @@ def _unpack(kept: bytes) -> tuple[tree.File, ...] | None:
     collecting = gc.isenabled()
     gc.disable()  # thousands of objects that all stay: looking for garbage among them doubles the time
     try:
-        return pickle.loads(kept)
+        files: tuple[tree.File, ...] = pickle.loads(kept)
+        return files
     except Exception:  # whatever is wrong with it, the library can be parsed
         return None
     finally:

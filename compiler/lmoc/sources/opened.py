@@ -9,8 +9,8 @@ from pathlib import Path
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
-from lmoc.sources.files import SUFFIXES, read_source, refusal
-from lmoc.sources.packages import PACKAGE, Folder
+from lmoc.sources.files import PACKAGE, SUFFIXES, read_source, refusal
+from lmoc.sources.packages import Folder
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise
@@ -18,7 +18,7 @@ from lmoc.syntax.classwise import parse_classwise
 VARIABLE = "LMOPATH"  # of the environment: folders in which classes are looked for
 _CLASS_NAME = re.compile(r"\.?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 
-Named = str | os.PathLike | Sequence[str | os.PathLike]
+Named = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def folders_of_path(path: Named | None) -> tuple[Folder, ...]:
     return _distinct([Folder(Path(name)) for name in (*given, *around)])
 
 
-def _is_class_name(name: str | os.PathLike) -> bool:
+def _is_class_name(name: str | os.PathLike[str]) -> bool:
     """Return whether a name that is no file's can be that of a class."""
     if not isinstance(name, str) or not _CLASS_NAME.fullmatch(name) or name.endswith(SUFFIXES):
         return False

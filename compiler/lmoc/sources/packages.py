@@ -86,12 +86,14 @@ class Folder:
                 raise refusal("E0611", f"the folder '{self.path}' cannot be read: {error.strerror}") from None
         return self._entries
 
-    def _read(self, name: str, entries: list[str]) -> Found:
+    def _read(self, name: str, entries: list[str]) -> Found | None:
         own = next((e for suffix in SUFFIXES for e in entries if e.endswith(suffix)), None)
         if own is not None and name in entries:
             message = f"'{name}' is both a file and a folder in '{self.path}'"
             return Found(diagnostics=(Diagnostic("E0244", message, found=f"{own} and {name}/"),))
         file = self.path / own if own is not None else package_file(self.path / name)
+        if file is None:
+            return None  # it was there when the folder was listed
         folder = None if own is not None else Folder(self.path / name, (*self.within, name))
         try:
             report = Report()
