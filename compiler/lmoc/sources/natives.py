@@ -6,7 +6,7 @@ What the library leaves to C, or to loops over values that change, stands in the
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 
 from lmoc.messages.diagnostics import Report
@@ -34,7 +34,7 @@ def _definitions() -> Mapping[str, tree.Class]:
     return dict(_inside("", parsed.classes))
 
 
-def _inside(prefix: str, classes: Iterator[tree.Class]) -> Iterator[tuple[str, tree.Class]]:
+def _inside(prefix: str, classes: Iterable[tree.Class]) -> Iterator[tuple[str, tree.Class]]:
     for definition in classes:
         name = f"{prefix}{definition.name}"
         if definition.kind == "package":
