@@ -70,7 +70,9 @@ class Environment(gymnasium.Env):
         self._first: Live | None = None
         self.live: Live | None = None
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode; `options` may have {"initial": {name: value}} in place of what is drawn."""
         super().reset(seed=seed)
         drawn = {name: float(self.np_random.uniform(*ends)) for name, ends in self._drawn.items()}
