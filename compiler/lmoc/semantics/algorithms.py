@@ -249,7 +249,12 @@ class _Section(Algorithm):
             raise Wrong("E0252", f"'{name}' happens at an instant: it belongs in a 'when'", s.span,
                         expected=f"when … then {name}(…); end when;")  # fmt: skip
         else:
-            raise Wrong("E0203", f"'{name}' has no effect: its results are assigned to nothing", s.span)
+            self._effect(s)
+
+    def _effect(self, s: tree.CallStatement) -> None:
+        """A function without results, which is called for its assertions."""
+        if call_all(self.context, s.call):
+            raise Wrong("E0203", f"'{s.call.function}' has no effect: its results are assigned to nothing", s.span)
 
 
 def _name(ref: tree.Ref) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from lmoc.expression import dag
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
@@ -34,6 +35,9 @@ class LocalVariable:
     member: Member
     type: str
     role: str  # input, output, "" for a local one
+
+
+_RETURNED, _BROKEN = "return;", "break;"  # whether that has been met, beside the values: no variable has these names
 
 
 class _Leave(Exception):
@@ -118,8 +122,18 @@ class Algorithm:
             self.values[name] = value
 
     def _statements(self, statements: tuple[tree.Statement, ...]) -> None:
-        for statement in statements:
+        for k, statement in enumerate(statements):
             self._statement(statement)
+            for mark, leave in ((_RETURNED, _Return), (_BROKEN, _Break)):
+                left = self.values.get(mark)
+                if left is None:
+                    continue
+                if left.expr.is_const and left.expr.value:
+                    raise leave
+                if not left.expr.is_const and k + 1 < len(statements):  # the rest is for those who have not left
+                    stays = Value(dag.function("not", left.expr), (), "Boolean")
+                    self._branch(stays, statements[k + 1 :], (), statement.span)
+                    return
 
     def _statement(self, s: tree.Statement) -> None:
         if isinstance(s, tree.Assignment):
@@ -242,26 +256,36 @@ class Algorithm:
             self._statements(then if holds else otherwise)
 
     def _branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
+        """Carry out both branches, and join their values; `return` and `break` in one of them are values as well."""
         before = dict(self.values)
         results = []
+        left: set[str] = set()
         for body, holds in ((then, True), (otherwise, False)):
             self.values.clear()
             self.values.update(before)
             try:
                 self._in_branch(condition, holds, body)
-            except _Leave:
-                raise Wrong(
-                    "E0222", "'return' and 'break' need a condition that is known when compiling", span
-                ) from None
+            except _Leave as leave:
+                mark = _RETURNED if isinstance(leave, _Return) else _BROKEN
+                self.values[mark] = number(True, "Boolean")
             results.append(dict(self.values))
+            left |= {mark for mark in (_RETURNED, _BROKEN) if mark in self.values}
+        for result in results:
+            for mark in left:
+                result.setdefault(mark, number(False, "Boolean"))
         first, second = results
         self.values.clear()
-        for name in first:
-            if name in second:
-                same = first[name] is second[name]
-                self.values[name] = (
-                    first[name] if same else choose(self.context, condition, first[name], second[name], span)
-                )
+        for name in (*first, *(n for n in second if n not in first)):
+            a, b = first.get(name), second.get(name)
+            if a is None or b is None:
+                if not left:
+                    continue  # without a value in one of the branches, it has none
+                a, b = (self._nothing_like(b) if a is None else a), (self._nothing_like(a) if b is None else b)
+            self.values[name] = a if a is b else choose(self.context, condition, a, b, span)
+
+    def _nothing_like(self, value: Value) -> Value:
+        """No value, in the place of one that a branch has not given before it was left."""
+        return self.context.arrays.map(lambda _: dag.const(math.nan), value, type=value.type)
 
     def _in_branch(self, condition: Value, holds: bool, body: tuple) -> None:
         """Carry out the statements of a branch whose condition is open."""
@@ -279,16 +303,31 @@ class Algorithm:
         if len(numbers) > MAX_ITERATIONS:
             raise Wrong("E0222", f"the loop over '{index.name}' is too long to unroll", index.span)
         hidden = self.values.get(index.name)
+        around = self.values.pop(_BROKEN, None)
         for x in numbers:
             self.context.model.rounds.spend(1, index.span)
             self.values[index.name] = number(x, type_)
             try:
-                self._for(s, k + 1)
+                self._round(s, k + 1)
             except _Break:
                 break
+        self.values.pop(_BROKEN, None)
+        if around is not None:
+            self.values[_BROKEN] = around
         self.values.pop(index.name, None)
         if hidden is not None:
             self.values[index.name] = hidden
+
+    def _round(self, s: tree.ForStatement, k: int) -> None:
+        """One round of a loop, for those who have not left it."""
+        left = [v.expr for mark in (_BROKEN, _RETURNED) if (v := self.values.get(mark)) is not None]
+        open_ones = [e for e in left if not e.is_const]
+        if not open_ones:
+            self._for(s, k)
+            return
+        gone = open_ones[0] if len(open_ones) == 1 else dag.function("or", *open_ones)
+        inner = s.body if k == len(s.indices) else (tree.ForStatement(s.indices[k:], s.body, s.span),)
+        self._branch(Value(dag.function("not", gone), (), "Boolean"), inner, (), s.indices[0].span)
 
     def _while(self, s: tree.WhileStatement) -> None:
         for _ in range(MAX_ITERATIONS):
@@ -299,7 +338,11 @@ class Algorithm:
             try:
                 self._statements(s.body)
             except _Break:
+                self.values.pop(_BROKEN, None)
                 return
+            if _BROKEN in self.values or _RETURNED in self.values:
+                message = "'return' and 'break' in a 'while' need a condition that is known when compiling"
+                raise Wrong("E0222", message, s.condition.span)
         raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} iterations", s.condition.span)
 
 
