@@ -101,7 +101,7 @@ def test_the_command_keeps_the_result_and_says_what_to_change(tmp_path, capsys):
 def test_absurd_numbers_end_by_themselves(verb, value, capsys):
     """Without the help of the clock: hopeless runs are known by the pace of their steps."""
     code = main([verb, SUSPENSION, "--set", f"k1={value}"])
-    assert code in (0, 1, 3)
+    assert code in (0, 1, 2, 3)  # 2: there is no linear model for such numbers
     if (verb, value) in (("run", "1e308"), ("run", "1e30")):
         assert code == 3 and f"is k1 = {float(value):g}, tire.k" in capsys.readouterr().err
 

@@ -77,7 +77,7 @@ class Compiled:
         """
         around = [str(f) for f in folders] + [f for f in os.environ.get("LMOPATH", "").split(os.pathsep) if f]
         try:
-            payload = store(([(f, _classes(f)) for f in around], flat, replace(reduced, guards=())))
+            payload = store(([(f, _classes(f)) for f in around], flat, replace(reduced, guards=(), guess_at=None)))
         except NotStorable:
             return
         if len(payload) <= _LARGEST:
