@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from lmoc.report.compare import compare
     from lmoc.report.picture import plot
     from lmoc.run import Run
+    from lmoc.studies.sample import lognormal, normal, sample, triangular, uniform
     from lmoc.support.budget import budget
     from lmoc.support.version import __version__
 
 __all__ = ["__version__", "DAE", "Environment", "ModelError", "Run", "SimulationError"]
 __all__ += ["budget", "compare", "compile", "compile_text", "plot"]
+__all__ += ["lognormal", "normal", "sample", "triangular", "uniform"]
 
 # Looked up on first use: `import lmoc` itself must cost nothing, since every stage imports it.
 _HOME = {
@@ -38,6 +40,7 @@ _HOME = {
     "SimulationError": "lmoc.messages.diagnostics",
     "Run": "lmoc.run",
     "plot": "lmoc.report.picture",
+    **dict.fromkeys(("lognormal", "normal", "sample", "triangular", "uniform"), "lmoc.studies.sample"),
 }
 
 

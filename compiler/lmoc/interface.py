@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lmoc.run import Run
     from lmoc.studies.chart import Chart
     from lmoc.studies.economy import Economy
+    from lmoc.studies.ensemble import Ensemble
     from lmoc.studies.sweep import Sweep
     from lmoc.symbolic.places import Point
     from lmoc.view.drawing import Drawing
@@ -62,6 +63,77 @@ class DAE(CompiledDAE):
             lambda point: self.simulate(**given, parameters={**held, **point}),
             lambda point: self.linearize(parameters={**held, **point}).eigenvalues,
         )
+
+    def ensemble(
+        self,
+        parameters: Mapping[str, Any] | None = None,
+        initial: Mapping[str, Any] | str | None = None,
+        inputs: Mapping[str, object] | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        times: Sequence[float] | None = None,
+        points: int | None = None,
+        rtol: float | None = None,
+        keep: str | Sequence[str] = (),
+        workers: Any = None,
+        store: str | Path | None = None,
+        *,
+        atol: float | None = None,
+        solver: str = "auto",
+        max_step: float | None = None,
+        energy: bool = True,
+        series: bool = True,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Ensemble:
+        """Make many runs with other numbers: ``dae.ensemble(lmoc.sample(k=lmoc.normal(30, 3), n=1000))``.
+
+        Every run is what `simulate` makes of the same arguments, bit for bit, whatever shares the work. A run that
+        fails is a row with its reason; every run has a budget of its own.
+
+        Parameters
+        ----------
+        parameters, initial : {name: N values, or a number that stays}; of an array of the model (N, m) values. A
+            `lmoc.sample` may be given as `parameters` where it has start values as well
+        inputs : {name: N numbers, a list of N signals, or a signal for all as in `simulate`}
+        start, stop, times, points, rtol, atol, solver, max_step, energy : as in `simulate`
+        keep : names of the variables to keep; by default the outputs, else the states
+        workers : number of threads, by default one for each processor; or a `Client` of dask.distributed
+        store : a folder in which chunks are kept as they are done; an ensemble that was interrupted goes on from them
+        series : keep variables over time; without, only their last, smallest and largest values
+        progress : called with the runs done and the runs in all
+
+        Raises
+        ------
+        ModelError
+            Names or options that no run can use; E0623, E0667: the store cannot be used.
+        ValueError
+            Nothing varies, or lengths differ.
+        """
+        from lmoc.numerics.options import RunOptions
+        from lmoc.studies.batch import job_of, run
+        from lmoc.studies.rows import rows_of
+        from lmoc.studies.sample import Sample
+        from lmoc.studies.store import Store
+
+        seed = parameters.seed if isinstance(parameters, Sample) else None
+        parameters, initial = self._sorted(parameters, initial)
+        rows = rows_of(self.flat, parameters, initial, inputs)
+        options = RunOptions(start, stop, points, times, rtol, atol, solver, energy=energy, max_step=max_step)
+        job = job_of(self._session, options, rows, keep or None, series)
+        return run(job, workers, None if store is None else Store(store, job, seed), progress)
+
+    def _sorted(
+        self, parameters: Mapping[str, Any] | None, initial: Mapping[str, Any] | str | None
+    ) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | str | None]:
+        """Return parameters and start values, each in its place: a sample may hold both."""
+        from lmoc.ir.flat import Kind
+        from lmoc.studies.sample import Sample
+
+        if not isinstance(parameters, Sample) or isinstance(initial, str):
+            return parameters, initial
+        found = {name: self.flat.find(name) for name in parameters}
+        moving = {n for n, v in found.items() if v is not None and self.flat.kind[v[0]] != Kind.PARAMETER}
+        return parameters.only(set(found) - moving), {**(initial or {}), **parameters.only(moving)}
 
     @budgeted("the chart", suspicion)
     def chart(

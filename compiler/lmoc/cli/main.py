@@ -31,6 +31,7 @@ VERBS = {
     "transfer": "transfer function from an input to an output",
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
     "compare": "run several scenes and compare them: differences, curves over each other",
+    "study": "many runs with random numbers",
     "chart": "speed against accuracy of methods and tolerances",
     "solvers": "the methods of integration and their properties",
     "draw": "draw a scene",

@@ -60,8 +60,19 @@ def save(run: Result, path: Path, names: Sequence[str] | None = None) -> Path:
     """Write the columns of a run; the ending of the name says how. Errors as `Run.save`."""
     check_target(path, tuple(FORMATS))
     write, columns = FORMATS[path.suffix.lower()], run.columns(names)
+    return written(path, lambda target: write(target, columns))
+
+
+def written(path: Path, write: Callable[[Path], object]) -> Path:
+    """Have a file made, as `replace_file` does.
+
+    Raises
+    ------
+    ModelError
+        E0623 it cannot be written.
+    """
     try:
-        replace_file(path, lambda target: write(target, columns))
+        replace_file(path, write)
     except ImportError as error:
         hint = "pip install pyarrow" if path.suffix.lower() == ".parquet" else ""
         raise _refusal("E0623", f"'{path}' cannot be written: {_first_line(error)}", hint) from None

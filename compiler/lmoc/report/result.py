@@ -110,7 +110,7 @@ class Result:
         if name.startswith("der(") and name.endswith(")"):
             return self._derivative(name)
         values = self.values(self._variables(name))
-        return values if _is_array(self.flat, name) else values[:, 0]
+        return values if is_array(self.flat, name) else values[:, 0]
 
     def __iter__(self) -> Iterator[str]:
         """Names of the time and of everything that changes in it, or of what was kept."""
@@ -281,7 +281,7 @@ def _members(block: Block) -> np.ndarray:
     return np.arange(block.offset, block.offset + block.size)
 
 
-def _is_array(flat: FlatDAE, name: str) -> bool:
+def is_array(flat: FlatDAE, name: str) -> bool:
     """Return whether a name stands for several variables: an index is missing or is a range."""
     block: Block = flat.block_at(int(flat.find(name)[0]))
     given = [index for found in subscripts(name) for index in found]

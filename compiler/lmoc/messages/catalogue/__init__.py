@@ -112,6 +112,12 @@ CATALOGUE: dict[str, Entry] = {
         "the check of a text in an editor takes too long",
         "An editor waits 30 s for the check of a text. `lmoc check FILE` goes on and shows how far it is.",
     ),
+    "E0667": Entry(
+        "the store of a study cannot be used",
+        "A study keeps what is done in a folder, with digests of the model, the values and the options. The folder\n"
+        "holds the runs of another study, or a file in it is damaged; or the study has values, such as functions of\n"
+        "Python, of which it cannot be told whether they are the same next time.",
+    ),
     "E0663": Entry(
         "no single equilibrium",
         "A nonlinear scene is linearized about a point. By default that is its only equilibrium; where there "

@@ -1,0 +1,199 @@
+"""How the runs of an ensemble are made: checked once, shared out in chunks, put together in their order."""
+
+from __future__ import annotations
+
+import pickle
+import time as clock
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc import simulation
+from lmoc.ir.names import UnknownNameError, hint_for, names_of, outputs_of
+from lmoc.messages.budgeted import budgeted
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
+from lmoc.numerics.options import RunOptions
+from lmoc.numerics.simulate import check_options
+from lmoc.parameters import indexed
+from lmoc.report.result import is_array
+from lmoc.report.units import unit_of
+from lmoc.session import Session
+from lmoc.simulation import Request
+from lmoc.studies import workers as sharing
+from lmoc.studies.ensemble import Chunk, Ensemble, joined
+from lmoc.studies.rows import Row, Rows, reason_of, row_of
+from lmoc.support.records import dataclass
+
+if TYPE_CHECKING:
+    from lmoc.run import Run
+    from lmoc.studies.store import Store
+
+_SECONDS = 0.5  # of work in a chunk, about
+_LARGEST = 4096  # rows of a chunk
+Progress = Callable[[int, int], None]  # (runs done, runs in all)
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What all runs of an ensemble share.
+
+    Attributes
+    ----------
+    options : of each run
+    rows : what differs between them
+    names : of the variables that are kept
+    series : whether they are kept over time
+    shapes : {name: shape of its value at one time}
+    times : (T,) s
+    """
+
+    session: Session
+    options: RunOptions
+    rows: Rows
+    names: tuple[str, ...]
+    series: bool
+    shapes: Mapping[str, tuple[int, ...]]
+    times: np.ndarray
+
+
+def job_of(
+    session: Session, options: RunOptions, rows: Rows, keep: str | Sequence[str] | None, series: bool = True
+) -> Job:
+    """Return what an ensemble does, once it has been seen that it can be done.
+
+    Raises
+    ------
+    ModelError
+        Names that are not in the model, options that cannot be used.
+    """
+    flat = session.flat
+    first = rows.request(0)
+    indexed(flat, first["parameters"])
+    report = Report()
+    span = check_options(options, session.reduced, report)
+    names = names_of(keep) or outputs_of(flat) or tuple(session.reduced.state_names)
+    for kind in ("initial", "inputs"):
+        given = first[kind]
+        for name in given if isinstance(given, Mapping) else ():
+            if flat.find(str(name)) is None:
+                report.error("E0622", f"'{name}' is not in '{flat.name}'", hint=hint_for(flat, str(name)))
+    for name in names:
+        if not name.startswith("der(") and flat.find(name) is None:
+            report.error("E0622", f"'{name}' cannot be kept: there is no such variable", hint=hint_for(flat, name))
+    report.check()
+    shapes = {name: _shape(session, name) for name in names}
+    return Job(session, options, rows, tuple(names), series, shapes, span.times)
+
+
+def _shape(session: Session, name: str) -> tuple[int, ...]:
+    flat = session.flat
+    return (len(flat.find(name)),) if not name.startswith("der(") and is_array(flat, name) else ()
+
+
+def run_rows(job: Job, rows: Sequence[int]) -> Chunk:
+    """Make some of the runs."""
+    return _packed(job, [_run_row(job, row) for row in rows])
+
+
+def _run_row(job: Job, row: int) -> Row:
+    request = Request(job.options, **job.rows.request(row))
+    try:
+        run = _budgeted(job.session, request)
+        return row_of(run, job.names, job.times, job.shapes, "")
+    except (SimulationError, RunInterrupted, ModelError) as failure:
+        reason, partial = reason_of(failure)
+        return row_of(partial, job.names, job.times, job.shapes, reason)
+    except UnknownNameError as error:
+        raise ModelError([Diagnostic("E0622", str(error))]) from None
+
+
+@budgeted("the simulation")
+def _budgeted(session: Session, request: Request) -> Run:
+    return simulation.simulate(session, request)
+
+
+def _packed(job: Job, rows: Sequence[Row]) -> Chunk:
+    """Return rows as arrays."""
+    series = {name: np.stack([row.values[name] for row in rows]) for name in job.names}
+    summary = {}
+    for what, of in (("minimum", np.fmin), ("maximum", np.fmax)):
+        summary[what] = {name: of.reduce(values, axis=1) for name, values in series.items()}
+    return Chunk(
+        series if job.series else {},
+        {name: np.ascontiguousarray(values[:, -1]) for name, values in series.items()},
+        reasons=tuple(row.reason for row in rows),
+        events=tuple(row.events for row in rows) if job.series else ((),) * len(rows),
+        **summary,
+    )
+
+
+def run(job: Job, workers: Any = None, store: Store | None = None, progress: Progress | None = None) -> Ensemble:
+    """Make all runs.
+
+    Parameters
+    ----------
+    workers : number of threads, or a Client of dask
+    store : where chunks are kept as they are done, and found again
+
+    Raises
+    ------
+    ModelError
+        What was asked for cannot be done. Runs that fail are rows with a reason.
+    """
+    count = job.rows.count
+    client = workers if sharing.is_client(workers) else None
+    threads = None if client else sharing.thread_count(workers, count)
+    chunks: dict[int, Chunk] = {}
+    if store is not None:
+        size = store.size
+    else:  # what a run costs is seen from the first one
+        began = clock.perf_counter()
+        chunks[0] = run_rows(job, [0])
+        size = int(min(max(_SECONDS / (clock.perf_counter() - began), 1), _LARGEST))
+        size = max(1, min(size, -(-count // (4 * (threads or 1)))))
+    starts = [0, *range(1, count, size)] if store is None else list(range(0, count, size))
+    ends = [*starts[1:], count]
+    if store is not None:
+        chunks = {k: found for k in range(len(starts)) if (found := store.read(k)) is not None}
+    done = sum(ends[k] - starts[k] for k in chunks)
+    left = [k for k in range(len(starts)) if k not in chunks]
+    parts = [range(starts[k], ends[k]) for k in left]
+    if progress is not None:
+        progress(done, count)
+    for k, chunk in _shared(job, parts, client, threads):
+        if store is not None:
+            store.write(left[k], chunk)
+        chunks[left[k]] = chunk
+        done += len(parts[k])
+        if progress is not None:
+            progress(done, count)
+    rows = job.rows
+    given = {**rows.parameters, **rows.initial, **{n: v for n, v in rows.inputs.items() if isinstance(v, np.ndarray)}}
+    units = {name: unit_of(job.session.reduced, name) for name in (*job.names, *given)}
+    flat_name = job.session.flat.name
+    return joined(flat_name, job.times, given, units, [chunks[k] for k in range(len(starts))])
+
+
+def _shared(job: Job, parts: Sequence[range], client: Any, threads: int | None) -> Iterator[tuple[int, Chunk]]:
+    """Yield chunks as they are done."""
+    if not parts:
+        return
+    if client is not None:
+        yield from sharing.on_dask(parts, client, job, run_rows)
+        return
+    own = [job, *copies(job, min(threads or 1, len(parts)) - 1)]
+    yield from sharing.on_threads(parts, [_work(each) for each in own])
+
+
+def copies(job: Job, count: int) -> list[Job]:
+    """Return jobs with scenes of their own, each for another thread: a scene has one set of buffers."""
+    if not count:
+        return []
+    packed = pickle.dumps(job.session)
+    return [replace(job, session=pickle.loads(packed)) for _ in range(count)]  # noqa: S301
+
+
+def _work(job: Job) -> Callable[[Sequence[int]], Chunk]:
+    return lambda part: run_rows(job, part)
