@@ -110,7 +110,8 @@ class DAE(CompiledDAE):
             Nothing varies, or lengths differ.
         """
         from lmoc.numerics.options import RunOptions
-        from lmoc.studies.batch import job_of, run
+        from lmoc.studies.batch import run
+        from lmoc.studies.job import job_of
         from lmoc.studies.rows import rows_of
         from lmoc.studies.sample import Sample
         from lmoc.studies.store import Store

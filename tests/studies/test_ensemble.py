@@ -75,6 +75,7 @@ def test_samples_that_cannot_be_drawn_are_refused(make):
 
 # ------------------------------------------------------------------------------------------- the bits of single runs
 
+
 def _scenes():
     for folder, most in (("laws", 6), ("planar", 4), ("notes", 3)):
         yield from sorted((ROOT / "models" / folder).glob("*.lmo"))[:most]

@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import pickle
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lmoc import simulation
-from lmoc.ir.names import UnknownNameError, hint_for, names_of, outputs_of
+from lmoc.ir.names import UnknownNameError
 from lmoc.messages.budgeted import budgeted
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.simulate import check_options
-from lmoc.parameters import indexed
-from lmoc.report.result import is_array
+from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
 from lmoc.report.units import unit_of
 from lmoc.session import Session
 from lmoc.simulation import Request
 from lmoc.studies import workers as sharing
 from lmoc.studies.ensemble import Chunk, Ensemble, joined
-from lmoc.studies.rows import Row, Rows, reason_of, row_of
-from lmoc.support.records import dataclass
+from lmoc.studies.job import Job
+from lmoc.studies.rows import Row, reason_of, row_of
 
 if TYPE_CHECKING:
     from lmoc.run import Run
@@ -33,63 +29,6 @@ if TYPE_CHECKING:
 _SECONDS = 0.5  # of work in a chunk, about
 _LARGEST = 4096  # rows of a chunk
 Progress = Callable[[int, int], None]  # (runs done, runs in all)
-
-
-@dataclass(frozen=True, eq=False)
-class Job:
-    """What all runs of an ensemble share.
-
-    Attributes
-    ----------
-    options : of each run
-    rows : what differs between them
-    names : of the variables that are kept
-    series : whether they are kept over time
-    shapes : {name: shape of its value at one time}
-    times : (T,) s
-    """
-
-    session: Session
-    options: RunOptions
-    rows: Rows
-    names: tuple[str, ...]
-    series: bool
-    shapes: Mapping[str, tuple[int, ...]]
-    times: np.ndarray
-
-
-def job_of(
-    session: Session, options: RunOptions, rows: Rows, keep: str | Sequence[str] | None, series: bool = True
-) -> Job:
-    """Return what an ensemble does, once it has been seen that it can be done.
-
-    Raises
-    ------
-    ModelError
-        Names that are not in the model, options that cannot be used.
-    """
-    flat = session.flat
-    first = rows.request(0)
-    indexed(flat, first["parameters"])
-    report = Report()
-    span = check_options(options, session.reduced, report)
-    names = names_of(keep) or outputs_of(flat) or tuple(session.reduced.state_names)
-    for kind in ("initial", "inputs"):
-        given = first[kind]
-        for name in given if isinstance(given, Mapping) else ():
-            if flat.find(str(name)) is None:
-                report.error("E0622", f"'{name}' is not in '{flat.name}'", hint=hint_for(flat, str(name)))
-    for name in names:
-        if not name.startswith("der(") and flat.find(name) is None:
-            report.error("E0622", f"'{name}' cannot be kept: there is no such variable", hint=hint_for(flat, name))
-    report.check()
-    shapes = {name: _shape(session, name) for name in names}
-    return Job(session, options, rows, tuple(names), series, shapes, span.times)
-
-
-def _shape(session: Session, name: str) -> tuple[int, ...]:
-    flat = session.flat
-    return (len(flat.find(name)),) if not name.startswith("der(") and is_array(flat, name) else ()
 
 
 def run_rows(job: Job, rows: Sequence[int]) -> Chunk:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -13,13 +14,27 @@ from lmoc.report.plots import COLOURS, GREY, literal, stacked, write
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lmoc.studies.ensemble import Ensemble
+
+class Runs(Protocol):
+    """The part of `lmoc.studies.ensemble.Ensemble` that is drawn."""
+
+    name: str
+    time: np.ndarray
+    given: Mapping[str, np.ndarray]
+    series: Mapping[str, np.ndarray]
+    end: Mapping[str, np.ndarray]
+    failed: np.ndarray
+    units: Mapping[str, str]
+
+    @property
+    def kept(self) -> tuple[str, ...]: ...
+
 
 KINDS = ("bands", "histogram", "scatter", "tornado")
 _BANDS = ((0.01, 0.99, 0.18), (0.25, 0.75, 0.4))  # from, to, how dark
 
 
-def plot(many: Ensemble, name: str | None = None, path: str | Path | None = None, kind: str = "bands") -> Figure:
+def plot(many: Runs, name: str | None = None, path: str | Path | None = None, kind: str = "bands") -> Figure:
     """Draw one variable of all runs that have not failed.
 
     Raises
@@ -45,7 +60,7 @@ def plot(many: Ensemble, name: str | None = None, path: str | Path | None = None
     figure, axes = stacked(max(count, 1), path, f"{many.name}: {len(end)} runs", share=False)
     label = f"{literal(name)} in {many.units[name]}" if many.units.get(name) else literal(name)
     if kind == "bands":
-        _bands(axes[0], many.time, many[name][sound], label)
+        _bands(axes[0], many.time, many.series[name][sound], label)
     elif kind == "histogram":
         axes[0].hist(end, bins="auto", color=COLOURS[0], alpha=0.7)
         axes[0].set_xlabel(f"{label} at {many.time[-1]:g} s")

@@ -21,8 +21,8 @@ from lmoc.ir.text.flat import flat_text
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.observe.event import Event
 from lmoc.report.files import written
-from lmoc.studies.batch import Job
 from lmoc.studies.ensemble import Chunk
+from lmoc.studies.job import Job
 from lmoc.support.version import __version__
 
 SIZE = 64  # rows of a chunk
