@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from oracles.by_numpy import VectorSystem
 
 import lmoc
 from lmoc.engine.kernel import Kernel
@@ -13,7 +14,6 @@ from lmoc.lower.blocks import values_tape
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.plan import build_plan
 from lmoc.numerics.signals.signals import bind_signals
 

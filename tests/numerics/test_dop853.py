@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from oracles.by_hand import Scene, oscillator
+from oracles.by_numpy import NumpyStepper, VectorSystem
 
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import Report, SimulationError
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.stepper import NumpyStepper
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate import dop853_table
 from lmoc.numerics.integrate.dense_output import dense_terms, evaluate_dense
 from lmoc.numerics.options import RunOptions

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.by_numpy import VectorSystem
 
 import lmoc
 from lmoc.ir.flat import FlatDAE, Sums
@@ -14,7 +15,6 @@ from lmoc.ir.program import Solve, walk
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.choice import integrate
 from lmoc.numerics.plan import Plan

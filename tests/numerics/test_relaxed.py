@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from oracles.by_numpy import VectorSystem
 
 import lmoc
 from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.newton import Newton, shortest_solution, vanishes
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.signals.signals import bind_signals
 from lmoc.numerics.simulate import Simulator
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from oracles.by_numpy import VectorSystem
 from oracles.lawful import reduced_of
 
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.laws.updated import UpdatedSystem, updatable
 from lmoc.numerics.plan import build_plan

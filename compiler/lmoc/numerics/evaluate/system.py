@@ -1,9 +1,8 @@
 """The protocol of a numeric system, x' = f(t, x): right-hand side, Jacobian, root functions, steps.
 
-A run integrates one `System`; parameters are data of it, set by `prepare`. The implementations are `explicit_system`
-(one casadi function), `vector_system` (numpy over groups of rows, and the index-1 form), `segmented_system` (casadi
-between and inside blocks) and `native.system` (compiled C); `select.make_system` chooses among them. Whoever holds a
-system asks it what it can do and never of which class it is.
+A run integrates one `System`; parameters are data of it, set by `prepare`. The implementations are `engine_system`, and
+for larger scenes with laws `laws.updated`; `select.make_system` chooses. Whoever holds a system asks it what it can do
+and never of which class it is.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from lmoc.numerics.evaluate.stepper import NumpyStepper, Stepper
+from lmoc.numerics.evaluate.stepper import Stepper
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
 from lmoc.support.records import dataclass
@@ -145,9 +144,9 @@ class System(ABC):
         matrix[indices, np.repeat(np.arange(self.n), np.diff(indptr))] = values
         return matrix
 
+    @abstractmethod
     def stepper(self) -> Stepper:
-        """Return what makes steps of DOP853 with this system, as fast as it can."""
-        return NumpyStepper(self)
+        """Return what makes steps of DOP853 with this system."""
 
     # ------------------------------------------------------------------ what only some have
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
+from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.select import make_system
-from lmoc.numerics.evaluate.vector_system import VectorSystem
 from lmoc.numerics.integrate import ida, loop
 from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.plan import Plan, build_plan
@@ -89,7 +89,7 @@ def integrate(
     seconds : of the processor in this thread, after which it is given up
     """
     table = np.full((len(times), equations.n), np.nan)
-    outline = VectorSystem(equations.plan)
+    outline = EngineSystem(equations.plan)
     outline.n = equations.n
 
     def sink(first: int, states: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""Systems whose program is run step by step by numpy, and their index-1 form with large blocks laid open."""
+"""Systems whose program is run step by step by numpy, and their steps of DOP853: what the engine is compared with."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from lmoc.numerics.evaluate.follow import Follower
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.evaluate.newton import Newton
-from lmoc.numerics.evaluate.opened import open_blocks
+from lmoc.numerics.evaluate.stepper import RightHandSide, Stepper
 from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.integrate import dop853_table as table
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
@@ -78,12 +79,8 @@ class VectorSystem(System):
     def go_back(self) -> None:
         self.follower.go_back()
 
-    def opened(self) -> OpenedSystem | None:
-        if not len(open_blocks(self.plan.program)[1]):
-            return None
-        opened = OpenedSystem(self.plan)
-        opened.prepare(*self.given)
-        return opened
+    def stepper(self) -> Stepper:
+        return NumpyStepper(self)
 
     def _run(self, t: float, x: np.ndarray) -> None:
         self.w[self.inputs] = x
@@ -121,34 +118,45 @@ class VectorSystem(System):
         return self._derivative.values(self.w, t)
 
 
-class OpenedSystem(VectorSystem):
-    """``x' = f(t, x, z), 0 = g(t, x, z)`` for y = (x, z); `rhs` writes (f, g).
+class NumpyStepper(Stepper):
+    """Any system."""
 
-    Attributes
-    ----------
-    closed : the system in which the blocks are solved, for starts
-    differential : (n,) which components have derivatives
-    """
+    def __init__(self, system: RightHandSide) -> None:
+        self.system = system
+        n = system.n
+        self.k = np.zeros((16, n))
+        self.x, self.f, self.x_new = np.zeros(n), np.zeros(n), np.zeros(n)
 
-    description = "numpy, index 1"
-    algebraic_size = 1.0
+    def start(self, t, x, rtol, atol) -> None:
+        self.x = x.copy()
+        self.rtol, self.atol = rtol, atol
+        self.system.rhs(t, self.x, self.f)
 
-    def __init__(self, plan: Plan) -> None:
-        self.closed = VectorSystem(plan)
-        program, self.algebraic, residuals = open_blocks(plan.program)
-        super().__init__(
-            plan,
-            program,
-            np.concatenate([plan.states, self.algebraic]),
-            np.concatenate([plan.derivatives, residuals]),
-        )
-        self.differential = np.arange(self.n) < len(plan.states)
+    def attempt(self, t: float, h: float) -> tuple[float, float]:
+        k, rhs, x = self.k, self.system.rhs, self.x
+        k[0] = self.f
+        with np.errstate(all="ignore"):
+            for i in range(1, 12):
+                last = x + h * (table.A[i, :i] @ k[:i])
+                rhs(t + table.C[i] * h, last, k[i])
+            self.x_new = x + h * (table.B @ k[:12])
+            rhs(t + h, self.x_new, k[12])
+            scale = self.atol + self.rtol * np.maximum(np.abs(x), np.abs(self.x_new))
+            e5 = float(((table.E5 @ k[:13] / scale) ** 2).sum())
+            e3 = float(((table.E3 @ k[:13] / scale) ** 2).sum())
+            error = h * e5 / np.sqrt((e5 + 0.01 * e3 + 1e-300) * len(x))
+            change = float(((self.x_new - last) ** 2).sum())
+            rise = float(((k[12] - k[11]) ** 2).sum())
+            stiffness = h * np.sqrt(rise / change) if change > 0 else 0.0
+        # the error components alone may hide a NaN at the end of the step
+        return (float(error) if np.isfinite(k[12]).all() else float("nan")), float(stiffness)
 
-    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
-        super().prepare(base, signals)
-        self.closed.prepare(base, signals)
+    def stages(self, t: float, h: float) -> np.ndarray:
+        k, x = self.k, self.x
+        for i in range(13, 16):
+            self.system.rhs(t + table.C[i] * h, x + h * (table.A[i, :i] @ k[:i]), k[i])
+        return k
 
-    def start(self, t: float, x: np.ndarray) -> np.ndarray:
-        """(x, z) with z from solving the blocks."""
-        self.closed.rhs(t, x, np.empty(len(x)))
-        return np.concatenate([x, self.closed.w[self.algebraic]])
+    def accept(self) -> None:
+        self.x = self.x_new
+        self.f = self.k[12].copy()
