@@ -145,3 +145,32 @@ def test_dataclasses_come_from_the_room_of_support():
         name for name, text in written.items() if re.search(r"^from dataclasses import .*\bdataclass\b", text, re.M)
     ]
     assert wrong == [], "they import dataclass from dataclasses instead of lmoc.support.records"
+
+
+# The readers of programs beside the engine: casadi for `dae.functions`, its own integrators, and modes of large scenes.
+CASADI = {
+    "lmoc.numerics.evaluate.casadi_stepper",
+    "lmoc.numerics.evaluate.casadi_system",
+    "lmoc.numerics.evaluate.functions",
+    "lmoc.numerics.integrate.casadi_run",
+    "lmoc.numerics.laws.open_scene",
+    "lmoc.numerics.laws.updated",
+}
+KERNELS = {  # who makes kernels of tapes; everybody else asks these
+    "lmoc.engine.kernel",
+    "lmoc.numerics.coordinates.bounds",
+    "lmoc.numerics.coordinates.entries",
+    "lmoc.numerics.evaluate.engine_system",
+    "lmoc.numerics.evaluate.function",
+    "lmoc.numerics.evaluate.observed",
+    "lmoc.numerics.evaluate.taylor_system",
+    "lmoc.numerics.formulations.landing",
+}
+
+
+def test_there_is_one_way_to_values_of_a_program():
+    texts = {name: path.read_text() for name, path in FILES.items()}
+    casadi = {name for name, text in texts.items() if re.search(r"^\s*import casadi\b", text, re.M)}
+    kernels = {name for name, text in texts.items() if re.search(r"\bKernel\(", text)}
+    assert casadi <= CASADI and kernels <= KERNELS
+    assert {name for name in FILES if "lmoc.engine.compiler" in GRAPH[name]} == {"lmoc.engine.accelerator"}
