@@ -144,6 +144,7 @@ class Hybrid:
             x = states(machine.base)
             if self.report.errors:
                 return x
+            machine.margin[:] = 0.0  # nothing has crossed zero yet: what is exactly zero is that
             machine.look(self.begin, x)
             machine.v[past] = machine.v[moving]
             machine.assign()
