@@ -13,6 +13,7 @@ from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationErro
 from lmoc.numerics.events.happenings import Happenings
 from lmoc.numerics.integrate import base
 from lmoc.numerics.integrate.choice import table
+from lmoc.numerics.integrate.roots import RootFinder
 from lmoc.numerics.integrate.sundials import sundials
 from lmoc.numerics.one_piece import PieceSolver
 from lmoc.numerics.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
@@ -309,6 +310,27 @@ def test_a_run_that_is_interrupted_outside_of_the_integration_keeps_what_it_has(
     assert stopped.value.time == pytest.approx(0.4, abs=0.02)
     assert stopped.value.time - 0.011 < partial.time[-1] <= stopped.value.time
     np.testing.assert_allclose(partial["x"], partial.time, atol=1e-12)
+
+
+@every_solver
+def test_an_interruption_between_a_step_and_the_search_for_its_roots(solver, monkeypatch):
+    """What the step has gone beyond, here the floor, is no part of the run."""
+    ball = lmoc.compile_text("""model Ball
+        Mass m(m = 1, g = -10, q(start = 1, fixed = true), v(start = 0, fixed = true));
+        Stop s(L = 0, e = 0.9); Fixed w; equation connect(w.flange, s.a); connect(s.b, m.flange); end Ball;""")
+    first = RootFinder.first
+
+    def interrupted(finder, run):
+        found = first(finder, run)
+        if found is not None and found[0] > 0.5:
+            raise KeyboardInterrupt
+        return found
+
+    monkeypatch.setattr(RootFinder, "first", interrupted)
+    with pytest.raises(RunInterrupted) as stopped:
+        ball.simulate(stop=3.0, solver=solver, points=301)
+    partial = stopped.value.partial
+    assert partial.time[-1] <= stopped.value.time <= 0.2**0.5 * 2.8 and partial["m.q"].min() > -1e-12
 
 
 @every_solver

@@ -30,6 +30,29 @@ def test_a_ball_without_loss_bounces_for_ever():
         assert run.events[-1].time == pytest.approx(19.5 * period, rel=1e-9)
 
 
+@pytest.mark.parametrize("height, impacts", [(1e-3, 7), (1e-8, 7), (1e-11, 1)])
+def test_a_ball_without_loss_on_two_that_rest(height, impacts):
+    """What rests passes the impacts on and stays: without loss as long as its height is told from zero."""
+    text = f"""model Pile
+      Mass a(m = 1.72, g = -10, q(start = 0.05, fixed = true), v(start = 0, fixed = true));
+      Mass b(m = 2.44, g = -10, q(start = 0.15, fixed = true), v(start = 0, fixed = true));
+      Mass c(m = 2.29, g = -10, q(start = {0.25 + height!r}, fixed = true), v(start = 0, fixed = true));
+      Stop s(L = 0.05, e = 1), t(L = 0.1, e = 0.7), u(L = 0.1, e = 1); Fixed w;
+    equation connect(w.flange, s.a); connect(s.b, a.flange); connect(a.flange, t.a); connect(t.b, b.flange);
+      connect(b.flange, u.a); connect(u.b, c.flange); end Pile;"""
+    run = lmoc.compile_text(text).simulate(stop=14 * (2 * height / 10) ** 0.5)
+    assert [e.name for e in run.events] == ["u"] * impacts
+    assert {e.kind for e in run.events} == ({"impact"} if impacts > 1 else {"accumulation"})
+    assert run["b.q"][-1] == pytest.approx(0.15, abs=1e-15) and run["b.v"][-1] == 0.0
+
+
+def test_steel_balls_on_one_that_loses_energy_rest_with_it():
+    """Three without loss and one with: when that has come to rest, the last one is not told from rest for long."""
+    run, reason = compare(np.random.default_rng(1065))
+    assert not reason and len(run.events) < 2000
+    assert set(run.modes[-1][1].items()) >= {("s0", "contact"), ("s1", "contact"), ("s2", "contact")}
+
+
 def test_random_balls():
     """`python tests/many_bounces.py` draws more of them."""
     for seed in range(8):

@@ -43,7 +43,9 @@ class Loop:
         self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
         self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
         self.paced = 0, problem.t, False  # the same over `_STALL` steps, and whether these had no end in sight
-        self.place: tuple[float, np.ndarray] | None = None  # where it ends within the last step
+        # where it ends within the last step; before that has been looked at, where it has begun: an interruption may
+        # come between a step over a root and the search for it
+        self.place: tuple[float, np.ndarray] | None = None
 
     def go(self) -> Outcome:
         run = self.run
@@ -198,11 +200,12 @@ class Loop:
         """One step, looked at by whoever is concerned, and its output."""
         run = self.run
         run.wanted = -math.inf
-        start = (run.t, run.x.copy()) if self.problem.guard is not None else None
+        self.place = start = (run.t, run.x.copy())
         status = run.step()
         if status not in (Status.OK, Status.STIFF):
+            self.place = None
             return status
-        if start is not None:
+        if self.problem.guard is not None:
             judged = self.judge(start)
             if judged is not Status.OK:
                 return judged
@@ -212,6 +215,7 @@ class Loop:
                 self.place = found
                 self.show(found[0])
                 return Status.ROOT
+        self.place = None
         if self.next <= run.t:
             self.show(run.t)
         return status if self.problem.correction is None else self.correct(status)

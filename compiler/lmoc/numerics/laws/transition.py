@@ -30,7 +30,7 @@ LOCATED = 1e-14  # s, or this share of the time: how exactly events are located
 TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
 LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap …
-_TOGETHER = 1e2  # … or as this many where gaps that cannot be told from zero close among bounces without loss
+_TOGETHER = 1e4  # … or as this many where gaps that cannot be told from zero close among bounces without loss
 _HOLDS = 1e-6  # share of what a law alone would have to hold: beyond it a force is none of rounding
 _RESOLVED = 1e3  # … or than this many errors that the integrator allows itself
 
@@ -122,12 +122,10 @@ def transition(
     if (now.rate[striking] < -least[striking]).any():
         impact = _impact(table, before, sharing, mode.closed, table.restitution)
         now = _behind(gauge, before, sharing, impact)
-        least = np.maximum(least, _least_rate(now))
+        least = np.maximum(np.maximum(least, _least_rate(now)), _rounded(before, sharing, impact))
         errors = np.abs(now.slope[0]) @ np.broadcast_to(unresolved, len(x))
         lowest = np.maximum(LEAST_HEIGHT * now.gap_scale, _RESOLVED * errors)
-        leaving = striking & (now.rate > least)
-        over, until = _last_bounces(table, now, mode, leaving, trigger, lowest)
-        over |= _last_elastic(table, now, mode, leaving, striking, trigger, lowest)
+        over, until = _bounces_over(table, now, mode, striking, trigger, least, lowest)
         if over.any():
             impact = _impact(table, before, sharing, mode.closed, np.where(over, 0.0, table.restitution))
             now = _behind(gauge, before, sharing, impact)
@@ -199,6 +197,11 @@ def _least_rate(now: Instant) -> Array:
     return STILL * now.rate_scale + LOCATED * max(1.0, abs(now.t)) * now.acceleration
 
 
+def _rounded(before: Instant, sharing: Mask, impact: Impact) -> Array:
+    """Return the rates that are zero behind impulses that cancel, such as those that a body at rest passes on."""
+    return STILL * np.abs(before.delassus[:, sharing]) @ np.abs(impact.impulse)
+
+
 # ---------------------------------------------------------------------- impulses
 
 
@@ -214,6 +217,8 @@ def _impact(table: Table, now: Instant, striking: Mask, held: Mask, restitution:
     friction = Friction(rows, normal, now.stick[which[rows]])
     with solving(which, "no impulses keep them"):
         matrix, rate = now.delassus[np.ix_(which, which)], now.rate[which]
+        at_rest = held[which] & (np.abs(rate) <= _least_rate(now)[which])  # up to rounding, which would cost energy
+        rate = np.where(at_rest, 0.0, rate)
         side = np.where(held[which] | (rate < 0.0), FREE, LOWER)  # what is closed takes part in most impacts
         return collide(matrix, rate, restitution[which], friction, side)
 
@@ -237,44 +242,45 @@ def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Insta
     return gauge.at(now.t, now.x + change)
 
 
-def _last_bounces(
-    table: Table, now: Instant, mode: Mode, leaving: Mask, trigger: Trigger, lowest: Array
+def _bounces_over(
+    table: Table, now: Instant, mode: Mode, striking: Mask, trigger: Trigger, least: Array, lowest: Array
 ) -> tuple[Mask, float]:
-    """Return which laws have bounced for the last time, and when all their further bounces would be over.
+    """Return which laws have bounced for the last time, and when all their further bounces would be over."""
+    leaving = striking & (now.rate > least)
+    if not (leaving & trigger.closing & (table.restitution > 0.0)).any():
+        return np.zeros(len(leaving), bool), -np.inf
+    level = _level(table, now, mode, _candidates(table, now, striking & ~leaving, least), trigger)
+    over, until = _last_bounces(table, now, leaving & trigger.closing, level, lowest)
+    return over | _last_elastic(table, now, leaving, striking, level, trigger, lowest), until
+
+
+def _last_bounces(table: Table, now: Instant, leaving: Mask, level: Array, lowest: Array) -> tuple[Mask, float]:
+    """Return the same of laws that lose energy by themselves.
 
     A law that leaves with rate r under an acceleration −a comes back after 2·r/a; all further bounces together take
     2·r/(a·(1 − e)).
     """
     e = table.restitution
-    leaving = leaving & trigger.closing & (e > 0.0) & (e < 1.0)
-    if not leaving.any():
-        return leaving, -np.inf
-    resting = _candidates(table, now, table.impulsive & ~leaving, np.zeros(len(e)))
-    level = _level(table, now, mode, resting, trigger)
+    leaving = leaving & (e > 0.0) & (e < 1.0) & (level < 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        left = np.where(leaving & (level < 0.0), 2 * now.rate / (-level * (1.0 - e)), np.inf)
-        low = now.rate**2 <= -2 * level * lowest
-    over = (left < BOUNCES_LEFT) | (leaving & (level < 0.0) & low)
+        left = np.where(leaving, 2 * now.rate / (-level * (1.0 - e)), np.inf)
+    over = (left < BOUNCES_LEFT) | (leaving & (now.rate**2 <= -2 * level * lowest))
     return over, now.t + float(left[over].max(initial=-np.inf))
 
 
 def _last_elastic(
-    table: Table, now: Instant, mode: Mode, leaving: Mask, touching: Mask, trigger: Trigger, lowest: Array
+    table: Table, now: Instant, leaving: Mask, striking: Mask, level: Array, trigger: Trigger, lowest: Array
 ) -> Mask:
     """Return which laws have bounced for the last time with a law of e = 1 that other laws take the energy from.
 
     Alone, such a law bounces for ever. Beside one that takes energy, as a ball on another one on a steel floor, all
     bounces tend to rest together; when their heights are no longer told from zero, neither are the gaps between them.
     """
-    nobody = np.zeros(len(leaving), bool)
     elastic = leaving & trigger.closing & (table.restitution >= 1.0)
-    if not elastic.any():
-        return nobody
-    taking = touching & (table.restitution < 1.0)
+    taking = striking & (table.restitution < 1.0)
     elastic &= (now.delassus[:, taking] != 0.0).any(axis=1)
-    level = _level(table, now, mode, _candidates(table, now, touching & ~leaving, nobody + 0.0), trigger)
     low = leaving & (level < 0.0) & (now.rate**2 <= -2 * level * _TOGETHER * lowest)
-    return low if (elastic & low).any() else nobody
+    return low if (elastic & low).any() else np.zeros(len(leaving), bool)
 
 
 def _level(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Array:
