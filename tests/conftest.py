@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).parents[1]
 
-# the same examples in every run of the suite; HYPOTHESIS_PROFILE=random searches further
-settings.register_profile("same", derandomize=True)
-settings.register_profile("random")
+# the same examples in every run of the suite; HYPOTHESIS_PROFILE=random searches further.
+# How long a machine takes that is busy with other things decides about no test.
+PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("same", PATIENT, derandomize=True)
+settings.register_profile("random", PATIENT)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 # a shell starts its background jobs with Ctrl-C ignored, and tests of Ctrl-C would inherit that

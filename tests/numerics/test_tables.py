@@ -40,7 +40,7 @@ tables = st.lists(st.tuples(st.floats(0.01, 10), numbers), min_size=2, max_size=
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(tables, st.sampled_from([0, 1, 2]))
 def test_a_curve_stays_between_neighbouring_points_and_is_monotone_there(table, smoothness):
     x, y = table
@@ -58,7 +58,7 @@ def test_a_curve_stays_between_neighbouring_points_and_is_monotone_there(table, 
         assert values[0] == pytest.approx(y[k], abs=1e-12 * np.abs(y).max())
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(tables, st.sampled_from([1, 2]))
 def test_a_curve_is_as_smooth_as_it_is_said_to_be(table, smoothness):
     x, y = table
@@ -69,7 +69,7 @@ def test_a_curve_is_as_smooth_as_it_is_said_to_be(table, smoothness):
         assert left == pytest.approx(right, rel=1e-9, abs=1e-9 * np.abs(pieces).max())
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(tables, st.sampled_from([0, 1, 2]), st.integers(0, 2), st.floats(-5, 130))
 def test_one_time_and_many_times_are_the_same(table, smoothness, order, t):
     curve = curves.fit(*table, smoothness)

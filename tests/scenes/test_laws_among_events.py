@@ -90,3 +90,50 @@ def test_what_a_moving_string_tows_keeps_its_own_coordinates(motion, friction):
     if "time - 1" in motion:  # caught at 3.8 s, without restitution
         caught = np.where(run.time < 3.8, 0.4, 0.4 + 0.5 * (run.time - 3.8))
         np.testing.assert_allclose(run["body.q"], caught, atol=1e-9)
+
+
+SURFACE = """
+model Surface "A mass on a surface that moves up and down by a formula, and is heavy"
+  Mass m(m = 2, q(start = 0.02, fixed = true), v(start = 0, fixed = true), g = -9.81);
+  Real lift, f(unit = "N");
+  Force push(f = f);
+equation
+  lift = %s;
+  connect(push.flange, m.flange);
+  Law.unilateral(f, m.q - lift);
+end Surface;
+"""
+
+
+def test_what_jumps_away_under_a_mass_lets_it_fall() -> None:
+    run = lmoc.compile_text(SURFACE % "0.01*mod(time, 0.7)").simulate(times=[0.0, 0.69, 0.7, 0.71, 0.73, 0.8])
+    s = np.array([0.0, 0.01, 0.03])
+    assert run["m.q"][2:5] == pytest.approx(0.007 + 0.01 * s - 9.81 * s**2 / 2, rel=1e-9)
+    landed = [e for e in run.events if e.kind == "contact"]
+    fall = np.roots([-9.81 / 2, 0.0, 0.007]).max()  # beside the tooth that begins with the same velocity
+    assert [e.time for e in landed][-1] == pytest.approx(0.7 + fall, rel=1e-9)
+    assert landed[-1].energy_lost == pytest.approx(2 * 9.81 * 0.007, rel=1e-8)
+    assert run.energy.balance < 1e-6
+
+
+def test_what_turns_down_under_a_mass_throws_it() -> None:
+    run = lmoc.compile_text(SURFACE % "if time < 0.5 then 0.02*time else 0.02 - 0.02*time").simulate(stop=0.6)
+    release, landing = [e for e in run.events if e.name == "f"][-2:]
+    assert (release.time, release.kind, landing.kind) == (0.5, "release", "contact")
+    assert landing.time == pytest.approx(0.5 + 2 * 0.04 / 9.81, rel=1e-9)
+    assert landing.energy_lost == pytest.approx(0.04**2, rel=1e-6)
+    assert run.energy.balance < 1e-6
+
+
+def test_what_turns_up_under_a_mass_hits_it() -> None:
+    run = lmoc.compile_text(SURFACE % "if time < 0.5 then -0.02*time else 0.02*time - 0.02").simulate(stop=0.6)
+    hit = [e for e in run.events if e.name == "f"][-1]
+    assert (hit.time, hit.kind) == (0.5, "impact")
+    assert hit.impulse == pytest.approx(2 * 0.04, rel=1e-9)
+    assert run["m.v"][-1] == pytest.approx(0.02, rel=1e-9)
+    assert run.energy.balance < 1e-6
+
+
+def test_what_jumps_up_under_a_mass_is_refused() -> None:
+    with pytest.raises(lmoc.SimulationError, match=r"gap of 'f', which is closed, jumps to -0\.01 at t = 0\.5 s"):
+        lmoc.compile_text(SURFACE % "if time < 0.5 then 0.0 else 0.01").simulate(stop=0.6)

@@ -50,7 +50,7 @@ def test_laws_impacts_and_balances_hold(seed):
     check(seed)
 
 
-@settings(max_examples=8, derandomize=True, deadline=None)
+@settings(max_examples=8, derandomize=True)
 @given(seed=strategies.integers(0, 10**6))
 def test_any_random_scene_obeys_its_laws(seed):
     check(seed)

@@ -7,7 +7,7 @@ differentiation), so inertial forces come from M = Σ m p' p'ᵀ and Σ m p' (�
 from dataclasses import dataclass, field
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.jets import Jet
 from scipy.integrate import solve_ivp
@@ -136,7 +136,7 @@ def add_mass(s: Linkage, draw, node: int) -> None:
     s.masses.append((m, node, g))
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=20)
 @given(linkages(), st.data())
 def test_linkage_moves_as_lagrange_says(scene, data):
     n = len(scene.coordinates)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles.jets import Jet
 from oracles.planar import GRAVITY, Mechanism, Spot
@@ -96,7 +96,7 @@ def test_a_start_that_its_coordinates_hardly_determine():
     check(Mechanism(271))
 
 
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=6)
 @given(st.integers(1000, 10**6))
 def test_mechanism(seed):
     check(Mechanism(seed))

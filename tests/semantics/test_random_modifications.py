@@ -70,7 +70,7 @@ def wrap(outer: list[str], levels: int) -> str:
     return text
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(scenes())
 def test_the_outermost_modification_wins(scene: tuple[str, float, str]) -> None:
     text, expected, name = scene

@@ -174,3 +174,9 @@ def test_the_command_takes_a_class_and_folders(garage, lmoc, monkeypatch) -> Non
         assert answer.code == 0, (words, answer.err)
     assert lmoc("check", "Spin").code == 2
     assert "did you mean" in lmoc("check", "Spim", "--path", garage).err
+
+
+def test_no_class_of_the_library_takes_the_place_of_one_that_is_wrong(garage) -> None:
+    scene = "within Garage;\nmodel Scene\n  Spring s(k = 1);\nend Scene;\n"
+    write(garage, {"Garage/Scene.lmo": scene, "Garage/Spring.lmo": "within Garage;\nmodel Springy\nend Springy;\n"})
+    assert [d.code for d in mistakes("Garage.Scene", path=garage)] == ["E0244"]

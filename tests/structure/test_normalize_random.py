@@ -30,7 +30,7 @@ def affine_graphs(draw):
     return line, [(i + 1, p) for i, p in enumerate(parents)] + [(a, b) for a, b in extra if a != b], draw(st.randoms())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(affine_graphs())
 def test_random_affine_graphs(graph):
     line, edges, random = graph
@@ -53,7 +53,7 @@ def test_random_affine_graphs(graph):
     assert n.counts["after elimination"] == 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 30), st.lists(st.tuples(st.integers(0, 29), st.integers(0, 29)), max_size=50), st.randoms())
 def test_forests_of_both_kinds_span_the_same(nodes, pairs, random):
     pairs = [(a % nodes, b % nodes) for a, b in pairs if a % nodes != b % nodes]
@@ -86,7 +86,7 @@ def test_forests_of_both_kinds_span_the_same(nodes, pairs, random):
     assert (orient(first, second, known, score) != 0).sum() == len(set(range(nodes))) - len(set(roots[0]))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.integers(1, 6), st.integers(1, 8), st.integers(1, 5), st.integers(0, 2**32 - 1))
 def test_dependencies_are_the_left_null_space(rank, rows, columns, seed):
     random = np.random.default_rng(seed)

@@ -245,3 +245,19 @@ def test_a_pendulum_on_a_string_stands_on_its_head_nowhere():
     """Upside down its string would have to push; a rod does."""
     string = lmoc.compile(ROOT / "models/laws/slack_pendulum.lmo").equilibria()
     assert [float(e["bob.y"]) for e in string] == pytest.approx([-1.0])
+
+
+@pytest.mark.parametrize("verb", ["equilibria", "linearize"])
+def test_rates_that_overflow_are_told(verb) -> None:
+    text = """model Elevator
+  Inertia drum(J = 200);
+  Brake brake(tau = 30000);
+  StringDrum cable(r = 0.5);
+  Mass cabin(m = 1e300, g = -1e308);
+equation
+  connect(brake.shaft, drum.shaft);
+  connect(drum.shaft, cable.shaft);
+  connect(cable.flange, cabin.flange);
+end Elevator;"""
+    with pytest.raises(lmoc.ModelError, match=r"no conditions of rest: 'der\(cabin\.v\)' without a finite value"):
+        getattr(lmoc.compile_text(text), verb)()

@@ -28,14 +28,14 @@ def read(written: str) -> tree.File:
     return file
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, suppress_health_check=list(HealthCheck))
 @given(expressions)
 def test_expressions_survive(e: tree.Expression) -> None:
     equation = read(f"model M equation {text.simple(e)} = 0; end M;").classes[0].equations[0]
     assert alike(equation.left, e)
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=50, suppress_health_check=list(HealthCheck))
 @given(files)
 def test_files_survive(file: tree.File) -> None:
     assert alike(read(format(file)), file)
@@ -52,7 +52,7 @@ def test_programs_survive_with_their_comments(path: Path) -> None:
     assert format(again) == written
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(PROGRAMS), st.lists(st.tuples(st.integers(0, 10**4), st.booleans()), max_size=6))
 def test_comments_anywhere_are_kept(path: Path, places: list) -> None:
     written = path.read_text(encoding="utf-8")

@@ -261,7 +261,7 @@ PIECES = list("();{}[]=:+-*/\"'.,#\n\\ 1aθ") + ["end ", "for ", "if ", "/*", "e
 CHANGES = st.tuples(st.integers(0, 10**4), st.integers(0, 8), st.sampled_from(PIECES))  # place, removed, put there
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.sampled_from(PROGRAMS), st.lists(CHANGES, max_size=4))
 def test_any_change_of_a_program_is_understood_or_reported(path: Path, changes: list) -> None:
     written = path.read_text(encoding="utf-8")

@@ -333,9 +333,11 @@ class Happenings:
         before, x : the states as the laws have left them, and as they are now
         """
         for _ in range(_ROUNDS):
+            past = self.laws.gauge.at(t, x)
             self._renew_laws()
             mode = self.laws.signals()
-            before, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), self._differ(before, x))
+            jumped = self.laws.part(t, x, past) or self._differ(before, x)
+            before, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), jumped)
             self.records += events
             if not events and mode == self.laws.signals():
                 return before

@@ -8,6 +8,8 @@ at a limit slides. Several frictions on one motion share the load up to the sum 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,6 +56,12 @@ class Mode:
     @property
     def key(self) -> bytes:
         return self.closed.tobytes() + self.direction.tobytes() + self.implied.tobytes()
+
+    def without(self, apart: Mask) -> Mode:
+        """Return the mode in which these laws have let go."""
+        return replace(
+            self, closed=self.closed & ~apart, implied=self.implied & ~apart, push=np.where(apart, 0.0, self.push)
+        )
 
     def inputs(self, form: Switched) -> tuple[tuple[NDArray[np.int64], Array], ...]:
         """Return the inputs of the switched form with their values, (variables, values)."""

@@ -243,6 +243,31 @@ class LawSwitching:
         self.let_go, self.let_go_at = trigger, t
         return trigger
 
+    def part(self, t: float, x: Array, past: Instant) -> bool:
+        """Let go what a discrete value moves apart at an instant; return whether it changes any motion of the laws.
+
+        Parameters
+        ----------
+        past : the instant with the discrete values before
+
+        Raises
+        ------
+        Stopped
+            A closed gap jumps to less than zero: more than an impulse would be needed.
+        """
+        now, table, closed = self.gauge.at(t, x), self.gauge.table, self.mode.closed
+        with np.errstate(invalid="ignore"):
+            change = np.nan_to_num(now.gap - past.gap)
+            moved = closed & table.unilateral & (np.abs(change) > OVERLAP * np.maximum(now.gap_scale, past.gap_scale))
+            turned = np.abs(now.rate - past.rate) > STILL * np.maximum(now.rate_scale, past.rate_scale)
+        for k in np.flatnonzero(moved & (change < 0))[:1].tolist():
+            reason = f"the gap of '{self.laws[k][0]}', which is closed, jumps to {now.gap[k]:.6g} at t = {t:.6g} s"
+            raise Stopped(Status.CONTRADICTION, f"{reason} (give a ramp of finite length instead of a step)")
+        apart = moved & (change > 0)
+        if apart.any():
+            self.mode = self.mode.without(apart)
+        return bool((apart | turned).any())
+
     def strike(self, t: float, before: Array, x: Array) -> Array:
         """Return states that a step has moved, with the impulses of closed laws that keep them closed.
 

@@ -339,10 +339,15 @@ class Scope:
         """The names of the classes that can be seen from here."""
         return [name for name in dict.fromkeys(visible(self)) if not isinstance(self.find(name), Member)]
 
-    def refuse_files(self, name: str) -> None:
-        """Say what is wrong with the files that have the name of a class that is not found."""
+    def refuse_files(self, name: str, within: Scope | None = None) -> None:
+        """Say what is wrong with the files that have the name of a class that is not found.
+
+        Parameters
+        ----------
+        within : the scope in which a class of that name is found: only files of scopes inside of it count
+        """
         scope: Scope | None = self
-        while scope is not None:
+        while scope is not within and scope is not None:
             if scope._missing.get(name):
                 raise Refused(scope._missing[name])
             scope = scope.parent
@@ -359,6 +364,8 @@ class Scope:
         names = [part.name for part in ref.parts]
         start = self.root if ref.absolute else self
         found = start.find(names[0], inherited)
+        if isinstance(found, Scope):  # no class of the library takes the place of one whose file is wrong
+            start.refuse_files(names[0], within=found.parent)
         for name in names[1:]:
             if not isinstance(found, Scope):
                 break

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import LawKind
 from lmoc.ir.reduced import Reduced
+from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.structure.messages.equations import listed
 from lmoc.support.records import dataclass
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.numeric import NumericSystem
@@ -113,7 +115,7 @@ class StaticSystem:
     Raises
     ------
     ModelError
-        E0662 a parameter without a value.
+        E0662 a parameter without a value; E0663 a rate without one, about a point.
     """
 
     def __init__(self, scene: Lawful, inputs: Mapping[str, float]) -> None:
@@ -144,12 +146,22 @@ class StaticSystem:
         """Return the conditions about a point, for forces of any size."""
         self.system.approach(x, self.u)
         value, slope = self.system.matrices(x, self.u)
-        slope, s, n = np.nan_to_num(slope[:, self.columns]), len(x), self.count
+        slope, s, n = slope[:, self.columns], len(x), self.count
         value[s:] = np.where(np.isnan(value[s:]), self.known, value[s:])
+        self._refuse(~(np.isfinite(value[:s]) & np.isfinite(slope[:s]).all(axis=1)))
+        slope = np.nan_to_num(slope)  # of limits that are parameters
         constant = value - slope[:, :s] @ x
         parts = np.split(np.arange(s, s + 3 * n), 3)
         rows = [Affine(slope[p], constant[p]) for p in (np.arange(s), *parts)]
         return Statics(self.kinds, self.normal, s, *rows)
+
+    def _refuse(self, lost: NDArray[np.bool_]) -> None:
+        """Refuse rates without values, such as of parameters so large that a product of them overflows (E0663)."""
+        if lost.any():
+            names = [f"'der({name})'" for name, own in zip(self.states, lost.tolist(), strict=True) if own]
+            message = f"no conditions of rest: {listed(names)} without a finite value, or derivative, at this point"
+            hint = "look at divisions by zero, and at parameters of which a product is too large for a number"
+            raise ModelError([Diagnostic("E0663", message, hint=hint)])
 
 
 def _columns(scene: Lawful) -> tuple[NDArray[np.int64], ...]:
