@@ -12,8 +12,6 @@ SCENES = {
     "smooth": "notes/ex02_spring_mass_damper",
     "mechanism": "hard/h03_four_bar",
     "laws": "notes/ex08_slack_cable",
-    "driven": "hard/h20b_ramp_with_kink",
-    "large": "bench/chain",
 }
 SCRIPT = """
 import sys
