@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lmoc.dae import CompiledDAE, suspicion
 from lmoc.messages.budgeted import budgeted
 from lmoc.parameters import Value
+from lmoc.report.units import unit_of
 from lmoc.simulation import Request
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from lmoc.studies.chart import Chart
     from lmoc.studies.economy import Economy
     from lmoc.studies.ensemble import Ensemble
+    from lmoc.studies.fit import Fit
     from lmoc.studies.sweep import Sweep
     from lmoc.symbolic.places import Point
     from lmoc.view.drawing import Drawing
@@ -123,18 +125,83 @@ class DAE(CompiledDAE):
         job = job_of(self._session, options, rows, keep or None, series)
         return run(job, workers, None if store is None else Store(store, job, seed), progress)
 
+    @budgeted("the fit", suspicion)
+    def fit(
+        self,
+        data: Any,
+        free: Mapping[str, Any],
+        outputs: Mapping[str, str] | None = None,
+        sigma: float | Mapping[str, float] | None = None,
+        starts: int = 1,
+        *,
+        start: float | None = None,
+        parameters: Mapping[str, Value] | None = None,
+        initial: Point | None = None,
+        inputs: Mapping[str, object] | None = None,
+        rtol: float | None = None,
+        solver: str = "auto",
+        seed: int = 0,
+    ) -> Fit:
+        """Find the parameters and start values with which the scene comes nearest to measured data.
+
+        >>> fit = dae.fit("measured.csv", free={"k": 30, "c": (1, 0, 10)})
+        >>> fit.values, fit.intervals, fit.undetermined, fit.plot("fit.png")
+
+        Parameters
+        ----------
+        data : a file, a data frame or a mapping, with a column ``time``; or a pair of it and {"parameters", "initial",
+            "inputs", "start"} of that experiment; or a list of these
+        free : {name of a parameter or of a variable at the start: where to begin, or (where to begin, low, high)}
+        outputs : {column: variable}; by default the columns that are called as variables are
+        sigma : standard deviation of the data, for all columns or by column; without it, it is estimated
+        starts : how many places the search begins at
+        start, parameters, initial, inputs, rtol, solver : of the runs, as in `simulate`; rtol is 1e-9 by default
+        seed : for the places at which the search begins
+
+        Raises
+        ------
+        ModelError
+            E0668: data and model do not go together; whatever `simulate` raises where the search begins.
+        SimulationError
+            The run fails where the search begins.
+        """
+        from lmoc.studies.fit import fit, unknowns_of
+        from lmoc.studies.measured import Experiment, check_variables, experiments_of
+
+        held = {"parameters": parameters or {}, "initial": initial or {}, "inputs": inputs or {}}
+        unknowns = unknowns_of(free)
+        moving = self._moving(free)
+        measured = experiments_of(data, outputs, self.flat, lambda name: unit_of(self.reduced, name))
+        check_variables(self.flat, measured)
+        begin = (self.flat.experiment.start or 0.0) if start is None else start
+
+        def simulate(values: Mapping[str, float], experiment: Experiment) -> Run:
+            own = experiment.settings
+            given = {kind: {**held[kind], **(own.get(kind) or {})} for kind in held}
+            given["parameters"] |= {name: value for name, value in values.items() if name not in moving}
+            given["initial"] |= {name: value for name, value in values.items() if name in moving}
+            options = {"rtol": 1e-9 if rtol is None else rtol, "solver": solver, "energy": False}
+            return self.simulate(own.get("start", begin), times=experiment.times, **given, **options)
+
+        return fit(simulate, measured, unknowns, sigma, starts, seed)
+
+    def _moving(self, names: Iterable[str]) -> set[str]:
+        """Return those of some names that are variables and no parameters."""
+        from lmoc.ir.flat import Kind
+
+        found = {name: self.flat.find(name) for name in names}
+        return {n for n, v in found.items() if v is not None and self.flat.kind[v[0]] != Kind.PARAMETER}
+
     def _sorted(
         self, parameters: Mapping[str, Any] | None, initial: Mapping[str, Any] | str | None
     ) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | str | None]:
         """Return parameters and start values, each in its place: a sample may hold both."""
-        from lmoc.ir.flat import Kind
         from lmoc.studies.sample import Sample
 
         if not isinstance(parameters, Sample) or isinstance(initial, str):
             return parameters, initial
-        found = {name: self.flat.find(name) for name in parameters}
-        moving = {n for n, v in found.items() if v is not None and self.flat.kind[v[0]] != Kind.PARAMETER}
-        return parameters.only(set(found) - moving), {**(initial or {}), **parameters.only(moving)}
+        moving = self._moving(parameters)
+        return parameters.only(set(parameters) - moving), {**(initial or {}), **parameters.only(moving)}
 
     @budgeted("the chart", suspicion)
     def chart(

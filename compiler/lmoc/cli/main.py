@@ -32,6 +32,7 @@ VERBS = {
     "equivalent": "equivalent stiffness, damping and inertia between two ports",
     "compare": "run several scenes and compare them: differences, curves over each other",
     "study": "many runs with random numbers",
+    "fit": "fit parameters to measured data",
     "chart": "speed against accuracy of methods and tolerances",
     "solvers": "the methods of integration and their properties",
     "draw": "draw a scene",

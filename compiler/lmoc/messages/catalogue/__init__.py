@@ -118,6 +118,12 @@ CATALOGUE: dict[str, Entry] = {
         "holds the runs of another study, or a file in it is damaged; or the study has values, such as functions of\n"
         "Python, of which it cannot be told whether they are the same next time.",
     ),
+    "E0668": Entry(
+        "data and model do not go together",
+        "A fit needs columns over `time` that are called as variables of the model, or are told which they belong to\n"
+        "(`outputs={'column': 'variable'}`, `--outputs column=variable`), more numbers than unknowns, and for each\n"
+        "unknown a value to begin at, within its bounds.",
+    ),
     "E0663": Entry(
         "no single equilibrium",
         "A nonlinear scene is linearized about a point. By default that is its only equilibrium; where there "

@@ -1,0 +1,334 @@
+"""Fits of parameters and start values to measured data by least squares, and what the data say about them.
+
+Dennis, Schnabel, Numerical Methods for Unconstrained Optimization (1983), ch. 10; Seber, Wild, Nonlinear Regression
+(1989), 5.1 (linear confidence intervals).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.studies.measured import Experiment, refusal
+from lmoc.support import budget
+from lmoc.support.records import dataclass
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from lmoc.run import Run
+
+LEVEL = 0.95
+_STEP = 1e-4  # relative, of the central differences by which the last Jacobian is taken
+_UNDETERMINED = 1e-6  # of the largest singular value of the scaled Jacobian: below it nothing is said about a direction
+_SHARE = 0.1  # of a direction's largest weight, from which on a name belongs to it
+_FAR = 3.0  # factor within which further starts of an unknown without bounds lie
+Simulate = Callable[[Mapping[str, float], Experiment], "Run"]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What is looked for: where to begin, and the bounds."""
+
+    name: str
+    start: float
+    low: float = -np.inf
+    high: float = np.inf
+
+
+def unknowns_of(free: Mapping[str, object]) -> tuple[Unknown, ...]:
+    """Return the unknowns of ``{"k": 30, "c": (1, 0, 10)}``.
+
+    Raises
+    ------
+    ModelError
+        E0668: nothing is free, a start is no number or not within its bounds.
+    """
+    found = []
+    for name, given in free.items():
+        try:
+            own = Unknown(
+                name, *(float(number) for number in (given if isinstance(given, (tuple, list)) else (given,)))
+            )
+        except (TypeError, ValueError):
+            raise refusal(f"'{name}': expected a start, or (start, low, high); found {given!r}") from None
+        if not (np.isfinite(own.start) and own.low <= own.start <= own.high and own.low < own.high):
+            raise refusal(f"'{name}': the start {own.start:g} does not lie between {own.low:g} and {own.high:g}")
+        found.append(own)
+    if not found:
+        raise refusal("nothing is free", "free={'k': 30}: names and where to begin")
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What least squares have found.
+
+    Attributes
+    ----------
+    values : {name: value}
+    covariance : (n, n) of the values, infinite in directions that the data do not determine
+    level : of the intervals
+    intervals : {name: (low, high)}
+    deviations : {name: standard deviation}
+    undetermined : combinations of relative changes of the values that leave the data as they are: {name: weight} each
+    residuals : {column: (k,) data minus fit} of each experiment
+    sigma : {column: standard deviation of the data}, as given or as estimated
+    runs : of each experiment, at the times of its data
+    experiments : what was measured
+    message : why the search has ended
+    evaluations : simulations
+    converged : whether it has ended at a minimum
+    """
+
+    values: Mapping[str, float]
+    covariance: np.ndarray
+    level: float
+    intervals: Mapping[str, tuple[float, float]]
+    deviations: Mapping[str, float]
+    undetermined: tuple[Mapping[str, float], ...]
+    residuals: tuple[Mapping[str, np.ndarray], ...]
+    sigma: Mapping[str, float]
+    runs: tuple[Run, ...]
+    experiments: tuple[Experiment, ...]
+    slopes: tuple[Mapping[str, np.ndarray], ...]
+    message: str
+    evaluations: int
+    converged: bool
+
+    @property
+    def run(self) -> Run:
+        """The run of the first experiment."""
+        return self.runs[0]
+
+    @property
+    def identifiable(self) -> bool:
+        """Return whether the data determine all values; `undetermined` says what they do not."""
+        return not self.undetermined
+
+    @cached_property
+    def correlation(self) -> np.ndarray:
+        """(n, n) of the values."""
+        own = np.sqrt(np.diag(self.covariance))
+        with np.errstate(all="ignore"):
+            return self.covariance / np.outer(own, own)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw data, fit and its band, and the residuals; see `lmoc.studies.fit_plot.plot`."""
+        from lmoc.studies.fit_plot import plot
+
+        return plot(self, path)
+
+    def __str__(self) -> str:
+        width = max(map(len, self.values))
+        lines = []
+        for name, value in self.values.items():
+            low, high = self.intervals[name]
+            spread = "not determined" if np.isinf(high) else f"± {self.deviations[name]:.2g}   [{low:.6g}, {high:.6g}]"
+            lines.append(f"{name:<{width}}  {value:.6g}  {spread}")
+        for direction in self.undetermined:
+            terms = ", ".join(f"{name} by {100 * weight:.3g} %" for name, weight in direction.items())
+            lines.append(f"the data do not tell apart values that change together: {terms}")
+        lines += [f"{column}: standard deviation {value:.3g}" for column, value in self.sigma.items()]
+        return "\n".join([*lines, f"{self.evaluations} runs: {self.message}"])
+
+    def _repr_html_(self) -> str:
+        """Return the HTML representation for notebooks."""
+        from html import escape
+
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+class _Misses:
+    """The residuals (fit − data)/scale of all experiments, one behind the other, and their derivatives."""
+
+    def __init__(
+        self, simulate: Simulate, experiments: Sequence[Experiment], unknowns: Sequence[Unknown],
+        scales: Mapping[str, float],
+    ) -> None:  # fmt: skip
+        self.simulate, self.experiments, self.unknowns, self.scales = simulate, experiments, unknowns, scales
+        self.names = [u.name for u in unknowns]
+        self.count = 0
+        self.size = sum(len(t) for e in experiments for t, _, _ in e.columns.values())
+        self.refused: Exception | None = None
+
+    def runs(self, x: np.ndarray) -> list[Run]:
+        """Return the runs of the experiments with these values."""
+        found = []
+        for experiment in self.experiments:
+            self.count += 1
+            budget.moved_on(f"run {self.count}")
+            found.append(self.simulate(dict(zip(self.names, x.tolist(), strict=True)), experiment))
+        return found
+
+    def of(self, runs: Sequence[Run]) -> np.ndarray:
+        """Return the residuals of runs."""
+        found = []
+        for run, experiment in zip(runs, self.experiments, strict=True):
+            for column, (time, values, variable) in experiment.columns.items():
+                own = run[variable][np.searchsorted(run.time, time)]
+                found.append((own - values) / self.scales[column])
+        return np.concatenate(found)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Return the residuals; large ones where there is no run, so that the search turns back."""
+        try:
+            found = self.of(self.runs(x))
+        except (SimulationError, ModelError) as error:
+            self.refused = error
+            return np.full(self.size, 1e8)
+        return found if np.isfinite(found).all() else np.full(self.size, 1e8)
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Return the derivatives (m, n) by central differences, one-sided at bounds."""
+        columns = []
+        for k, unknown in enumerate(self.unknowns):
+            step = _STEP * (abs(x[k]) or max(abs(unknown.start), 1e-2))
+            low, high = x.copy(), x.copy()
+            low[k], high[k] = max(x[k] - step, unknown.low), min(x[k] + step, unknown.high)
+            columns.append((self.of(self.runs(high)) - self.of(self.runs(low))) / (high[k] - low[k]))
+        return np.stack(columns, axis=1)
+
+
+def fit(
+    simulate: Simulate,
+    experiments: tuple[Experiment, ...],
+    unknowns: tuple[Unknown, ...],
+    sigma: float | Mapping[str, float] | None,
+    starts: int,
+    seed: int = 0,
+) -> Fit:
+    """Find the values with which a scene comes nearest to what was measured.
+
+    Parameters
+    ----------
+    simulate : a run with values of the unknowns, at the times of an experiment
+    sigma : standard deviation of the data, for all columns or by column; None to estimate it from the residuals: then
+        columns count by the range of their values
+    starts : how many places the search begins at: the given one, and others drawn within the bounds
+
+    Raises
+    ------
+    ModelError, SimulationError
+        There is no run where the search begins; E0668: there are fewer data than unknowns.
+    """
+    scales = _scales(experiments, sigma)
+    misses = _Misses(simulate, experiments, unknowns, scales)
+    if misses.size < len(unknowns) + (sigma is None):
+        raise refusal(f"{misses.size} numbers were measured, which do not determine {len(unknowns)} unknowns")
+    begin = np.array([u.start for u in unknowns])
+    misses.of(misses.runs(begin))  # what is wrong there is told
+    found = min((_search(misses, x) for x in _places(unknowns, starts, seed)), key=lambda result: result.cost)
+    return _judged(misses, found, scales, sigma is None)
+
+
+def _scales(experiments: Sequence[Experiment], sigma: float | Mapping[str, float] | None) -> dict[str, float]:
+    """Return by what the residuals of a column are divided."""
+    columns = {column: [] for experiment in experiments for column in experiment.columns}
+    for experiment in experiments:
+        for column, (_, values, _) in experiment.columns.items():
+            columns[column].append(values)
+    if sigma is None:
+        ranges = {column: float(np.ptp(np.concatenate(own))) or 1.0 for column, own in columns.items()}
+        return ranges
+    given = sigma if isinstance(sigma, Mapping) else dict.fromkeys(columns, sigma)
+    missing = [column for column in columns if column not in given]
+    if missing or not all(np.isfinite(given[c]) and given[c] > 0 for c in columns):
+        raise refusal(f"sigma is a positive number for each of {', '.join(columns)}; found {sigma!r}")
+    return {column: float(given[column]) for column in columns}
+
+
+def _places(unknowns: Sequence[Unknown], starts: int, seed: int) -> list[np.ndarray]:
+    """Return where the search begins."""
+    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
+        raise refusal(f"starts is a whole number of at least 1, found {starts!r}")
+    places = [np.array([u.start for u in unknowns])]
+    if starts > 1:
+        from scipy.stats import qmc
+
+        shares = qmc.LatinHypercube(len(unknowns), rng=seed).random(starts - 1)
+        places += [np.array([_between(u, s) for u, s in zip(unknowns, row, strict=True)]) for row in shares]
+    return places
+
+
+def _between(unknown: Unknown, share: float) -> float:
+    low, high, start = unknown.low, unknown.high, unknown.start
+    if np.isfinite(low) and np.isfinite(high):
+        return float(low + share * (high - low))
+    if start == 0:
+        return float(np.clip(2 * share - 1, low, high))
+    return float(np.clip(start * _FAR ** (2 * share - 1), low, high))
+
+
+def _search(misses: _Misses, x: np.ndarray) -> Any:
+    from scipy.optimize import least_squares
+
+    def slopes(at: np.ndarray) -> np.ndarray:
+        try:
+            found = misses.jacobian(at)
+        except (SimulationError, ModelError) as error:
+            misses.refused = error
+            return np.zeros((misses.size, len(at)))
+        return np.where(np.isfinite(found), found, 0.0)
+
+    bounds = [u.low for u in misses.unknowns], [u.high for u in misses.unknowns]
+    return least_squares(misses, x, jac=slopes, bounds=bounds, x_scale="jac", xtol=1e-10, ftol=1e-12, gtol=1e-12)
+
+
+def _judged(misses: _Misses, found: Any, scales: Mapping[str, float], estimated: bool) -> Fit:
+    """Return the fit with what the data say about its values."""
+    from scipy.stats import norm, t
+
+    x, names = found.x, misses.names
+    runs = misses.runs(x)
+    residuals, jacobian = misses.of(runs), misses.jacobian(x)
+    freedom = len(residuals) - len(x)
+    variance = float(residuals @ residuals) / freedom if estimated else 1.0
+    covariance, undetermined = _covariance(jacobian, x, names, variance)
+    factor = t.ppf((1 + LEVEL) / 2, freedom) if estimated else norm.ppf((1 + LEVEL) / 2)
+    spread = np.sqrt(np.diag(covariance))
+    own = np.split(residuals, np.cumsum([len(t) for e in misses.experiments for t, _, _ in e.columns.values()])[:-1])
+    rows = np.split(jacobian, np.cumsum([len(t) for e in misses.experiments for t, _, _ in e.columns.values()])[:-1])
+    pieces, slopes = iter(own), iter(rows)
+    missed = tuple({c: -next(pieces) * scales[c] for c in e.columns} for e in misses.experiments)
+    leaning = tuple({c: next(slopes) * scales[c] for c in e.columns} for e in misses.experiments)
+    return Fit(
+        dict(zip(names, x.tolist(), strict=True)),
+        covariance,
+        LEVEL,
+        {n: (float(v - factor * s), float(v + factor * s)) for n, v, s in zip(names, x, spread, strict=True)},
+        dict(zip(names, spread.tolist(), strict=True)),
+        undetermined,
+        missed,
+        {c: float(scale * np.sqrt(variance)) for c, scale in scales.items()},
+        tuple(runs),
+        misses.experiments,
+        leaning,
+        str(found.message),
+        misses.count,
+        bool(found.status > 0),
+    )
+
+
+def _covariance(
+    jacobian: np.ndarray, x: np.ndarray, names: Sequence[str], variance: float
+) -> tuple[np.ndarray, tuple[dict[str, float], ...]]:
+    """Return the covariance of the values, and the directions of relative changes that the residuals do not see."""
+    size = np.where(x != 0, np.abs(x), 1.0)
+    _, singular, directions = np.linalg.svd(jacobian * size, full_matrices=False)
+    seen = singular > _UNDETERMINED * max(singular[0], 1e-300)
+    own = directions[seen] / singular[seen, None]
+    covariance = variance * np.outer(size, size) * (own.T @ own)
+    undetermined = []
+    for direction in directions[~seen]:
+        largest = np.argmax(np.abs(direction))
+        weights = direction / direction[largest]
+        undetermined.append({n: float(w) for n, w in zip(names, weights, strict=True) if abs(w) > _SHARE})
+        lost = np.abs(weights) > _SHARE
+        covariance[lost, lost] = np.inf
+    return covariance, tuple(undetermined)

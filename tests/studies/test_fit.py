@@ -1,0 +1,148 @@
+"""Fits against what the data were made with."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.cli.main import main
+from lmoc.messages.diagnostics import ModelError
+
+SWING = """
+model Swing
+  parameter Real k = 30, c = 1, m = 2;
+  output Real x(start = 0.5, fixed = true);
+  Real v(start = 0, fixed = true);
+  input Real f = 0;
+equation
+  der(x) = v;
+  m*der(v) = -k*x - c*v + f;
+end Swing;
+"""
+TIMES = np.linspace(0.1, 4, 40)
+
+
+def truth(k=40.0, c=1.2, m=2.0, x=0.5, v=0.0, t=TIMES):
+    """The closed form of the damped oscillation."""
+    d = c / (2 * m)
+    w = np.sqrt(k / m - d * d)
+    return np.exp(-d * t) * (x * np.cos(w * t) + (v + d * x) / w * np.sin(w * t))
+
+
+@pytest.fixture(scope="module")
+def dae():
+    return lmoc.compile_text(SWING)
+
+
+def test_exact_data_give_the_exact_values(dae):
+    found = dae.fit({"time": TIMES, "x": truth()}, {"k": 30, "c": (1, 0, 10)})
+    assert found.values == pytest.approx({"k": 40, "c": 1.2}, rel=1e-6)
+    assert found.converged and found.identifiable and "k  40" in str(found)
+    assert abs(found.run["x"] - truth()).max() < 1e-6 and abs(found.residuals[0]["x"]).max() < 1e-6
+
+
+def test_start_values_may_be_unknown_and_bounds_hold(dae):
+    data = {"time": TIMES, "x": truth(x=0.4, v=0.8)}
+    found = dae.fit(data, {"k": 35, "x": 0.5, "v": 0}, parameters={"c": 1.2})
+    assert found.values == pytest.approx({"k": 40, "x": 0.4, "v": 0.8}, rel=1e-5)
+    held = dae.fit(data, {"k": (35, 30, 38), "x": 0.5, "v": 0}, parameters={"c": 1.2})
+    assert held.values["k"] == pytest.approx(38, abs=1e-3)
+
+
+def test_several_experiments_share_their_unknowns(dae):
+    push = 3.0 / 40 * (1 - truth(x=1.0))
+    one = ({"time": TIMES, "x": truth()}, {})
+    two = ({"time": TIMES, "x": push}, {"initial": {"x": 0}, "inputs": {"f": "3"}})
+    found = dae.fit([one, two], {"k": 33, "c": 1, "m": 2.2})  # the force tells the mass apart
+    assert found.values == pytest.approx({"k": 40, "c": 1.2, "m": 2}, rel=1e-5) and found.identifiable
+
+
+def test_what_the_data_do_not_determine_is_told(dae):
+    found = dae.fit({"time": TIMES, "x": truth()}, {"k": 36, "c": 1, "m": 1.8})
+    assert not found.identifiable and len(found.undetermined) == 1
+    direction = found.undetermined[0]  # only k/m and c/m are seen
+    assert direction["k"] == pytest.approx(direction["m"], rel=1e-3) and set(direction) == {"k", "c", "m"}
+    assert found.values["k"] / found.values["m"] == pytest.approx(20, rel=1e-4)
+    assert np.isinf(found.deviations["k"]) and "do not tell apart" in str(found)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say(dae):
+    """Noise of known size, 25 times: of 50 intervals of 95 %, 42 to 50 hold the truth but once in some thousands."""
+    random, inside, spread = np.random.default_rng(1), 0, []
+    for _ in range(25):
+        data = {"time": TIMES, "x": truth() + 0.01 * random.standard_normal(len(TIMES))}
+        found = dae.fit(data, {"k": 38, "c": 1}, rtol=1e-7)
+        inside += sum(found.intervals[n][0] <= v <= found.intervals[n][1] for n, v in (("k", 40), ("c", 1.2)))
+        spread.append((found.values["k"], found.deviations["k"], found.sigma["x"]))
+    values, deviations, sigma = np.array(spread).T
+    assert 42 <= inside <= 50
+    assert np.std(values) == pytest.approx(np.mean(deviations), rel=0.45) and np.mean(sigma) == pytest.approx(0.01, 0.1)
+
+
+def test_a_given_sigma_scales_the_intervals(dae):
+    data = {"time": TIMES, "x": truth() + 0.01 * np.sin(40 * TIMES)}
+    one, two = (dae.fit(data, {"k": 38, "c": 1}, sigma=s) for s in (0.01, 0.02))
+    assert two.deviations["k"] == pytest.approx(2 * one.deviations["k"], rel=1e-3)
+
+
+def test_several_starts_find_the_lowest_minimum(dae):
+    data = {"time": TIMES, "x": truth(k=40)}
+    free = {"k": (290, 10, 300), "c": (1, 0, 10)}
+    assert dae.fit(data, free).values["k"] != pytest.approx(40, rel=0.01), "else this test says nothing"
+    assert dae.fit(data, free, starts=12).values["k"] == pytest.approx(40, rel=1e-4)
+
+
+def test_a_coefficient_of_restitution_from_the_bounces():
+    ball = lmoc.compile_text("""
+model Ball
+  parameter Real e = 0.7;
+  Mass ball(m = 1, g = -9.81, q(start = 1, fixed = true), v(start = 0, fixed = true));
+  Fixed floor;
+  Stop stop(L = 0, e = e);
+  output Real h = ball.q;
+equation
+  connect(floor.flange, stop.a);
+  connect(stop.b, ball.flange);
+end Ball;
+""")
+    times, e, g = np.linspace(0.05, 1.15, 23), 0.8, 9.81
+    fall = np.sqrt(2 / g)
+    since = times - fall
+    heights = np.where(since < 0, 1 - g * times**2 / 2, e * g * fall * since - g * since**2 / 2)  # until it lands again
+    found = ball.fit({"time": times, "h": heights}, {"e": (0.7, 0.1, 1)})
+    assert found.values["e"] == pytest.approx(0.8, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("data", "free", "more"),
+    [
+        ({"x": TIMES}, {"k": 1}, {}), ({"time": TIMES, "y": TIMES}, {"k": 1}, {}),
+        ({"time": TIMES, "x": TIMES}, {}, {}),
+        ({"time": TIMES, "x": TIMES}, {"k": (1, 2, 3)}, {}), ({"time": TIMES, "x": TIMES}, {"kk": 1}, {}),
+        ({"time": TIMES[:1], "x": TIMES[:1]}, {"k": 1, "c": 1}, {}), ("nowhere.csv", {"k": 1}, {}),
+        ({"time": TIMES, "x": TIMES[:3]}, {"k": 1}, {}), ({"time": TIMES, "x": TIMES}, {"k": 1}, {"sigma": -1}),
+        ({"time": TIMES, "x": TIMES}, {"k": 1}, {"outputs": {"x": "z"}}),
+        ({"time": TIMES, "x": TIMES}, {"k": 1}, {"starts": 0}),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_together_is_refused(dae, data, free, more):
+    with pytest.raises(ModelError):
+        dae.fit(data, free, **more)
+
+
+def test_the_command_and_the_picture(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "swing.lmo").write_text(SWING)
+    rows = [f"{t:.4f};{1000 * x:.6f}" for t, x in zip(TIMES, truth(), strict=True)]
+    (tmp_path / "measured.csv").write_text("\n".join(["time [s];place", *rows]) + "\n")
+    command = ["fit", "swing.lmo", "--data", "measured.csv", "--free", "k,c=1:0:10", "--outputs", "place=x"]
+    (tmp_path / "swing.lmo").write_text(SWING.replace("output Real x(", 'output Real x(unit = "m", '))
+    (tmp_path / "measured.csv").write_text("\n".join(["time [s];place [mm]", *rows]) + "\n")
+    assert main([*command, "--plot", "fit.svg"]) == 0
+    assert "k  40 " in capsys.readouterr().out and "data − fit" in (tmp_path / "fit.svg").read_text()
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["values"]["c"] == pytest.approx(1.2, rel=1e-3)
+    for wrong in (["--data", "measured.csv"], ["--free", "k"], ["--data", "measured.csv", "--free", "kk"],
+                  ["--data", "no.csv", "--free", "k"], ["--data", "measured.csv", "--free", "k=1:2"]):  # fmt: skip
+        assert main(["fit", "swing.lmo", *wrong]) == 2
