@@ -35,9 +35,9 @@ ORDER = (
     "places",
     "dae",
     "studies",
+    "export",
     "interface",
     "compilation",
-    "export",
     "editor",
     "cli",
 )

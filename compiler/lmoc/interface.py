@@ -13,6 +13,7 @@ from lmoc.report.units import unit_of
 from lmoc.simulation import Request
 
 if TYPE_CHECKING:
+    from lmoc.export.fmu import Exported
     from lmoc.run import Run
     from lmoc.studies.chart import Chart
     from lmoc.studies.economy import Economy
@@ -309,3 +310,12 @@ class DAE(CompiledDAE):
             As those of `simulate`; E0623, E0624: the page cannot be written.
         """
         return (self.simulate() if run is None else run).view(path)
+
+    # ------------------------------------------------------------------- other tools
+
+    @budgeted("the export", suspicion)
+    def export(self, path: str | Path, fmi: int = 3, type: str | Sequence[str] = ("me", "cs")) -> Exported:
+        """Write the scene as an FMU; parameters and errors as of `lmoc.export.fmu.export`."""
+        from lmoc.export.fmu import export
+
+        return export(self, self.draw, path, fmi, type)

@@ -36,6 +36,7 @@ VERBS = {
     "chart": "speed against accuracy of methods and tolerances",
     "solvers": "the methods of integration and their properties",
     "draw": "draw a scene",
+    "export": "write a scene as an FMU for other tools",
     "view": "write a page in which the scene moves and can be played with",
     "fmt": "put a file into the standard layout",
     "explain": "what a diagnostic code means",

@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
 
-from lmoc.interface import DAE
+from lmoc.ir.flat import FlatDAE
 from lmoc.live import Live
+from lmoc.view.drawing import Drawing
 
 Range = tuple[float, float]
 Values = Mapping[str, float]
+
+
+class Scene(Protocol):
+    """The scene that is stepped: a `DAE`."""
+
+    flat: FlatDAE
+    states: list[str]
+
+    def live(self, *, inputs: Values, **options: Any) -> Live: ...
+
+    def draw(self) -> Drawing: ...
 
 
 class Environment(gymnasium.Env):
@@ -41,7 +53,7 @@ class Environment(gymnasium.Env):
 
     def __init__(
         self,
-        dae: DAE,
+        dae: Scene,
         actions: Mapping[str, Range],
         observations: Sequence[str] | None = None,
         step: float = 0.02,

@@ -1,35 +1,9 @@
 /* Steps of DOP853 with the control of their length, many at a time. The rules are those of `integrate/dop853.py`, which
    makes the steps where Python looks at each of them: both come to the same steps. */
 
-#include "engine.h"
+#include "walk.h"
 
-typedef struct {
-  double safety, shrink, grow, retry;                 /* factors on the length of a step */
-  double rough_from, rough, careful, careful_steps;   /* where dense output is less accurate than the step */
-  double stiff_limit, stiff_steps, calm_steps;
-  double cuts, pace;                                  /* where values are not finite */
-  double least;                                       /* s */
-} rules;
-
-/* The state of the method. `k` are the stages of the last step, from `x` to `x_new`; while it is pending, they stand for
-   output, and `t` is already its end. Whoever judges it has moved its end to `landed` where there is one who lands. */
-typedef struct {
-  lmoc_call *call;
-  const rules *rules;
-  const double *weights, *nodes, *dense, *omitted, *atol;
-  double *x, *f, *x_new, *k, *last, *terms, *landed;
-  double t, before, step_size, length, error, stiffness, grow, stiff_count, calm_count, careful;
-  double cuts, cuts_since;
-  int64_t pending, staged, lost;
-  double rtol, end, max_step, patience;
-  int64_t steps, rejected, evaluations, most;         /* in this call; steps and rejected ones at most */
-  const double *times;                                /* output times ahead … */
-  double *out;                                        /* … and the states at them, as far as there is room */
-  int64_t outputs, reached, room;
-  const lmoc_hold *hold;                              /* or 0 */
-} steps;
-
-static void all_stages(steps *s, double time, double h) {
+static void all_stages(lmoc_steps *s, double time, double h) {
   if (s->staged) return;
   lmoc_dop853_more(s->call, time, h, s->weights, s->nodes, s->x, s->k, s->last);
   s->evaluations += 3;
@@ -37,7 +11,7 @@ static void all_stages(steps *s, double time, double h) {
 }
 
 /* Size of the last term of the dense output in tolerances. */
-static double roughness(const steps *s, double h) {
+static double roughness(const lmoc_steps *s, double h) {
   const int64_t n = s->call->n;
   double sum = 0;
   for (int64_t i = 0; i < n; i++) {
@@ -50,7 +24,7 @@ static double roughness(const steps *s, double h) {
 }
 
 /* Whether the latest steps get on though the values around are not finite. */
-static int gets_on(steps *s) {
+static int gets_on(lmoc_steps *s) {
   if (s->cuts < s->rules->cuts) return 1;
   const double advance = s->t - s->cuts_since, needed = s->cuts * s->rules->pace * (s->end - s->t);
   s->cuts = 0;
@@ -59,8 +33,8 @@ static int gets_on(steps *s) {
 }
 
 /* Try steps until one is accurate enough: its end, or 0 with the reason in `found` where there is none. */
-static double attempt(steps *s, int *found) {
-  const rules *r = s->rules;
+static double attempt(lmoc_steps *s, int *found) {
+  const lmoc_rules *r = s->rules;
   const double wanted = s->hold ? -INFINITY : s->reached < s->outputs ? s->times[s->reached] : INFINITY;
   double h = fmin(s->step_size, s->max_step), result[2];
   if (!gets_on(s)) {
@@ -102,7 +76,7 @@ static double attempt(steps *s, int *found) {
 }
 
 /* Whether the step just tried is certainly good. */
-static int is_certain(steps *s, double reached) {
+static int is_certain(lmoc_steps *s, double reached) {
   const lmoc_hold *hold = s->hold;
   if (!hold) return 1;
   if (hold->look(hold->own, reached, s->x_new, 1)) return 0;
@@ -116,8 +90,8 @@ static int is_certain(steps *s, double reached) {
 
 /* Accept the step just tried, and choose the length of the next. Returns 0, or STIFF where too many of them would lie
    ahead and the last ones were limited by stability. */
-static int accept(steps *s, double reached) {
-  const rules *r = s->rules;
+static int accept(lmoc_steps *s, double reached) {
+  const lmoc_rules *r = s->rules;
   s->steps++;
   s->careful -= s->careful > 0;
   s->before = s->t;
@@ -141,7 +115,7 @@ static int accept(steps *s, double reached) {
 
 /* Coefficients of the polynomial within the last step (Hairer, Nørsett, Wanner I, II.6), as in
    `integrate/dense_output.py`. */
-static void polynomial(const steps *s) {
+static void polynomial(const lmoc_steps *s) {
   const int64_t n = s->call->n;
   const double h = s->length, *k = s->k;
   double *t = s->terms;
@@ -163,10 +137,10 @@ static void polynomial(const steps *s) {
 }
 
 /* Whether the last step has reached an output time that has not been seen to. */
-static int shows(const steps *s) { return s->reached < s->outputs && s->times[s->reached] <= s->t; }
+static int shows(const lmoc_steps *s) { return s->reached < s->outputs && s->times[s->reached] <= s->t; }
 
 /* The states at the output times that the last step has reached. Returns whether there was room for them. */
-static int output(steps *s) {
+static int output(lmoc_steps *s) {
   const int64_t n = s->call->n;
   if (!shows(s)) return 1;
   all_stages(s, s->before, s->length);
@@ -190,7 +164,7 @@ static int output(steps *s) {
 }
 
 /* Stand at the end of the last step, or at where it has been moved. */
-static void go_on(steps *s) {
+static void go_on(lmoc_steps *s) {
   const int64_t n = s->call->n;
   const int moved = s->hold && s->hold->land;
   s->pending = 0;
@@ -205,7 +179,7 @@ static void go_on(steps *s) {
 
 /* Steps with their output: as many as allowed, until the end, or until there is no room for output, and the last step
    stays pending. Returns what the last step has; a DOUBTFUL one has been tried and stands there to be judged. */
-int lmoc_dop853_walk(steps *s) {
+int lmoc_dop853_walk(lmoc_steps *s) {
   int found = 0;
   s->steps = s->rejected = s->evaluations = s->reached = 0;
   for (;;) {

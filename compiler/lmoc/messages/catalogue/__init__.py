@@ -124,6 +124,12 @@ CATALOGUE: dict[str, Entry] = {
         "(`outputs={'column': 'variable'}`, `--outputs column=variable`), more numbers than unknowns, and for each\n"
         "unknown a value to begin at, within its bounds.",
     ),
+    "E0669": Entry(
+        "a scene that cannot be an FMU",
+        "FMUs are made of smooth scenes: masses, springs, gears, mechanisms that keep their coordinates, blocks,\n"
+        "inputs. Laws that switch (stops, ropes, friction), `when`, discrete variables, assertions about the motion,\n"
+        "and mechanisms whose coordinates change along the motion cannot be exported yet (docs/fmi.md).",
+    ),
     "E0663": Entry(
         "no single equilibrium",
         "A nonlinear scene is linearized about a point. By default that is its only equilibrium; where there "

@@ -70,7 +70,7 @@ class EngineStepper(Stepper):
         self._call.samples = self._samples.ctypes.data
         self._library = library()
         self._reference = self._call.reference
-        fixed = (_weights(), _nodes(), self.atol, self.k, self._last, self.result)
+        fixed = (weights(), nodes(), self.atol, self.k, self._last, self.result)
         self._at = [a.ctypes.data for a in fixed]  # asking numpy for an address takes as long as a small evaluation
         self._x, self._x_new = self._now.ctypes.data, self._new.ctypes.data
         self._steps: _Steps | None = None
@@ -131,24 +131,24 @@ class EngineStepper(Stepper):
         self._terms, self._landed = np.zeros((7, self.system.n)), np.zeros(self.system.n)
         return _Steps(
             ctypes.pointer(self._call), ctypes.pointer(self._rules), weights, nodes,
-            _dense().ctypes.data, LAST_WEIGHTS.ctypes.data, atol, f=self.f.ctypes.data, k=k, last=last,
+            dense().ctypes.data, LAST_WEIGHTS.ctypes.data, atol, f=self.f.ctypes.data, k=k, last=last,
             terms=self._terms.ctypes.data, landed=self._landed.ctypes.data,
         )  # fmt: skip
 
 
 @lru_cache(maxsize=1)
-def _weights() -> np.ndarray:
+def weights() -> np.ndarray:
     """(19, 16) the coefficients of the 16 stages, then those of the new state and of the two error estimates."""
     rows = [*table.A, table.B, table.E5, table.E3]
     return np.array([np.pad(row, (0, 16 - len(row))) for row in rows])
 
 
 @lru_cache(maxsize=1)
-def _nodes() -> np.ndarray:
+def nodes() -> np.ndarray:
     return np.ascontiguousarray(table.C)
 
 
 @lru_cache(maxsize=1)
-def _dense() -> np.ndarray:
+def dense() -> np.ndarray:
     """(4, 16) the coefficients of the dense output."""
     return np.ascontiguousarray(table.D)

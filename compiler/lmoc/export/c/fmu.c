@@ -1,0 +1,467 @@
+/* What FMI 2.0 and 3.0 have in common: values, states, steps. */
+
+#include "fmu.h"
+
+#include <stdlib.h>
+
+enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES };
+
+static const fmu_tape *tape_of(const fmu_model *m, int k) {
+  const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes};
+  return all[k];
+}
+
+/* ------------------------------------------------------------------ instances */
+
+static int make_tape(fmu *f, int k, int32_t **pivots) {
+  const fmu_tape *t = tape_of(f->model, k);
+  f->blocks[k] = calloc((size_t)t->block_count + 1, sizeof(lmoc_block));
+  if (!f->blocks[k]) return 0;
+  for (int64_t i = 0; i < t->block_count; i++) {
+    lmoc_block *b = f->blocks[k] + i;
+    *b = t->blocks[i];
+    b->pivots = *pivots;
+    *pivots += t->pivots[i];
+    if (b->start && !(b->lu = lmoc_lu_new(b->size, b->start, b->rows))) return 0;
+  }
+  f->tape[k] = (lmoc_tape){lmoc_tape_run, t->code, t->index, f->blocks[k], &lmoc_block_functions, t->time};
+  return 1;
+}
+
+/* Places in one piece of memory: all that a saved state has to hold, but for integers. */
+static int64_t place_memory(fmu *f) {
+  const fmu_model *m = f->model;
+  double *at = f->memory;
+  int64_t total = 0;
+#define TAKE(name, count) (f->name = at ? at + total : 0, total += (count))
+  TAKE(p, m->parameters);
+  TAKE(x, m->states);
+  TAKE(u, m->inputs);
+  for (int k = 0; k < 4; k++) TAKE(w[k], tape_of(m, k)->size);
+  TAKE(solution, 3*m->unknowns);
+  TAKE(solution_x, 3*m->states);
+  TAKE(sign, m->unknowns);
+  f->doubles = total;
+  TAKE(work, 30*m->states + 4);
+#undef TAKE
+  return total;
+}
+
+static void forget(fmu *f) {
+  for (int k = 0; k < 4; k++)
+    for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) {
+      lmoc_block *b = f->blocks[k] + i;
+      b->ready = 0;
+      if (b->lu) lmoc_lu_forget(b->lu);
+    }
+}
+
+void fmu_reset(fmu *f) {
+  const fmu_model *m = f->model;
+  const int co_simulation = f->now.co_simulation;
+  f->now = (fmu_scalars){.time = m->start_time, .begin = m->start_time, .rtol = m->tolerance, .phase = FMU_FRESH,
+                         .co_simulation = co_simulation, .stale = 1};
+  memset(f->memory, 0, f->doubles * sizeof(double));
+  memcpy(f->p, m->parameter_start, m->parameters * sizeof(double));
+  memcpy(f->x, m->start, m->states * sizeof(double));
+  memcpy(f->u, m->input_start, m->inputs * sizeof(double));
+  for (int k = 0; k < 4; k++) {
+    const fmu_tape *t = tape_of(m, k);
+    for (int64_t i = 0; i < t->constant_count; i++) f->w[k][t->places[i]] = t->values[i];
+  }
+  memcpy(f->w[PARAMETRIC], m->known, m->parametric.time * sizeof(double));
+  for (int64_t i = 0; i < m->unknowns; i++) f->w[RIGHT][m->unknown[i]] = f->w[OBSERVE][m->unknown[i]] = m->guess[i];
+  forget(f);
+  f->last = 0;
+  f->call.solved = f->call.marked = 0;
+}
+
+static int64_t remembered(const fmu_tape *t) {
+  int64_t count = 0;
+  for (int64_t i = 0; i < t->block_count; i++)
+    if (t->blocks[i].work) count += t->blocks[i].instances * t->blocks[i].size;
+  return count;
+}
+
+fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell) {
+  fmu *f = calloc(1, sizeof *f);
+  if (!f) return 0;
+  f->model = model;
+  f->owner = owner;
+  f->tell = tell;
+  f->now.co_simulation = co_simulation;
+  for (int k = 0; k < 4; k++)
+    for (int64_t i = 0; i < tape_of(model, k)->block_count; i++) f->pivot_count += tape_of(model, k)->pivots[i];
+  f->memory = calloc((size_t)place_memory(f) + 1, sizeof(double));
+  f->pivots = calloc((size_t)f->pivot_count + 1, sizeof(int32_t));
+  if (!f->memory || !f->pivots) {
+    fmu_free(f);
+    return 0;
+  }
+  place_memory(f);
+  int32_t *pivots = f->pivots;
+  for (int k = 0; k < 4; k++)
+    if (!make_tape(f, k, &pivots)) {
+      fmu_free(f);
+      return 0;
+    }
+  const int64_t n = model->states;
+  f->call = (lmoc_call){.w = f->w[RIGHT], .tape = f->tape + RIGHT, .n = n, .given = n, .first_state = -1,
+                        .states = model->state, .derivatives = model->derivative,
+                        .remembered = remembered(&model->right), .unknowns = model->unknown, .solution = f->solution,
+                        .x = f->solution_x, .last = &f->last};
+  fmu_reset(f);
+  return f;
+}
+
+void fmu_free(fmu *f) {
+  if (!f) return;
+  for (int k = 0; k < 4; k++)
+    if (f->blocks[k]) {
+      for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) lmoc_lu_free(f->blocks[k][i].lu);
+      free(f->blocks[k]);
+    }
+  free(f->memory);
+  free(f->pivots);
+  free(f);
+}
+
+/* ------------------------------------------------------------------ values */
+
+static void changed(fmu *f) {
+  f->now.evaluated = f->now.observed = 0;
+  f->last = 0;
+}
+
+/* Parameters and inputs into the registers. */
+static void settle(fmu *f) {
+  const fmu_model *m = f->model;
+  if (f->now.stale) {
+    double *w = f->w[PARAMETRIC];
+    for (int64_t i = 0; i < m->parameters; i++) w[m->parameter[i]] = f->p[i];
+    forget(f);
+    lmoc_tape_run(NAN, w, f->tape + PARAMETRIC);
+    for (int64_t i = 0; i < m->given; i++) f->w[RIGHT][m->given_registers[i]] = w[m->given_registers[i]];
+    f->call.solved = f->call.marked = 0;
+    f->now.stale = 0;
+    changed(f);
+  }
+  for (int64_t i = 0; i < m->inputs; i++) f->w[RIGHT][m->input[i]] = f->u[i];
+}
+
+static int evaluate(fmu *f) {
+  settle(f);
+  if (f->now.evaluated) return FMU_GOOD;
+  /* loops are closed first as the scene is at its start, from where the way leads to other states */
+  if (f->call.remembered && !f->call.solved) lmoc_evaluate(&f->call, f->model->start_time, f->model->start);
+  if (lmoc_evaluate(&f->call, f->now.time, f->x)) {
+    f->tell(f->owner, "the equations of a nonlinear block have no solution near the last one");
+    return FMU_NO_VALUE;
+  }
+  f->now.evaluated = 1;
+  return FMU_GOOD;
+}
+
+static int observe(fmu *f) {
+  const fmu_model *m = f->model;
+  const int found = evaluate(f);
+  if (found || f->now.observed) return found;
+  for (int64_t i = 0; i < m->kept; i++) f->w[OBSERVE][m->kept_registers[i]] = f->w[RIGHT][m->kept_registers[i]];
+  if (lmoc_tape_run(f->now.time, f->w[OBSERVE], f->tape + OBSERVE) & LMOC_FAILED) return FMU_NO_VALUE;
+  f->now.observed = 1;
+  return FMU_GOOD;
+}
+
+int fmu_get(fmu *f, uint32_t reference, double *value) {
+  const fmu_model *m = f->model;
+  if (!reference) {
+    *value = f->now.time;
+    return FMU_GOOD;
+  }
+  const int64_t row = (int64_t)reference - 1;
+  if (row >= m->variables) {
+    f->tell(f->owner, "there is no variable with this value reference");
+    return FMU_WRONG;
+  }
+  const int32_t place = m->place[row];
+  int found = FMU_GOOD;
+  switch (m->kind[row]) {
+    case FMU_PARAMETER: *value = f->p[place]; break;
+    case FMU_DERIVED: settle(f); *value = f->w[PARAMETRIC][place]; break;
+    case FMU_STATE: *value = f->x[place]; break;
+    case FMU_INPUT: *value = f->u[place]; break;
+    case FMU_DERIVATIVE:
+      found = evaluate(f);
+      *value = found ? NAN : f->w[RIGHT][m->derivative[place]];
+      break;
+    default:
+      found = observe(f);
+      *value = found ? NAN : f->w[OBSERVE][place];
+  }
+  return found;
+}
+
+static int refused(fmu *f, const char *text) {
+  f->tell(f->owner, text);
+  return FMU_WRONG;
+}
+
+int fmu_set(fmu *f, uint32_t reference, double value) {
+  const fmu_model *m = f->model;
+  const int64_t row = (int64_t)reference - 1;
+  const int phase = f->now.phase, before = phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING);
+  if (!reference || row >= m->variables) return refused(f, "there is no variable with this value reference to be set");
+  if (!(value * 0 == 0)) return refused(f, "a variable was set to what is no finite number");
+  const int32_t place = m->place[row];
+  switch (m->kind[row]) {
+    case FMU_PARAMETER:
+      if (!before && !(phase & FMU_EVENT) && !(f->now.co_simulation && phase & FMU_STEPPING))
+        return refused(f, "parameters can be set before initialization and at events");
+      f->now.stale |= f->p[place] != value;
+      f->p[place] = value;
+      break;
+    case FMU_STATE:
+      if (!before) return refused(f, "the start value of a state can be set before and in initialization");
+      f->x[place] = value;
+      break;
+    case FMU_INPUT:
+      f->u[place] = value;
+      break;
+    default:
+      return refused(f, "this variable is calculated, and cannot be set");
+  }
+  changed(f);
+  return FMU_GOOD;
+}
+
+int fmu_state_of(const fmu *f, uint32_t reference) {
+  const int64_t row = (int64_t)reference - 1;
+  return reference && row < f->model->variables && f->model->kind[row] == FMU_STATE ? f->model->place[row] : -1;
+}
+
+int fmu_derivatives(fmu *f, double *out) {
+  const int found = evaluate(f);
+  double check = 0;
+  for (int64_t i = 0; i < f->model->states; i++) {
+    out[i] = found ? NAN : f->w[RIGHT][f->model->derivative[i]];
+    check += out[i] * 0;
+  }
+  return found ? found : check == 0 ? FMU_GOOD : FMU_NO_VALUE;
+}
+
+void fmu_set_time(fmu *f, double time) {
+  if (time != f->now.time) changed(f);
+  f->now.time = time;
+}
+
+void fmu_set_states(fmu *f, const double *x) {
+  memcpy(f->x, x, f->model->states * sizeof(double));
+  changed(f);
+}
+
+/* ------------------------------------------------------------------ steps */
+
+/* Whether the closures of loops still stand as they did at the start: where one of their determinants changes its sign,
+   the motion has passed a place where these coordinates do not tell where the mechanism goes. */
+static int stands(fmu *f) {
+  int64_t at = 0;
+  if (!f->model->branches) return 1;
+  for (int64_t i = 0; i < f->model->right.block_count; i++) {
+    const lmoc_block *b = f->blocks[RIGHT] + i;
+    for (int64_t j = 0; b->work && j < b->instances; j++, at++) {
+      const double det = f->w[RIGHT][b->work + j];
+      if (!f->now.judged) f->sign[at] = det;
+      else if (!(det * f->sign[at] > 0)) return 0;
+    }
+  }
+  f->now.judged = 1;
+  return 1;
+}
+
+static int look(void *own, double time, const double *x, int first) {
+  (void)time, (void)x, (void)first;
+  return !stands(own);
+}
+
+static void keep(void *own) { lmoc_mark(&((fmu *)own)->call); }
+
+int fmu_accept(fmu *f) {
+  const int found = evaluate(f);
+  if (found) return found;
+  if (!stands(f)) {
+    f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
+    return FMU_WRONG;
+  }
+  lmoc_mark(&f->call);
+  return FMU_GOOD;
+}
+
+double fmu_next_break(const fmu *f) {
+  const int64_t k = f->now.first_break;
+  return k < f->model->breaks ? f->model->break_times[k] : INFINITY;
+}
+
+void fmu_pass_breaks(fmu *f) {
+  while (fmu_next_break(f) <= f->now.time) f->now.first_break++;
+}
+
+static double norm(int64_t n, const double *v, const double *scale) {
+  double sum = 0;
+  for (int64_t i = 0; i < n; i++) sum += v[i] / scale[i] * (v[i] / scale[i]);
+  return sqrt(sum / (double)n);
+}
+
+/* The first step (Hairer, Nørsett, Wanner I, II.4), as `dop853.initial_step` chooses it. */
+static double first_step(fmu *f, double span, const double *slope, const double *scale, double *x, double *trial) {
+  const int64_t n = f->model->states;
+  const double d0 = norm(n, f->x, scale), d1 = norm(n, slope, scale);
+  double h0 = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
+  if (!(h0 <= span)) h0 = span;
+  for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + h0*slope[i];
+  lmoc_derivatives(&f->call, f->now.time + h0, x, trial);
+  for (int64_t i = 0; i < n; i++) trial[i] -= slope[i];
+  const double d2 = norm(n, trial, scale) / h0, steepest = d1 > d2 ? d1 : d2;
+  if (!(d2 * 0 == 0)) return h0 * 1e-3;
+  const double h1 = steepest <= 1e-15 ? fmax(1e-6, h0 * 1e-3) : pow(0.01 / steepest, 0.125);
+  return fmin(fmin(100*h0, h1), span);
+}
+
+/* Integrate over what is smooth. */
+static int smooth(fmu *f, double end) {
+  const fmu_model *m = f->model;
+  const int64_t n = m->states;
+  double *at = f->work, *k = at, *slope = k + 16*n, *x_new = slope + n, *last = x_new + n, *terms = last + n,
+         *landed = terms + 7*n, *atol = landed + n, *scale = atol + n;
+  const int found = fmu_derivatives(f, slope);
+  if (found) return found;
+  for (int64_t i = 0; i < n; i++) {
+    atol[i] = f->now.rtol * 1e-3 * m->nominal[i];
+    scale[i] = atol[i] + f->now.rtol*fabs(f->x[i]);
+  }
+  if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, scale, x_new, last);
+  const lmoc_hold hold = {f, look, 0, keep, 0};
+  const double wished = f->now.wish;
+  lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
+                  .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
+                  .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = wished,
+                  .grow = m->rules.grow, .cuts_since = f->now.time, .rtol = f->now.rtol, .end = end,
+                  .max_step = INFINITY, .patience = INFINITY, .most = INT64_MAX, .hold = &hold};
+  const int status = lmoc_dop853_walk(&s);
+  f->now.time = s.t;
+  f->now.wish = s.steps == 1 && !s.rejected && s.length < wished ? wished : s.step_size; /* cut at the end: no shorter */
+  changed(f);
+  if (!status) return FMU_GOOD;
+  if (status == LMOC_DOUBTFUL)
+    f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
+  else f->tell(f->owner, "no step is short enough: the equations have no solution beyond");
+  return FMU_NO_VALUE;
+}
+
+int fmu_advance(fmu *f, double end) {
+  settle(f);
+  while (f->now.time < end) {
+    fmu_pass_breaks(f);
+    const double next = fmu_next_break(f), to = next < end ? next : end;
+    if (f->model->states) {
+      /* the last stage of a step before a jump must not see what comes behind it */
+      const double until = next <= end ? to - 4e-16*fabs(to) : to;
+      if (until > f->now.time) {
+        const int found = smooth(f, until);
+        if (found) return found;
+      }
+      if (next <= end) f->now.wish = 0;
+    }
+    f->now.time = to;
+    changed(f);
+  }
+  return evaluate(f);
+}
+
+/* ------------------------------------------------------------------ derivatives in a direction */
+
+static int64_t row_of(const fmu_model *m, uint32_t reference) {
+  const int64_t row = (int64_t)reference - 1;
+  if (!reference || row >= m->variables) return -1;
+  if (m->kind[row] == FMU_DERIVATIVE) return m->place[row];
+  if (m->kind[row] != FMU_OBSERVED && m->kind[row] != FMU_STATE) return -1;
+  const int32_t wanted = m->kind[row] == FMU_STATE ? m->state[m->place[row]] : m->place[row];
+  for (int64_t k = 0; k < m->states; k++)
+    if (m->derivative[k] == wanted) return k;
+  for (int64_t k = 0; k < m->outputs; k++)
+    if (m->output[k] == wanted) return m->states + k;
+  return -1;
+}
+
+static int64_t column_of(const fmu_model *m, uint32_t reference) {
+  const int64_t row = (int64_t)reference - 1;
+  if (!reference || row >= m->variables) return -1;
+  if (m->kind[row] == FMU_STATE) return m->place[row];
+  return m->kind[row] == FMU_INPUT ? m->states + m->place[row] : -1;
+}
+
+int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_t *knowns, size_t columns,
+                    const double *seed, double *out, int adjoint) {
+  const fmu_model *m = f->model;
+  int found = observe(f);
+  if (found) return found;
+  double *w = f->w[SLOPES];
+  memcpy(w, f->w[OBSERVE], m->registers * sizeof(double));
+  lmoc_tape_run(f->now.time, w, f->tape + SLOPES);
+  for (size_t i = 0; i < (adjoint ? columns : rows); i++) out[i] = 0;
+  for (size_t j = 0; j < columns; j++) {
+    const int64_t column = column_of(m, knowns[j]);
+    if (column < 0) return refused(f, "derivatives are by states and inputs");
+    for (size_t i = 0; i < rows; i++) {
+      const int64_t row = row_of(m, unknowns[i]);
+      if (row < 0) return refused(f, "only derivatives and outputs have directional derivatives");
+      for (int64_t e = 0; e < m->slopes.result_count; e++)
+        if (m->rows[e] == row && m->columns[e] == column) {
+          const double value = w[m->slopes.results[e]];
+          if (!(value * 0 == 0)) found = FMU_NO_VALUE;
+          out[adjoint ? j : i] += value * seed[adjoint ? i : j];
+        }
+    }
+  }
+  return found;
+}
+
+/* ------------------------------------------------------------------ saved states */
+
+size_t fmu_bytes(const fmu *f) {
+  return 64 + sizeof(fmu_scalars) + f->doubles*sizeof(double) + f->pivot_count*sizeof(int32_t);
+}
+
+static void head(const fmu *f, unsigned char *to) {
+  memset(to, 0, 64);
+  for (int i = 0; i < 63 && f->model->token[i]; i++) to[i] = (unsigned char)f->model->token[i];
+}
+
+/* Factors are made anew here and where the state is restored: both go on with the same bits. */
+void fmu_save(fmu *f, unsigned char *to) {
+  forget(f);
+  changed(f);
+  f->now.call_time = f->call.time;
+  f->now.marked_time = f->call.marked_time;
+  f->now.solved = f->call.solved;
+  f->now.marked = f->call.marked;
+  head(f, to);
+  memcpy(to += 64, &f->now, sizeof f->now);
+  memcpy(to += sizeof f->now, f->memory, f->doubles * sizeof(double));
+  memcpy(to + f->doubles*sizeof(double), f->pivots, f->pivot_count * sizeof(int32_t));
+}
+
+int fmu_restore(fmu *f, const unsigned char *from, size_t size) {
+  unsigned char own[64];
+  head(f, own);
+  if (size != fmu_bytes(f) || memcmp(own, from, 64)) return refused(f, "the saved state is one of another FMU");
+  memcpy(&f->now, from += 64, sizeof f->now);
+  memcpy(f->memory, from += sizeof f->now, f->doubles * sizeof(double));
+  memcpy(f->pivots, from + f->doubles*sizeof(double), f->pivot_count * sizeof(int32_t));
+  f->call.time = f->now.call_time;
+  f->call.marked_time = f->now.marked_time;
+  f->call.solved = f->now.solved;
+  f->call.marked = f->now.marked;
+  f->last = 0;
+  forget(f);
+  return FMU_GOOD;
+}

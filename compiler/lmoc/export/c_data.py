@@ -1,0 +1,105 @@
+"""An executable as data in C: the initializer of ``lmoc_fmu_model`` (``export/c/fmu.h``)."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+import numpy as np
+
+from lmoc.export.executable import Executable
+from lmoc.export.variables import Variable
+from lmoc.lower.tape import Block, Tape
+from lmoc.numerics.evaluate import engine_stepper
+from lmoc.numerics.integrate.dense_output import LAST_WEIGHTS
+from lmoc.numerics.integrate.dop853_rules import RULES
+
+_PER_LINE = 12
+
+
+class _Writer:
+    """Collects arrays, and gives each a name."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._count = 0
+
+    def array(self, kind: str, values: np.ndarray, text) -> str:
+        items = [text(v) for v in np.ravel(values).tolist()] or ["0"]
+        self._count += 1
+        name = f"a{self._count}"
+        self.lines.append(f"static const {kind} {name}[] = {{")
+        self.lines += [", ".join(items[k : k + _PER_LINE]) + "," for k in range(0, len(items), _PER_LINE)]
+        self.lines.append("};")
+        return name
+
+    def ints(self, values: np.ndarray, kind: str = "int32_t") -> str:
+        return self.array(kind, np.asarray(values, np.int64), str)
+
+    def reals(self, values: np.ndarray) -> str:
+        return self.array("double", np.asarray(values, float), _real)
+
+    def block(self, block: Block, patient: bool) -> str:
+        instances, size = block.unknowns.shape
+        tables = [self.ints(t) for t in block.tables]
+        pattern = ["0", "0"] if block.pattern is None else [self.ints(p) for p in block.pattern]
+        places = f"{block.a}, {block.b}, {block.work}, {block.x}, 0, 0, {int(patient)}"
+        shape = f"{instances}, {size}, {block.fill.shape[1]}, {block.right.shape[1]}"
+        return f"{{{shape}, {', '.join(tables)}, {', '.join(pattern)}, 0, 0, {places}}}"
+
+    def tape(self, tape: Tape, patient: bool) -> str:
+        blocks = [self.block(b, patient) for b in tape.blocks]
+        pivots = [(b.unknowns.shape[0] if b.kept else 1) * b.unknowns.shape[1] for b in tape.blocks]
+        self._count += 1
+        name = f"a{self._count}"
+        self.lines.append(f"static const lmoc_block {name}[] = {{{', '.join(blocks) or '{0}'}}};")
+        places, values = tape.constants
+        counts = f"{tape.size}, {tape.time}, {len(tape.blocks)}, {len(places)}, {len(tape.results)}"
+        arrays = [self.ints(places), self.reals(values), self.ints(tape.code), self.ints(tape.index), name]
+        arrays += [self.ints(np.array(pivots), "int64_t"), self.ints(tape.results)]
+        return f"{{{counts}, {', '.join(arrays)}}}"
+
+
+def _real(value: float) -> str:
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return value.hex()
+
+
+def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
+    """Return the text in C, and the token that stands for it.
+
+    Parameters
+    ----------
+    tolerance : relative, of co-simulation where the importer gives none
+    """
+    w, plan = _Writer(), own.plan
+    patient = not own.branches
+    tapes = [w.tape(t, patient) for t in (own.parametric, own.right, own.observe, own.slopes)]
+    kinds, indices = ([getattr(v, n) for v in own.variables] for n in ("place", "index"))
+    tables = [w.ints(np.array(kinds)), w.ints(np.array(indices)), w.ints(plan.states), w.ints(plan.derivatives)]
+    tables += [w.ints(own.inputs), w.ints(own.parameters + plan.count), w.ints(own.given), w.ints(own.kept)]
+    tables += [w.ints(own.unknowns), w.reals(own.guess), w.reals(own.known), w.reals(own.start), w.reals(own.nominal)]
+    tables += [w.reals(own.input_start), w.reals(own.dae.values[own.parameters]), w.reals(own.breaks)]
+    tables += [w.ints(own.rows), w.ints(own.columns), w.ints(own.outputs)]
+    method = engine_stepper.weights(), engine_stepper.nodes(), engine_stepper.dense(), LAST_WEIGHTS
+    tables += [w.reals(a) for a in method]
+    rules = ", ".join(_real(float(v)) for v in vars(RULES).values())
+    counts = [
+        plan.count, len(own.variables), len(plan.states), len(own.inputs), len(own.parameters), len(own.given),
+        len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), int(own.branches),
+    ]  # fmt: skip
+    body = ",\n".join([", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}"])
+    ends = f"{_real(float(own.run.time[0]))}, {_real(tolerance)}"
+    arrays = "\n".join(w.lines)
+    token = _token(arrays + body + ends, own.variables)
+    head = '/* A scene as data, written by lmoc. */\n\n#include "fmu.h"\n\n'
+    return f'{head}{arrays}\n\nconst fmu_model lmoc_fmu_model = {{"{token}",\n{body},\n{ends}}};\n', token
+
+
+def _token(text: str, variables: tuple[Variable, ...]) -> str:
+    names = "\0".join(v.name for v in variables)
+    h = hashlib.sha256(f"{text}\0{names}".encode()).hexdigest()
+    return f"{{{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}}}"

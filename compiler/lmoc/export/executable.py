@@ -1,0 +1,316 @@
+"""What an FMU needs to know of a scene: tapes, the tables of its variables, its start; or why it cannot be one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lmoc.export.variables import Variable, listed
+from lmoc.expression.dag import ONE, depends_on_time, slot
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.program import Apply, Program, Solve, Total, needed_steps, read, written
+from lmoc.lower.blocks import derivatives_tape, values_tape
+from lmoc.lower.tape import Tape
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
+from lmoc.numerics.evaluate.engine_system import has_branches
+from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.observe.slices import slice_of
+from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.signals import kinks
+from lmoc.numerics.signals.signals import Constant, Signal, default_signals
+from lmoc.numerics.signals.steps import stepping_inputs
+from lmoc.support.records import dataclass
+
+if TYPE_CHECKING:
+    from lmoc.dae import CompiledDAE
+    from lmoc.run import Run
+
+MOST_TRIED = 300  # parameters whose influence on structure and start is tried out; further ones stay as they are
+_ASIDE = 1.0 + 2.0**-10
+
+
+@dataclass(frozen=True, eq=False)
+class Executable:
+    """A scene as an FMU holds it.
+
+    Attributes
+    ----------
+    plan : Plan
+    parametric : Tape
+        Fills derived parameters and the registers that follow from them; variables of the flat model stand behind the
+        registers of the plan.
+    right, observe, slopes : Tape
+        Derivatives of states, all other variables, derivatives of both.
+    known : (parametric.registers,) values that nothing changes, NaN elsewhere
+    given, kept : registers that follow from parameters; those from which `observe` begins
+    unknowns, guess : unknowns of nonlinear blocks and their values at the start
+    inputs, input_start : registers and values
+    parameters : flat variables that can be set
+    start, nominal : (states,)
+    breaks : s, kinks and jumps of functions of time
+    outputs : registers behind the derivatives among the rows of `slopes`
+    rows, columns : (entries,) of `slopes`
+    branches : nonlinear blocks are closures of loops
+    variables : in the order of their value references, from 1 on
+    zero_inputs : {name: 0} of inputs that the model leaves open
+    held : names of parameters that cannot be set, since structure or start depend on them
+    dae : CompiledDAE
+    run : the run from which start and nominal values are taken
+    """
+
+    dae: CompiledDAE
+    run: Run
+    plan: Plan
+    parametric: Tape
+    right: Tape
+    observe: Tape
+    slopes: Tape
+    known: np.ndarray
+    given: np.ndarray
+    kept: np.ndarray
+    unknowns: np.ndarray
+    guess: np.ndarray
+    inputs: np.ndarray
+    input_start: np.ndarray
+    parameters: np.ndarray
+    start: np.ndarray
+    nominal: np.ndarray
+    breaks: np.ndarray
+    outputs: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    branches: bool
+    variables: tuple[Variable, ...]
+    zero_inputs: dict[str, float]
+    held: tuple[str, ...]
+
+
+def executable(dae: CompiledDAE) -> Executable:
+    """Return a scene as an FMU holds it.
+
+    Raises
+    ------
+    ModelError
+        E0669: it has what cannot be exported. E0520 and others as `DAE.simulate` raises them.
+    """
+    _refuse(dae)
+    flat, reduced = dae.flat, dae.reduced
+    signals, open_inputs = _signals(flat)
+    report = Report()
+    plan = build_plan(reduced, signals, False, report)
+    report.check()
+    steps = stepping_inputs(plan, signals)
+    if steps:
+        raise refusal(flat, f"the motion prescribed by '{flat.variable_name(steps[0])}' has kinks or jumps")
+    zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
+    run = dae.simulate(energy=False, inputs=zero_inputs)
+    _refuse_run(flat, run)
+    first = run.trajectory.pieces[0]
+    base = plan.base(_extended(plan, dae.values), signals)
+    span = float(run.time[0]), float(run.time[-1])
+    inputs = np.array([r for r, _ in plan.constants], int)
+    right, observing, exported = _programs(plan)
+    observe = values_tape(observing, plan.count)
+    unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
+    guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
+    start = first.table[0, : len(plan.states)]
+    _check_same_start(plan, base, signals, span[0], start, first)
+    tried = _Tried(dae, plan, signals, zero_inputs, span, start)
+    settable, held = tried.settable()
+    variables = listed(dae, plan, inputs, exported, settable)
+    outputs = np.array(sorted({v.register for v in variables if v.causality == "output"}), int)
+    rule = Jacobian(
+        plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
+        np.concatenate([plan.derivatives, outputs]).astype(int), plan.count,
+    )  # fmt: skip
+    parametric, known = _parametric(dae, plan)
+    largest = np.abs(np.concatenate([piece.table for piece in run.trajectory.pieces])).max(axis=0, initial=0.0)
+    nominal = largest[: len(plan.states)]
+    return Executable(
+        dae, run, plan, parametric, right, observe, derivatives_tape(plan.program + observing, rule, plan.count),
+        known, _given(plan), _kept(plan, observing), unknowns,
+        guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
+        inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
+        kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), variables,
+        zero_inputs, held,
+    )  # fmt: skip
+
+
+def refusal(flat: FlatDAE, why: str, hint: str | None = None) -> ModelError:
+    """Return the error of a scene that cannot be an FMU."""
+    return ModelError([Diagnostic("E0669", f"'{flat.name}' cannot be exported: {why}", hint=hint)])
+
+
+def _refuse(dae: CompiledDAE) -> None:
+    """Refuse what happens at instants, and coordinates that change."""
+    flat, reduced = dae.flat, dae.reduced
+    why = ""
+    if flat.laws or reduced.switched is not None:
+        from lmoc.ir.mode import law_names
+
+        names = law_names(flat, flat.laws) if flat.laws else []
+        why = f"it has laws that switch ({', '.join(list(names)[:3])}{', …' if len(names) > 3 else ''})"
+    elif flat.events is not None:
+        why = "it has events (`when`, relations that switch, discrete variables)"
+    elif any(check not in flat.constant_checks for check in flat.checks):
+        why = "it has assertions about its motion"
+    elif reduced.in_all_coordinates:
+        why = "its closed loops have no minimal coordinates that serve"
+    if why:
+        raise refusal(flat, why)
+
+
+def _refuse_run(flat: FlatDAE, run: Run) -> None:
+    if len(run.trajectory.pieces) > 1:
+        raise refusal(flat, f"its coordinates change along the motion, at t = {run.trajectory.pieces[1].begin:.6g} s")
+    if run.events:
+        raise refusal(flat, f"its run has events, the first at t = {run.events[0].time:.6g} s")
+
+
+def _check_same_start(plan: Plan, base: np.ndarray, signals: dict, t: float, x: np.ndarray, first) -> None:
+    """The run may have gone over to other coordinates at once: then these states are not those of the plan."""
+    same = np.array_equal(first.observer.plan.reduced.states, plan.reduced.states)
+    if not same or first.reduced.in_all_coordinates:
+        raise refusal(plan.reduced.flat, "its run takes other coordinates than those that were chosen")
+
+
+def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
+    """Return the signals of inputs: a formula of the model stays inside, all others are set from outside; and those
+    that the model leaves open."""
+    signals: dict[int, Signal] = default_signals(flat)
+    opened = [int(v) for v in np.flatnonzero(flat.kind == Kind.INPUT) if int(v) not in signals]
+    for v, signal in signals.items():
+        if not signal.variables and not depends_on_time(signal.shape):  # type: ignore[union-attr]
+            from lmoc.expression.evaluate import evaluate
+
+            signals[v] = Constant(float(evaluate(signal.shape, None, 0.0)))  # type: ignore[union-attr]
+    return {**signals, **{v: Constant(0.0) for v in opened}}, opened
+
+
+def _extended(plan: Plan, values: np.ndarray) -> np.ndarray:
+    return np.concatenate([values, np.full(plan.reduced.flat.count - len(values), np.nan)])
+
+
+# ---------------------------------------------------------------------- programs
+
+
+def _programs(plan: Plan) -> tuple[Tape, Program, np.ndarray]:
+    """Return the tape of derivatives, the program of what is observed, and which registers it can fill."""
+    reduced = plan.reduced
+    good = np.zeros(plan.count, bool)
+    good[plan.known[0]] = True
+    good[plan.states] = True
+    good[[r for r, _ in plan.constants]] = True
+    good[plan.absent] = False
+    for step in (*reduced.parameter_program, *plan.program, *reduced.observe):
+        if isinstance(step, Apply):
+            good[step.out] = good[step.slots].all(axis=1)
+        elif isinstance(step, Total):
+            lengths = np.diff(step.start)
+            missing = np.bincount(np.repeat(np.arange(len(lengths)), lengths), ~good[step.index], len(lengths))
+            good[step.out] = missing == 0
+        else:
+            assert isinstance(step, Solve)
+            inside = read(step)
+            good[written(step)] = good[inside].all()
+    wanted = reduced.register_of[reduced.register_of >= 0]
+    observing = needed_steps(reduced.observe, wanted[good[wanted]], plan.count)
+    return values_tape(plan.program, plan.count), observing, good
+
+
+def _kept(plan: Plan, observing: Program) -> np.ndarray:
+    filled = np.zeros(plan.count, bool)
+    for step in observing:
+        filled[written(step)] = True
+    return np.flatnonzero(~filled)
+
+
+def _given(plan: Plan) -> np.ndarray:
+    """Return the registers that follow from parameters alone."""
+    filled = [plan.known[0], *(written(step) for step in plan.reduced.parameter_program)]
+    return np.unique(np.concatenate(filled)).astype(int)
+
+
+def _unknowns(tape: Tape) -> np.ndarray:
+    return np.concatenate([np.zeros(0, int), *(b.unknowns.ravel() for b in tape.blocks if b.work)])
+
+
+def _parametric(dae: CompiledDAE, plan: Plan) -> tuple[Tape, np.ndarray]:
+    """Return the tape of bindings and derived parameters, and the values with which it begins."""
+    flat, count = plan.reduced.flat, plan.count
+    known = np.full(count + flat.count, np.nan)
+    known[count : count + len(dae.values)] = dae.values
+    given = np.array([v for name in flat.overrides for v in flat.find(name)], int)
+    steps: list = []
+    for a in flat._parameter_bindings[1]:
+        free = np.flatnonzero(~np.isin(a.target, given))
+        # one by one: a row may use what the row before has filled
+        steps += [Apply(a.shape, a.slots[i : i + 1] + count, a.target[i : i + 1] + count) for i in free.tolist()]
+    taken = Apply(slot(0) * ONE, (plan.known[1] + count)[:, None], plan.known[0])
+    tape = values_tape((*steps, taken, *plan.reduced.parameter_program), count + flat.count)
+    return tape, known
+
+
+# --------------------------------------------------------------------- parameters
+
+
+class _Tried:
+    """Which parameters can be set: those on which neither the equations' form nor the start nor kinks depend."""
+
+    def __init__(
+        self,
+        dae: CompiledDAE,
+        plan: Plan,
+        signals: dict[int, Signal],
+        inputs: dict[str, float],
+        span: tuple[float, float],
+        start: np.ndarray,
+    ) -> None:
+        self.dae, self.plan, self.signals, self.inputs, self.span, self.start = dae, plan, signals, inputs, span, start
+        self._breaks = self._break_times(dae.values)
+
+    def settable(self) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Return the flat variables that can be set, and the names of those that cannot."""
+        flat = self.dae.flat
+        bound = np.zeros(flat.count, bool)
+        for a in flat._parameter_bindings[1]:
+            bound[a.target] = True
+        candidates = [
+            v
+            for b in flat.blocks
+            if b.kind == Kind.PARAMETER and b.quantity == "Real" and not (b.structural or b.final or b.protected)
+            for v in range(b.offset, b.offset + b.size)
+            if not bound[v] and np.isfinite(self.dae.values[v])
+        ]
+        found = [v for v in candidates[:MOST_TRIED] if self._is_free(v)]
+        free = set(found)
+        return np.array(found, int), tuple(flat.variable_name(v) for v in candidates if v not in free)
+
+    def _is_free(self, variable: int) -> bool:
+        """Whether a change of this parameter changes nothing but numbers in the equations."""
+        flat, value = self.dae.flat, float(self.dae.values[variable])
+        name = flat.variable_name(variable)
+        changed = value * _ASIDE if value else 2.0**-10
+        values = flat.parameter_values({**_overrides(flat), variable: changed})
+        if self.dae.reduced.broken_guard(values) is not None:
+            return False
+        if not np.array_equal(self._break_times(values), self._breaks):
+            return False
+        try:
+            options = {"parameters": {name: changed}, "inputs": self.inputs, "energy": False}
+            run = self.dae.simulate(times=[self.span[0]], **options)
+        except ModelError:
+            return False  # not even so small a change is possible: it stays as it is
+        found = run.trajectory.pieces[0].table[0, : len(self.start)]
+        return len(found) == len(self.start) and np.array_equal(found, self.start)
+
+    def _break_times(self, values: np.ndarray) -> np.ndarray:
+        base = self.plan.base(_extended(self.plan, values), self.signals)
+        return kinks.break_times(self.plan, base, *self.span)
+
+
+def _overrides(flat: FlatDAE) -> dict[int, float]:
+    from lmoc.parameters import indexed
+
+    return indexed(flat, flat.overrides)

@@ -1,0 +1,281 @@
+"""FMUs: FMPy finds nothing wrong with them, and simulates what lmoc simulates."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.export.fmu import find_compiler
+
+fmpy = pytest.importorskip("fmpy")
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
+
+MODELS = Path(__file__).parents[2] / "models"
+RTOL = 1e-6
+OSCILLATOR = """
+model Driven "a mass driven by a force"
+  parameter Real k(unit = "N/m") = 40;
+  parameter Real twice(unit = "N/m") = 2*k;
+  parameter Real x0(unit = "m") = 0.1;
+  input Real u(unit = "N");
+  output Real x(unit = "m") = mass.q;
+  Fixed wall;
+  Spring spring(k = twice);
+  Damper damper(c = 2);
+  Mass mass(m = 2, q(start = x0));
+  Force force;
+equation
+  force.f = u;
+  connect(wall.flange, spring.a);
+  connect(spring.b, mass.flange);
+  connect(wall.flange, damper.a);
+  connect(damper.b, mass.flange);
+  connect(force.flange, mass.flange);
+end Driven;
+"""
+
+PULSE = """
+model Pulse
+  parameter Real begin(unit = "s") = 1.1;
+  input Real u(unit = "N") = if time > begin and time < begin + 0.4 then 5 else 0;
+  output Real v(unit = "m/s") = mass.v;
+  Mass mass(m = 2);
+  Force force;
+equation
+  force.f = u;
+  connect(force.flange, mass.flange);
+  annotation(experiment(StopTime = 4));
+end Pulse;
+"""
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A scene with an input, and its FMUs of both versions."""
+    dae = lmoc.compile_text(OSCILLATOR)
+    folder = tmp_path_factory.mktemp("fmu")
+    return dae, {fmi: dae.export(folder / f"driven{fmi}.fmu", fmi=fmi) for fmi in (3, 2)}
+
+
+def instance(path, kind="CoSimulation"):
+    """An instance that has been set up but not initialized; and value references by name."""
+    description = fmpy.read_model_description(str(path))
+    folder = fmpy.extract(str(path))
+    made = fmpy.instantiate_fmu(folder, description, fmi_type=kind)
+    return made, {v.name: v.valueReference for v in description.modelVariables}
+
+
+def begin(fmu, three=True):
+    """Initialize."""
+    if three:
+        fmu.enterInitializationMode(startTime=0.0)
+    else:
+        fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+
+
+@pytest.mark.parametrize(
+    ("name", "fmi"),
+    [("notes/ex05_suspension", 3), ("hard/h02_double_pendulum", 2), ("planar/slider_crank", 3),
+     ("planar/pendulum", 3), ("notes/ex09_gear_pair_with_load", 2)],
+)  # fmt: skip
+def test_an_fmu_does_what_simulate_does(name: str, fmi: int, tmp_path) -> None:
+    from fmpy.validation import validate_fmu
+
+    dae = lmoc.compile(MODELS / f"{name}.lmo")
+    made = dae.export(tmp_path / "scene.fmu", fmi=fmi)
+    assert validate_fmu(str(made.path)) == []
+    run = dae.simulate(points=101, rtol=RTOL, inputs=made.zero_inputs)
+    stop = float(run.time[-1])
+    shown = [n for n in (*dae.states, *dae.outputs) if n in dae.variables]
+    for kind, rtol in (("ModelExchange", RTOL / 100), ("CoSimulation", RTOL)):
+        found = fmpy.simulate_fmu(
+            str(made.path), fmi_type=kind, stop_time=stop, output_interval=stop / 100, relative_tolerance=rtol,
+            output=shown,
+        )  # fmt: skip
+        own = found[np.searchsorted(found["time"], run.time - 1e-9 * stop)]
+        for variable in shown:
+            size = np.abs(run[variable]).max()
+            assert np.abs(own[variable] - run[variable]).max() <= 100 * RTOL * size + 1e-12, (kind, variable)
+
+
+@pytest.mark.parametrize("fmi", [3, 2])
+def test_inputs_and_parameters(driven, fmi: int) -> None:
+    """A parameter that is set changes what is bound to it; an input acts from the time on at which it is set."""
+    dae, made = driven
+    run = dae.simulate(stop=2, points=3, inputs={"u": 3.0}, parameters={"k": 60}, rtol=1e-9)
+    found = fmpy.simulate_fmu(
+        str(made[fmi].path), fmi_type="CoSimulation", stop_time=2.0, output_interval=1.0, relative_tolerance=1e-9,
+        start_values={"k": 60.0, "u": 3.0}, output=["x", "twice"],
+    )  # fmt: skip
+    assert found["twice"][-1] == 120
+    assert found["x"] == pytest.approx(run["x"], rel=1e-7)
+    assert "x0" in made[fmi].fixed  # the start has been computed with it
+    assert made[fmi].zero_inputs == {"u": 0.0}
+
+
+@pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
+def test_a_jump_of_a_function_of_time(kind: str, tmp_path) -> None:
+    """A pulse of 5 N over 0.4 s, shorter than a step of 2 s, leaves 2 kg with a speed of 1 m/s."""
+    dae = lmoc.compile_text(PULSE)
+    made = dae.export(tmp_path / "pulse.fmu")
+    found = fmpy.simulate_fmu(str(made.path), fmi_type=kind, stop_time=4.0, relative_tolerance=1e-9, output=["v"])
+    assert found["v"][-1] == pytest.approx(1.0, abs=1e-6)
+    assert "begin" in made.fixed  # the times of the jumps have been computed with it
+
+
+def test_a_start_value_can_be_set(driven) -> None:
+    dae, made = driven
+    run = dae.simulate(stop=1, points=2, inputs={"u": 0.0}, initial={"x": 0.3}, rtol=1e-9)
+    found = fmpy.simulate_fmu(
+        str(made[3].path), fmi_type="CoSimulation", stop_time=1.0, output_interval=1.0, relative_tolerance=1e-9,
+        start_values={dae.states[0]: 0.3}, output=["x"],
+    )  # fmt: skip
+    assert found["x"][-1] == pytest.approx(run["x"][-1], rel=1e-7)
+
+
+def test_a_saved_state_goes_on_to_the_bit(driven) -> None:
+    """Restored in the same instance and, serialized, in another one, which has gone elsewhere meanwhile."""
+    one, references = instance(driven[1][3].path)
+    other, _ = instance(driven[1][3].path)
+    x = [references["x"]]
+    for fmu in (one, other):
+        begin(fmu)
+    one.setFloat64([references["u"]], [5.0])
+    one.doStep(0.0, 0.3)
+    state = one.getFMUState()
+    saved = one.serializeFMUState(state)
+    one.doStep(0.3, 0.4)
+    expected = one.getFloat64(x)
+    one.setFloat64([references["u"]], [-1.0])
+    one.doStep(0.7, 0.1)
+    assert one.getFloat64(x) != expected
+    one.setFMUState(state)
+    one.doStep(0.3, 0.4)
+    assert one.getFloat64(x) == expected
+    other.doStep(0.0, 1.7)
+    other.setFMUState(other.deserializeFMUState(saved))
+    other.doStep(0.3, 0.4)
+    assert other.getFloat64(x) == expected
+    one.freeFMUState(state)
+    for fmu in (one, other):
+        fmu.terminate()
+        fmu.freeInstance()
+
+
+def test_instances_do_not_see_each_other_and_reset_begins_again(driven) -> None:
+    one, references = instance(driven[1][3].path)
+    other, _ = instance(driven[1][3].path)
+    x, k = [references["x"]], [references["k"]]
+    begin(one)
+    one.doStep(0.0, 0.5)
+    expected = one.getFloat64(x)
+    other.setFloat64(k, [400.0])
+    begin(other)
+    other.doStep(0.0, 0.5)
+    assert other.getFloat64(x) != expected
+    one.reset()
+    begin(one)
+    assert one.getFloat64(x) == [0.1]
+    one.doStep(0.0, 0.5)
+    assert one.getFloat64(x) == expected
+    for fmu in (one, other):
+        fmu.freeInstance()
+
+
+def test_wrong_calls_get_a_status(driven) -> None:
+    from fmpy.fmi1 import FMICallException
+
+    fmu, references = instance(driven[1][3].path)
+    wrong = [
+        lambda: fmu.doStep(0.0, 0.1),  # before initialization
+        lambda: fmu.exitInitializationMode(),
+        lambda: fmu.setFloat64([references["u"]], [float("nan")]),
+        lambda: fmu.setFloat64([references["x"]], [1.0]),  # calculated
+        lambda: fmu.setFloat64([references["x0"]], [1.0]),  # the start has been computed with it
+        lambda: fmu.getFloat64([10**6]),
+    ]
+    for call in wrong:
+        with pytest.raises(FMICallException):
+            call()
+    begin(fmu)
+    for call in (lambda: fmu.doStep(5.0, 0.1), lambda: fmu.doStep(0.0, -0.1), lambda: fmu.doStep(0.0, float("nan"))):
+        with pytest.raises(FMICallException):
+            call()
+    fmu.doStep(0.0, 0.1)
+    fmu.freeInstance()
+
+
+def test_directional_derivatives(driven) -> None:
+    """m·x″ = u - 2k·x - d·x′ with m = 2, k = 40, d = 2."""
+    fmu, references = instance(driven[1][3].path, "ModelExchange")
+    begin(fmu)
+    position, speed = (references[n] for n in driven[0].states)
+    description = fmpy.read_model_description(str(driven[1][3].path))
+    rates = [d.variable.valueReference for d in description.derivatives]
+
+    def along(known: int, unknowns) -> list[float]:
+        return list(fmu.getDirectionalDerivative(unknowns, [known], [1.0]))
+
+    assert along(position, rates) == pytest.approx([0, -40])
+    assert along(speed, rates) == pytest.approx([1, -1])
+    assert along(references["u"], [rates[1], references["x"]]) == pytest.approx([0.5, 0])
+    fmu.freeInstance()
+
+
+def test_sources_rebuild_to_the_same(driven, tmp_path) -> None:
+    """A compiler makes from the sources alone what the binary computes."""
+    import shutil
+    import subprocess
+    from xml.etree import ElementTree
+
+    path = driven[1][3].path
+    expected = fmpy.simulate_fmu(str(path), fmi_type="CoSimulation", stop_time=1.0, output=["x"])
+    folder = tmp_path / "fmu"
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+    build = ElementTree.parse(folder / "sources" / "buildDescription.xml").find(".//SourceFileSet")
+    files = [f.get("name") for f in build.findall("SourceFile")]
+    binary = next((folder / "binaries").rglob("Driven.*"))
+    binary.unlink()
+    command = [shutil.which("cc") or "gcc", *build.get("compilerOptions").split(), "-fPIC", "-shared", *files, "-o"]
+    subprocess.run([*command, str(binary), "-lm"], cwd=folder / "sources", check=True)
+    found = fmpy.simulate_fmu(str(folder), fmi_type="CoSimulation", stop_time=1.0, output=["x"])
+    assert (found["x"] == expected["x"]).all()
+
+
+def test_without_a_compiler_there_are_sources(monkeypatch, tmp_path, capsys) -> None:
+    from lmoc.cli.main import main
+
+    monkeypatch.setenv("LMOC_CC", "")
+    target = tmp_path / "scene.fmu"
+    assert main(["export", str(MODELS / "notes/ex02_spring_mass_damper.lmo"), "-o", str(target), "--fmi", "2"]) == 0
+    assert "sources only: there is no C compiler" in capsys.readouterr().out
+    with zipfile.ZipFile(target) as archive:
+        names = archive.namelist()
+        assert b'<File name="model.c"' in archive.read("modelDescription.xml")
+    assert "sources/model.c" in names and "model.png" in names and not any("binaries" in n for n in names)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("notes/ex08_slack_cable", "laws that switch"), ("hard/h01_cartesian_pendulum", "coordinates")],
+)
+def test_what_cannot_be_exported_is_refused_by_name(name: str, why: str, tmp_path) -> None:
+    with pytest.raises(lmoc.ModelError) as caught:
+        lmoc.compile(MODELS / f"{name}.lmo").export(tmp_path / "scene.fmu")
+    (found,) = caught.value.diagnostics
+    assert found.code == "E0669" and why in found.message
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_target_names_the_platform(monkeypatch) -> None:
+    monkeypatch.setenv("LMOC_CC", "true -target x86_64-windows-gnu")
+    assert (find_compiler().folder(3), find_compiler().folder(2)) == ("x86_64-windows", "win64")
+    monkeypatch.setenv("LMOC_CC", "true -target aarch64-macos")
+    assert find_compiler().folder(3) == "aarch64-darwin"
