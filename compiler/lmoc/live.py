@@ -22,6 +22,7 @@ from lmoc.ir.program import Solve
 from lmoc.messages.budgeted import budgeted
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, SimulationError, nearest
 from lmoc.numerics.evaluate.select import make_system
+from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.integrate import automatic, choice, dop853
 from lmoc.numerics.integrate.base import Problem
 from lmoc.numerics.integrate.status import Status
@@ -62,6 +63,7 @@ class Live:
 
     def __init__(self, scene: Scene, run: Run, inputs: Mapping[str, object], options: Mapping[str, object]):
         self._scene, self._options, self._given = scene, dict(options), dict(inputs)
+        self._stepping: dict[str, float] = {}  # the values before of inputs that have yet to step
         self.inputs = Inputs(self)
         self.events: list = list(run.events)
         self._stand(run)
@@ -71,7 +73,7 @@ class Live:
         self._run = run
         self._end = run.trajectory.end if end is None else end
         self.time = float(self._end.time)
-        self._smooth = _Smooth(run, self._end, self._given) if _is_smooth(run) else None
+        self._smooth = _Smooth(run, self._end, self._given) if _is_smooth(run, self._given) else None
 
     @budgeted("the step")
     def advance(self, dt: float) -> float:
@@ -88,7 +90,10 @@ class Live:
         if not isinstance(dt, Real) or not 0 < dt < math.inf:
             raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s is not possible", expected="seconds, above 0")])
         target = self.time + dt
-        if self._smooth is None:
+        if self._stepping:
+            self._stand(self._stepped(target))
+            target = self.time
+        elif self._smooth is None:
             run = self._simulated(self._end, target)
             self._run, self._end = run, run.trajectory.end
             target = float(self._end.time)  # earlier where the model has ended the run
@@ -97,9 +102,18 @@ class Live:
         self.time = target
         return target
 
-    def _simulated(self, end: End, target: float) -> Run:
+    def _stepped(self, target: float) -> Run:
+        """Return a run up to a time that begins with the steps of inputs that have been set."""
+        pairs = {name: (old, self._given[name]) for name, old in self._stepping.items()}
+        steps = {n: f"if time < ({self.time!r}) then ({old!r}) else ({new!r})" for n, (old, new) in pairs.items()}
+        run = self._simulated(replace(self._here(), stepping=True), target, self._given | steps)
+        self._stepping.clear()
+        return run
+
+    def _simulated(self, end: End, target: float, inputs: Mapping[str, object] | None = None) -> Run:
         """Return a run from a state up to a time."""
-        options = {"initial": end, "start": end.time, "stop": target, "points": 2, "inputs": self._given}
+        given = self._given if inputs is None else inputs
+        options = {"initial": end, "start": end.time, "stop": target, "points": 2, "inputs": given}
         run = self._scene.simulate(**options, **self._options)
         self.events += run.events
         return run
@@ -157,7 +171,7 @@ class Live:
         """Return another scene in the same state, independent of this one."""
         other = Live.__new__(Live)
         other._scene, other._options, other._given = self._scene, dict(self._options), dict(self._given)
-        other.inputs, other.events = Inputs(other), list(self.events)
+        other.inputs, other.events, other._stepping = Inputs(other), list(self.events), dict(self._stepping)
         other._stand(self._run, self._here())
         return other
 
@@ -168,7 +182,12 @@ class Live:
         return replace(self._end, time=self.time if time is None else time, x=np.array(self._smooth.run.x))
 
     def _give(self, name: str, variables: np.ndarray, value: float) -> None:
-        """A new number for an input."""
+        """A new number for an input; where the motion depends on its derivative, it steps when the scene goes on."""
+        if self._observer.plan.once(Steps).is_moved_by(variables):
+            before = self._stepping.get(name, self[name])
+            self._stepping.pop(name, None)
+            if before != value:
+                self._stepping[name] = before
         self._given[name] = value
         if self._smooth is not None and not self._smooth.give(variables, value):
             self._stand(self._run, self._here())
@@ -349,10 +368,10 @@ def _depends_on_time(plan: Plan, signals: Mapping[int, Signal]) -> bool:
     return not steady or bool(plan.once(pulsing)) or bool(plan.once(kinks.switches))
 
 
-def _is_smooth(run: Run) -> bool:
+def _is_smooth(run: Run, given: Mapping[str, object]) -> bool:
     """Return whether nothing switches, no input steps with an impulse, and no coordinates have to be watched."""
     flat, reduced, observer = run.flat, run.reduced, run.trajectory.pieces[-1].observer
-    if stepping_inputs(observer.plan, observer.signals):
+    if stepping_inputs(observer.plan, bind_signals(flat, given, Report(), reduced.inputs[1:])):
         return False
     nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)
     return reduced.switched is None and flat.events is None and not nonlinear and len(reduced.states) > 0

@@ -155,6 +155,62 @@ def test_inputs_and_states_change_under_laws() -> None:
     assert [(e.kind, e.time) for e in live.events] == [("lock", pytest.approx(1 + 4 / 3)), ("unlock", 3.0)]
 
 
+DRAGGED = """
+model Dragged
+  input Real u(unit = "m") = 0;
+  Motion hand(q = u);
+  {part} link({value});
+  Mass m(m = 2, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Stop buffer(L = 0.05, e = 0.5); Fixed wall(q0 = {wall});
+equation
+  connect(hand.flange, link.a); connect(link.b, m.flange); connect(m.flange, buffer.a); connect(buffer.b, wall.flange);
+end Dragged;
+"""
+
+
+@pytest.mark.parametrize("wall", [0.12, 9.0])
+@pytest.mark.parametrize("part, value", [("Damper", "c = 3"), ("Spring", "k = 50"), ("Cable", "L = 0.3")])
+def test_a_position_that_is_set_by_hand_steps(part, value, wall):
+    """Through a damper the mass gets a velocity at once, as where the same signal is known before."""
+    scene = lmoc.compile_text(DRAGGED.format(part=part, value=value, wall=wall))
+    live = scene.live(inputs={"u": 0.0}, rtol=1e-9)
+    live.advance(0.5)
+    live.inputs["u"] = 0.7
+    live.inputs["u"] = 0.2
+    back = live.copy()
+    back.inputs["u"] = 0.0
+    for _ in range(5):
+        live.advance(0.1)
+    whole = scene.simulate(stop=1.0, inputs={"u": "if time < 0.5 then 0 else 0.2"}, rtol=1e-9)
+    assert [live["m.q"], live["m.v"]] == pytest.approx([whole["m.q"][-1], whole["m.v"][-1]], abs=1e-7)
+    assert [(e.kind, e.name) for e in live.events] == [(e.kind, e.name) for e in whole.events]
+    assert [e.time for e in live.events] == pytest.approx([e.time for e in whole.events], abs=1e-7)
+    back.advance(0.5)
+    assert back["m.q"] == back["m.v"] == 0.0 and not back.events
+    if part == "Damper" and wall > 1:
+        assert live["m.q"] == pytest.approx(0.2 * (1 - np.exp(-1.5 * 0.5)), abs=1e-8)
+
+
+def test_a_smooth_scene_keeps_its_integrator_after_a_step():
+    smooth = DRAGGED.replace("Stop buffer(L = 0.05, e = 0.5); Fixed wall(q0 = {wall});", "")
+    smooth = smooth[: smooth.index(" connect(m.flange, buffer.a)")] + "\nend Dragged;"
+    live = lmoc.compile_text(smooth.format(part="Damper", value="c = 3")).live(inputs={"u": 0.0}, rtol=1e-10)
+    for k in range(3):  # x' = −1.5·x towards each place
+        live.advance(0.1)
+        live.inputs["u"] = 0.1 * (k + 1)
+    live.advance(0.1)
+    after = [0.1 * (1 - np.exp(-1.5 * t)) for t in (0.1, 0.2, 0.3)]
+    assert live["m.q"] == pytest.approx(sum(after), abs=1e-9)
+    assert [e.time for e in live.events] == pytest.approx([0.1, 0.2, 0.3])
+    sprung = smooth.replace("{part} link({value});", "{part} link({value}); Mass servo(m = 1);")
+    direct, behind = "connect(hand.flange, link.a);", "connect(servo.flange, link.a);"
+    sprung = sprung.replace(direct, f"connect(hand.flange, servo.flange); {behind}")
+    moved = lmoc.compile_text(sprung.format(part="Spring", value="k = 8")).live(inputs={"u": 0.0}, rtol=1e-10)
+    moved.inputs["u"] = 0.3
+    moved.advance(1.0)
+    assert moved["m.q"] == pytest.approx(0.3 * (1 - np.cos(2.0)), abs=1e-8) and not moved.events
+
+
 PUSHED = """
 model Pushed
   input Real u(unit = "N") = 0;

@@ -137,3 +137,37 @@ def test_what_turns_up_under_a_mass_hits_it() -> None:
 def test_what_jumps_up_under_a_mass_is_refused() -> None:
     with pytest.raises(lmoc.SimulationError, match=r"gap of 'f', which is closed, jumps to -0\.01 at t = 0\.5 s"):
         lmoc.compile_text(SURFACE % "if time < 0.5 then 0.0 else 0.01").simulate(stop=0.6)
+
+
+@pytest.mark.parametrize("solver", ["auto", "dop853", "radau", "cvode"])
+def test_a_load_that_is_moved_below_a_taut_rope_falls_into_it(solver):
+    """What was closed opens where a jump of the states leaves a gap, and is refused where they overlap."""
+    text = """model Moved Fixed c; Cable rope(L = 1);
+        Mass m(m = 1, g = 10, q(start = 1, fixed = true), v(start = 0, fixed = true));
+      equation connect(c.flange, rope.a); connect(rope.b, m.flange);
+        when time > 0.5 then reinit(m.q, pre(m.q) + ({by})); end when; end Moved;"""
+    run = lmoc.compile_text(text.format(by=-0.1)).simulate(stop=1.0, solver=solver)
+    slack, taut = [e for e in run.events if e.name == "rope"]
+    assert (slack.kind, slack.time) == ("slack", 0.5) and taut.kind == "taut"
+    assert taut.time == pytest.approx(0.5 + 0.02**0.5, abs=1e-6) and taut.impulse == pytest.approx(2**0.5, rel=1e-5)
+    falling = (run.time > 0.5) & (run.time < taut.time)
+    assert run["m.q"][falling] == pytest.approx(0.9 + 5 * (run.time[falling] - 0.5) ** 2, abs=1e-6)
+    assert run["m.q"][-1] == pytest.approx(1.0, abs=1e-9)
+    with pytest.raises(lmoc.SimulationError, match="the gap of 'rope' is negative, -0.1, at t = 0.5 s"):
+        lmoc.compile_text(text.format(by=0.1)).simulate(stop=1.0, solver=solver)
+
+
+def test_a_hand_that_steps_lets_a_rope_go_slack_and_moves_no_load():
+    text = """model Hand Motion hand(q = if time < 0.5 then 0 else ({to})); Cable rope(L = 1);
+        Mass m(m = 1, g = 10, q(start = {first}, fixed = true), v(start = 0, fixed = true));
+      equation connect(hand.flange, rope.a); connect(rope.b, m.flange); end Hand;"""
+    run = lmoc.compile_text(text.format(to=0.2, first=1.0)).simulate(stop=1.0)
+    ropes = [e for e in run.events if e.name == "rope"]
+    assert [e.kind for e in ropes] == ["slack", "taut"]
+    assert [e.time for e in ropes] == pytest.approx([0.5, 0.7], abs=1e-6)
+    assert run["m.q"][-1] == pytest.approx(1.2, abs=1e-9)
+    run = lmoc.compile_text(text.format(to=-0.1, first=-0.6)).simulate(stop=0.52)  # slack before and behind
+    assert not [e for e in run.events if e.name == "rope"]
+    assert run["m.q"][-1] == pytest.approx(-0.6 + 5 * 0.52**2, abs=1e-8)
+    with pytest.raises(lmoc.SimulationError, match="gap of 'rope', which is closed, jumps to -0.2"):
+        lmoc.compile_text(text.format(to=-0.2, first=1.0)).simulate(stop=1.0)

@@ -265,22 +265,39 @@ class Happenings:
         else:
             x = self.hybrid.start(lambda base: states(base[: self.plan.count]), initial)
             self._collect()
-        if not self.report.errors and not isinstance(initial, End):
+        goes_on = isinstance(initial, End) and not initial.stepping
+        if goes_on:
+            self.stepping.pass_by(self.span[0])
+        if isinstance(initial, End) and initial.mode is not None and not self.report.errors:
+            return self._resume(initial.mode, x)
+        if not self.report.errors and not goes_on:
             x = self._input_steps(self.span[0], x)
             self._collect()
         self.stepping.pass_by(self.span[0])
         if self.laws is None or self.report.errors:
             return x
         self._renew_laws()
-        if isinstance(initial, End) and initial.mode is not None:
-            self.laws.mode = initial.mode
-            x, events = self.laws.resume(self.span[0], x, self.base(), self.signals)
-            self.records += events
-            return x
         x, events = self.laws.start(self.span[0], x)
         self.records += events
         self._collect()
         return x if self.hybrid is None else self._settle(self.span[0], x, x)
+
+    def _resume(self, mode: Mode, x: np.ndarray) -> np.ndarray:
+        """Return the states with which a run goes on in a mode, behind what steps there; `Stopped` as of `start`."""
+        t = self.span[0]
+        self._renew_laws()
+        self.laws.mode = mode
+        x, events = self.laws.resume(t, x, self.base(), self.signals)
+        self.records += events
+        if self.stepping.instant(t) is None:
+            return x
+        behind = self._input_steps(t, x)
+        self.stepping.pass_by(t)
+        count = len(self.laws.mode.closed) + len(self.laws.second)
+        behind, events = self.laws.happen(t, behind, np.zeros(count, bool), jumped=True)
+        self.records += events
+        self._collect()
+        return behind if self.hybrid is None else self._settle(t, x, behind)
 
     def after(
         self, outcome: Outcome, unresolved: np.ndarray | float = 0.0, errors: np.ndarray | float = 0.0

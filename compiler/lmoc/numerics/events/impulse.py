@@ -18,8 +18,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import NONE
+from lmoc.ir.law import NONE, LawKind
 from lmoc.ir.program import written
+from lmoc.ir.reduced import Reduced
 from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
@@ -127,12 +128,23 @@ class Push:
         judged = np.zeros(self.rates.plan.count, bool)
         judged[reduced.register_of[reduced.register_of >= 0]] = True
         judged[list({*self.double, *self.impulse})] = False
+        judged[_gaps(reduced)] = False  # how fast a gap opens is no motion; what is closed is looked at afterwards
         judged[self.rates.plan.derivatives] = True
         still, pushed = (
             self.rates(self.place, x, {**self.old, **{r: k * v for r, v in self.double.items()}})[judged]
             for k in (0.0, _LARGE)
         )
         return bool((np.abs(pushed - still) > _LINEAR * (1.0 + np.abs(still))).any())
+
+
+def _gaps(reduced: Reduced) -> Array:
+    """Return the registers in which unilateral laws have the accelerations of their gaps."""
+    form = reduced.switched
+    if form is None:
+        return np.zeros(0, int)
+    unilateral = np.concatenate([np.full(laws.rows, laws.kind is LawKind.UNILATERAL) for laws in form.laws])
+    found = reduced.register_of[form.level[unilateral]]
+    return found[found >= 0]
 
 
 def way(effect: Callable[[Array, float], Array], x: Array) -> Array:

@@ -83,6 +83,13 @@ class Steps:
         needed = self.origin[read_by[self.upper]]
         return np.isin(self.registers, needed)
 
+    def is_moved_by(self, variables: NDArray[np.int64]) -> bool:
+        """Return whether the motion depends on a derivative of any of these inputs: their steps are impulses."""
+        reduced = self.plan.reduced
+        register, variable, _ = reduced.inputs
+        own = np.concatenate([reduced.register_of[variables], register[np.isin(variable, variables)]])
+        return bool(np.isin(self.registers[self.moving], own).any())
+
     def values(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> Array:
         """Return the values of `registers`, and the stored energy after them."""
         self.readout.prepare(base, signals)

@@ -244,7 +244,7 @@ class LawSwitching:
         return trigger
 
     def part(self, t: float, x: Array, past: Instant) -> bool:
-        """Let go what a discrete value moves apart at an instant; return whether it changes any motion of the laws.
+        """Return whether a discrete value changes any motion of the laws at an instant.
 
         Parameters
         ----------
@@ -263,10 +263,7 @@ class LawSwitching:
         for k in np.flatnonzero(moved & (change < 0))[:1].tolist():
             reason = f"the gap of '{self.laws[k][0]}', which is closed, jumps to {now.gap[k]:.6g} at t = {t:.6g} s"
             raise Stopped(Status.CONTRADICTION, f"{reason} (give a ramp of finite length instead of a step)")
-        apart = moved & (change > 0)
-        if apart.any():
-            self.mode = self.mode.without(apart)
-        return bool((apart | turned).any())
+        return bool((moved | turned).any())
 
     def strike(self, t: float, before: Array, x: Array) -> Array:
         """Return states that a step has moved, with the impulses of closed laws that keep them closed.
@@ -274,7 +271,7 @@ class LawSwitching:
         What steps does so ever faster, and what is closed does not bounce on that way: the impact is plastic.
         """
         now = self.gauge.at(t, x)
-        return now.x if (x == before).all() else resisted(self.gauge, now, self.mode.closed).x
+        return now.x if (x == before).all() else resisted(self.gauge, now, self.mode.closed & ~self._apart_from(now)).x
 
     def names(self, which: NDArray[np.bool_]) -> list[str]:
         """Return the names of the parts whose root functions have vanished."""
@@ -284,8 +281,9 @@ class LawSwitching:
     def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
         before = self.mode
         self._refuse_overlaps(t, x, trigger)
+        kept = before.without(self._apart_from(self.gauge.at(t, x))) if trigger.jumped else before
         try:
-            found = transition(self.gauge, t, x, before, trigger, self.unresolved)
+            found = transition(self.gauge, t, x, kept, trigger, self.unresolved)
         except Contradiction as contradiction:
             names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
@@ -309,6 +307,18 @@ class LawSwitching:
     def _hold(self) -> None:
         self.held = held_velocities(self.gauge.rate_forms[self.mode.closed])
 
+    def _allowed(self, now: Instant) -> Array:
+        """Return by what gaps may miss zero, or overlap."""
+        own = self.gauge.table.unilateral & (self.gauge.table.degree >= 1)
+        share = OVERLAP * now.gap_scale[own].max(initial=0.0) + OVERLAP_ROUNDING
+        return np.maximum(share, np.where(self.mode.closed, drift(self.gauge, now.slope[0]), 0.0))
+
+    def _apart_from(self, now: Instant) -> NDArray[np.bool_]:
+        """Return the closed laws whose gaps are no longer zero: a jump of the states, or of an input, opens them."""
+        table = self.gauge.table
+        with np.errstate(invalid="ignore"):
+            return self.mode.closed & table.unilateral & (table.degree >= 1) & (now.gap > self._allowed(now))
+
     def _refuse_overlaps(self, t: float, x: Array, trigger: Trigger) -> None:
         """Raise `Stopped` where a gap is negative that no motion has closed: start values or a jump have put it there.
 
@@ -318,9 +328,9 @@ class LawSwitching:
         own = table.unilateral & (table.degree >= 1)
         if not own.any():
             return
-        allowed = OVERLAP * now.gap_scale[own].max() + OVERLAP_ROUNDING
+        moved = own if trigger.jumped else own & ~self.mode.closed
         with np.errstate(invalid="ignore"):
-            wrong = own & ~self.mode.closed & ~trigger.closing & (now.gap < -allowed)
+            wrong = moved & ~trigger.closing & (now.gap < -self._allowed(now))
         for k in np.flatnonzero(wrong)[:1].tolist():
             reason = f"the gap of '{self.laws[k][0]}' is negative, {now.gap[k]:.6g}, at t = {t:.6g} s"
             raise Stopped(Status.CONTRADICTION, reason)

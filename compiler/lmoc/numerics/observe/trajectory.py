@@ -82,6 +82,7 @@ class End(Mapping):
     values : (flat.count,) every variable of the flat model: on which branch its equations are solved, too
     mode : of the laws; None without laws
     crossing : what keeps relations that have just changed from changing back by rounding (`numerics.events.machine`)
+    stepping : what steps at this time has yet to do so, such as an input that is set by hand; else that has been done
     """
 
     time: float
@@ -90,6 +91,7 @@ class End(Mapping):
     values: np.ndarray
     mode: Mode | None = None
     crossing: np.ndarray | None = None
+    stepping: bool = False
 
     def __getitem__(self, name: str) -> float:
         try:
