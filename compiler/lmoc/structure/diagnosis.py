@@ -6,18 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, nodes_outside_events, slots
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, Label, Report
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates.coordinates import Choice
+from lmoc.structure.coordinates.jumps import deciding
 from lmoc.structure.coordinates.tied import Tied
 from lmoc.structure.index.dulmage_mendelsohn import components, decompose
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
 from lmoc.structure.index.system import EquationSystem
-from lmoc.structure.linear.coefficients import UNKNOWN, Kinds
 from lmoc.structure.messages.equations import HELD, SHOWN, Equations, listed
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
@@ -308,7 +307,7 @@ def differentiated_jumps(system: EquationSystem, c: np.ndarray) -> tuple[Diagnos
     rows = [
         int(b.row[k])
         for b in system.batches
-        if _may_jump(b.shape, b.kinds)
+        if next(deciding(b.shape, b.kinds), None) is not None
         for k in np.flatnonzero(c[b.row] > 0)[:1]  # one of many alike
     ]
     if not rows:
@@ -320,21 +319,6 @@ def differentiated_jumps(system: EquationSystem, c: np.ndarray) -> tuple[Diagnos
     hint = "where the value jumps, leave them out: the jump is an event then, and its impulse is computed"
     labels = tuple(Label(span, "also here") for span in spans[1:SHOWN])
     return (Diagnostic("N0418", message, spans[0] if spans else None, hint=hint, labels=labels),)
-
-
-_STEPS = frozenset(("sign", "floor", "ceil", "integer", "mod", "rem", "div_integer"))
-
-
-def _may_jump(shape: Expr, kinds: Kinds) -> bool:
-    """Whether what varies decides on a value outside of `event`."""
-
-    def varies(node: Expr) -> bool:
-        return any(kinds[leaf.value[0]] == UNKNOWN for leaf in slots(node))
-
-    return any(
-        varies(node.args[0]) if node.op == "if" else node.op in _STEPS and varies(node)
-        for node in nodes_outside_events(shape)
-    )
 
 
 # ---------------------------------------------------------------------------- wording

@@ -114,7 +114,8 @@ def transition(
     held = mode.closed | trigger.closing
     touching = table.unilateral & (table.degree >= 1) & (held | _about_to_close(now))
     at_rest = holding | (trigger.closing & _turning(now))
-    before = now = project(gauge, now, touching, at_rest & ~table.unilateral & (table.degree == 2))
+    still = (at_rest & ~table.unilateral) | holding  # up to what integration leaves of zero: no impact
+    before = now = project(gauge, now, touching, still & (table.degree == 2))
     striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
     sharing = striking | _rubbing(table, striking)
     impact, over, until, further = None, np.zeros(len(held), bool), -np.inf, 0.0

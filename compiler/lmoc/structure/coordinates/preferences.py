@@ -12,6 +12,7 @@ import numpy as np
 
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.structure.coordinates.coordinates import Wish
+from lmoc.structure.coordinates.jumps import jumping
 from lmoc.structure.coordinates.tied import Tied
 from lmoc.structure.index.sigma import offsets
 from lmoc.structure.index.system import EquationBatch, EquationSystem
@@ -34,7 +35,7 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
 
     What others follow from by an explicit formula comes before what follows: in ``q = l·sin(theta)`` the entry of q
     is constant, that of theta is not. Formulas for variables that shall not be states, such as the gap of a law, say
-    nothing about the others.
+    nothing about the others. Last comes what jumps while others do not.
 
     Parameters
     ----------
@@ -63,16 +64,18 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     level = np.where(worst < StateSelect.default, worst, level)
     level = np.where(best > StateSelect.default, best + 10, level)
     level[wanted] = 100 + np.arange(len(wanted))[::-1]
+    level[jumping(system, c)] = -1
     rank = np.empty(len(level), np.int64)
     among = of_a_part[system.variable] >= StateSelect.default
     rank[np.lexsort((-np.arange(len(level)), among, level))] = np.arange(len(level))
     return rank
 
 
-def wishes(system: EquationSystem, wanted: np.ndarray) -> np.ndarray:
-    """(columns,) Wish: how much the user wants each column for a state."""
+def wishes(system: EquationSystem, c: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(columns,) Wish: how much the user wants each column for a state; what jumps cannot be one."""
     wish = np.where(_marked(system), Wish.MARKED, Wish.NONE)
     wish[wanted] = Wish.ASKED
+    wish[jumping(system, c)] = Wish.NONE
     return wish
 
 

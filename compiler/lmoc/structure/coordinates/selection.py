@@ -136,7 +136,7 @@ def _select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked
     sample = generic(system, int(d.max(initial=0)))
     tied, start = constraint_matrix(system, c, d, sample)
     rank = preferences.preference(system, tied, c, wanted, liked)
-    choice = choose(tied, c, d, rank, preferences.wishes(system, wanted))
+    choice = choose(tied, c, d, rank, preferences.wishes(system, c, wanted))
     if len(choice.singular):
         return Selection(system, c, d, sample, start, tied, choice, match, wanted)
     batches, sums = system.differentiated(c)
