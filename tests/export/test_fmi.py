@@ -38,6 +38,22 @@ equation
 end Driven;
 """
 
+MOVED = """
+model Moved
+  input Real u(unit = "m");
+  output Real y(unit = "m") = mass.q;
+  Motion motion;
+  Spring spring(k = 50);
+  Damper damper(c = 20);
+  Mass mass(m = 2);
+equation
+  motion.q = u;
+  connect(motion.flange, spring.a);
+  connect(spring.b, mass.flange);
+  connect(motion.flange, damper.a);
+  connect(damper.b, mass.flange);
+end Moved;
+"""
 PULSE = """
 model Pulse
   parameter Real begin(unit = "s") = 1.1;
@@ -127,6 +143,22 @@ def test_a_jump_of_a_function_of_time(kind: str, tmp_path) -> None:
     found = fmpy.simulate_fmu(str(made.path), fmi_type=kind, stop_time=4.0, relative_tolerance=1e-9, output=["v"])
     assert found["v"][-1] == pytest.approx(1.0, abs=1e-6)
     assert "begin" in made.fixed  # the times of the jumps have been computed with it
+
+
+def test_the_derivative_of_an_input_is_an_input(tmp_path) -> None:
+    """A wall that moves by u = 0.3 t pulls a mass by a spring and a damper, which feels der(u)."""
+    dae = lmoc.compile_text(MOVED)
+    made = dae.export(tmp_path / "moved.fmu")
+    inputs = [v.name for v in fmpy.read_model_description(str(made.path)).modelVariables if v.causality == "input"]
+    assert inputs == ["u", "der(u)"]
+    run = dae.simulate(stop=1, points=2, inputs={"u": "0.3*time"}, rtol=1e-9)
+    signal = np.array([(0, 0, 0.3), (2, 0.6, 0.3)], [("time", float), ("u", float), ("der(u)", float)])
+    found = fmpy.simulate_fmu(
+        str(made.path), fmi_type="CoSimulation", stop_time=1.0, output_interval=1e-3, input=signal, output=["y"]
+    )
+    assert found["y"][-1] == pytest.approx(run["y"][-1], rel=2e-3)  # u is held over a step of 1 ms
+    without = fmpy.simulate_fmu(str(made.path), stop_time=1.0, output_interval=1e-3, input=signal[["time", "u"]])
+    assert without["y"][-1] != pytest.approx(run["y"][-1], rel=2e-2)
 
 
 def test_a_start_value_can_be_set(driven) -> None:

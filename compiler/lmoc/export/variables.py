@@ -88,7 +88,7 @@ def listed(
                 continue
             causality = "output" if block.output else "local"
             i = state_of.get(register, -1)
-            if register in input_of:
+            if register in input_of and table.variable[register] == v and table.order[register] == 0:
                 own = Place.INPUT, input_of[register], register, "input", "continuous", ""
             elif i >= 0 and owner[i] in (v, -1) and i not in seen:
                 seen.add(i)

@@ -142,7 +142,10 @@ static void settle(fmu *f) {
     forget(f);
     lmoc_tape_run(NAN, w, f->tape + PARAMETRIC);
     for (int64_t i = 0; i < m->given; i++) f->w[RIGHT][m->given_registers[i]] = w[m->given_registers[i]];
-    f->call.solved = f->call.marked = 0;
+    if (f->now.phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING)) { /* later the last solution is the nearest */
+      for (int64_t i = 0; i < m->unknowns; i++) f->w[RIGHT][m->unknown[i]] = f->w[OBSERVE][m->unknown[i]] = m->guess[i];
+      f->call.solved = f->call.marked = 0;
+    }
     f->now.stale = 0;
     changed(f);
   }
