@@ -64,6 +64,7 @@ class CompiledDAE(CompiledModel):
         keep: str | Sequence[str] | None = None,
         max_step: float | None = None,
         step: float | None = None,
+        sensitivities: str | Sequence[str] = (),
         listener: Callable[[str], None] | None = None,
         progress: Callable[[float, float], None] | None = None,
     ) -> Run:
@@ -86,6 +87,8 @@ class CompiledDAE(CompiledModel):
         keep : names of variables or arrays to retain; by default the states, from which every variable can be computed
         max_step : s, the longest step of the integrator
         step : s, the length of every step, for the solvers with fixed steps; a thousandth of the run
+        sensitivities : names of parameters, and of variables at the start, by which the motion is differentiated, for
+            `run.sensitivity`; of smooth motions alone
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 
@@ -94,7 +97,7 @@ class CompiledDAE(CompiledModel):
         Raises
         ------
         ModelError
-            Unknown names, missing values, contradictory or impossible starts.
+            Unknown names, missing values, contradictory or impossible starts; E0669: no sensitivities.
         SimulationError
             The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
         RunInterrupted
@@ -106,7 +109,10 @@ class CompiledDAE(CompiledModel):
             start, stop, points, times, rtol, atol, solver, formulation, energy, names_of(keep), max_step, step
         )
         request = Request(options, parameters, initial, inputs, progress, self.timings)
-        return simulation.simulate(self._session, request, Clock(listener))
+        run = simulation.simulate(self._session, request, Clock(listener))
+        if sensitivities:
+            run.tangents = simulation.sensitivities(self._session, request, run, names_of(sensitivities) or ())
+        return run
 
     @budgeted("the start", suspicion)
     def live(

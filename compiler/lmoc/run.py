@@ -10,11 +10,37 @@ from lmoc.messages.budgeted import budgeted
 from lmoc.report.result import Result
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from lmoc.numerics.sensitivities import Sensitivities
     from lmoc.view.page.page import Page
 
 
 class Run(Result):
-    """The result of a simulation; see `Result`."""
+    """The result of a simulation; see `Result`.
+
+    Attributes
+    ----------
+    tangents : the derivatives that were asked for; None where none were
+    """
+
+    tangents: Sensitivities | None = None
+
+    def sensitivity(self, name: str, by: str) -> np.ndarray:
+        """Return the derivative (times,) of a variable by a parameter or start value.
+
+        Parameters
+        ----------
+        by : one of the names given to `simulate` as `sensitivities`
+
+        Raises
+        ------
+        KeyError
+            It was not asked for, or there is no such variable.
+        """
+        if self.tangents is None:
+            raise KeyError(f"sensitivities were not asked for: simulate(sensitivities=({by!r},))")
+        return self.tangents(name, by)
 
     def save(self, path: str | Path, names: str | Sequence[str] | None = None) -> Path:
         """Write a table of the run: .csv, .npz, .parquet or .mat by the ending of the name.

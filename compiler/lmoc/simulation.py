@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.names import hint_for
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
-from lmoc.parameters import Value, check_initial, check_mappings, extreme_values
+from lmoc.parameters import Value, check_initial, check_mappings, extreme_values, indexed
 from lmoc.pipeline import Clock
 from lmoc.session import Session
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import StartValues
-    from lmoc.numerics.observe.trajectory import Trajectory
+    from lmoc.numerics.observe.trajectory import Piece, Trajectory
     from lmoc.numerics.options import RunOptions
+    from lmoc.numerics.sensitivities import Direction, Sensitivities
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
 
@@ -150,6 +153,83 @@ def _start_in_numbers(session: Session, request: Request) -> Mapping[str, float]
     return starts.start_values(
         session.for_derivation(request.parameters), initial, request.inputs, begin, session.equilibria
     )
+
+
+def sensitivities(session: Session, request: Request, run: Run, names: Sequence[str]) -> Sensitivities:
+    """Return the derivatives of a run by parameters and start values.
+
+    Raises
+    ------
+    ModelError
+        E0669: they are not available, and why; E0622: there is no such parameter or variable.
+    """
+    from lmoc.numerics.sensitivities import EXPLICIT, Sensitivities, refused, smooth_piece
+
+    piece = smooth_piece(run.trajectory)
+    if not names:
+        raise refused("nothing was named")
+    at_work, prepared = session.prepare(request.parameters)
+    if prepared.minimal is not None or any(d.code == "N0630" for d in prepared.notes):
+        raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
+    directions = [_direction(at_work, request, prepared, piece, name) for name in dict.fromkeys(names)]
+    first = _start_states(session, request, piece, {}, {})
+    explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
+    return Sensitivities(piece, first, directions, float(run.stats["rtol"]), explicit)
+
+
+def _direction(session: Session, request: Request, prepared: Prepared, piece: Piece, name: str) -> Direction:
+    """Return what is differentiated by, with the derivatives of the states at the start."""
+    from lmoc.ir.flat import Kind
+    from lmoc.numerics.sensitivities import STEP, Direction, changed_values, difference, refused
+
+    flat, values = prepared.flat, piece.observer.values
+    found = flat.find(name)
+    if found is None:
+        raise ModelError([Diagnostic("E0622", f"'{name}' is not in '{flat.name}'", hint=hint_for(flat, name))])
+    variable, block = int(found[0]), flat.block_at(int(found[0]))
+    if len(found) > 1:
+        raise refused(f"'{name}' is an array", f"name its members, as {name}[1]")
+    if flat.kind[variable] == Kind.PARAMETER:
+        value = float(values[variable])
+        held = indexed(flat, {**flat.overrides, **(request.parameters or {}), name: value})
+        if block.structural or block.quantity in ("Integer", "Boolean", "String"):
+            raise refused(f"'{name}' is no number that changes continuously")
+        size = abs(value) or 1.0
+        shifted = partial(changed_values, flat, held, variable, value, len(values))
+        if any(prepared.reduced.broken_guard(shifted(k * STEP * size)[: len(prepared.values)]) for k in (-2, 2)):
+            raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
+        return Direction(
+            name, size, shifted,
+            difference(lambda c: _start_states(session, request, piece, {name: value + c}, {}), STEP * size),
+        )  # fmt: skip
+    if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
+        raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
+    states, observer = _start_states(session, request, piece, {}, {}), piece.observer
+    value = float(observer(found, np.array([piece.begin]), states[None])[0, 0])
+    size = max(abs(value), float(np.max(np.abs(observer(found, piece.time, piece.table))))) or 1.0
+    start = difference(lambda c: _start_states(session, request, piece, {}, {name: value + c}), STEP * size)
+    return Direction(name, size, partial(same_values, values), start)
+
+
+def same_values(values: np.ndarray, _: float) -> np.ndarray:
+    """Return parameter values that a start value does not change."""
+    return values
+
+
+def _start_states(
+    session: Session, request: Request, piece: Piece, parameters: Mapping[str, Value], initial: Mapping[str, float]
+) -> np.ndarray:
+    """Return the states (n,) where a run starts with some values changed."""
+    from lmoc.numerics.sensitivities import refused
+
+    options = replace(request.options, start=piece.begin, stop=None, points=None, times=[piece.begin], keep=None)
+    given = {**(request.initial or {}), **initial} if initial else request.initial
+    changed = {**(request.parameters or {}), **parameters}
+    found = simulate(session, replace(request, options=options, parameters=changed, initial=given, progress=None))
+    start = found.trajectory.pieces[0]
+    if len(found.trajectory.pieces) > 1 or start.coordinates != piece.coordinates:
+        raise refused("the coordinates at the start depend on its values")
+    return start.table[0]
 
 
 def _as_run(

@@ -1,0 +1,149 @@
+"""Derivatives of a motion by parameters and start values, against closed forms and differences of tight runs."""
+
+import pickle
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import lmoc
+from lmoc.messages.diagnostics import ModelError
+
+SWING = """
+model Swing
+  parameter Real k = 8, c = 0, m = 2, twice = 2*k;
+  parameter Real t0 = 1;
+  parameter Integer n = 2;
+  output Real x(start = 1, fixed = true);
+  Real v(start = 0.3, fixed = true);
+  output Real force = twice/2*x + c*v;
+  input Real f = 0;
+equation
+  der(x) = v;
+  m*der(v) = -twice/2*x - c*v + f;
+end Swing;
+"""
+
+
+@pytest.fixture(scope="module")
+def dae():
+    return lmoc.compile_text(SWING)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
+@pytest.mark.parametrize("solver", ["auto", "cvode", "taylor"])
+def test_an_oscillator(dae, rtol, solver):
+    run = dae.simulate(stop=5, points=41, rtol=rtol, solver=solver, sensitivities=("k", "m", "x", "v"))
+    t, w = run.time, 2.0
+    x = np.cos(w * t) + 0.3 / w * np.sin(w * t)
+    by_w = -t * np.sin(w * t) + 0.3 * (t * np.cos(w * t) / w - np.sin(w * t) / w**2)
+    exact = {"k": by_w * w / (2 * 8), "m": -by_w * w / (2 * 2), "x": np.cos(w * t), "v": np.sin(w * t) / w}
+    for name, truth in exact.items():
+        error = np.abs(run.sensitivity("x", name) - truth).max() / np.abs(truth).max()
+        assert error < 100 * rtol, (name, error)
+        force = 8 * truth + (x if name == "k" else 0)
+        assert np.abs(run.sensitivity("force", name) - force).max() < 100 * rtol * np.abs(force).max()
+
+
+def test_the_run_itself_is_the_same_to_the_last_bit(dae):
+    plain, with_them = (dae.simulate(stop=3, points=9, sensitivities=names) for names in ((), ("k",)))
+    assert np.array_equal(plain["x"], with_them["x"])
+
+
+DECAY = """
+model Decay
+  parameter Real c(min = 2) = 2;
+  output Real x(start = 1, fixed = true);
+equation
+  der(x) = -c*x;
+end Decay;
+"""
+
+
+def test_a_parameter_may_stand_at_its_bound():
+    run = lmoc.compile_text(DECAY).simulate(stop=2, points=21, rtol=1e-9, sensitivities="c")
+    assert np.allclose(run.sensitivity("x", "c"), -run.time * np.exp(-2 * run.time), rtol=0, atol=1e-8)
+
+
+def test_a_value_that_the_reduction_assumes_is_refused():
+    dae = lmoc.compile_text(DECAY.replace("c(min = 2) = 2", "c = 0"))
+    with pytest.raises(ModelError, match="the reduction assumes a value of 'c'"):
+        dae.simulate(stop=2, sensitivities="c")
+
+
+def _differences(dae, name, variable, initial, **options):
+    """A difference of order four of runs at 1e-12."""
+    base = dae.simulate(rtol=1e-12, **options)
+    value = base[name][0] if initial else float(dae.parameters[name])
+    step = 1e-3 * (abs(value) or 1.0)
+
+    def run(k):
+        given = {"initial" if initial else "parameters": {name: value + k * step}}
+        return dae.simulate(rtol=1e-12, **options, **given)[variable]
+
+    return (8 * (run(1) - run(-1)) - (run(2) - run(-2))) / (12 * step)
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "initial", "variable"),
+    [
+        ("notes/ex05_suspension", "k1", False, "q2"), ("notes/ex05_suspension", "c2", False, "tire_force"),
+        ("notes/ex05_suspension", "body.v", True, "q2"), 
+        ("planar/double_pendulum", None, False, None), ("planar/crane", None, False, None),
+    ],
+)  # fmt: skip
+def test_scenes(file, name, initial, variable):
+    path = ROOT / "models" / f"{file}.lmo"
+    if not path.exists():
+        pytest.skip("no such scene")
+    dae = lmoc.compile(path)
+    name = name or next(
+        n for n in dae.parameters if float(dae.parameters[n]) not in (0.0, 1.0) and n.endswith(("m", "l"))
+    )
+    variable = variable or dae.states[0]
+    options = {"stop": 1.0, "points": 11, "energy": False}
+    run = dae.simulate(rtol=1e-8, sensitivities=(name,), **options)
+    truth = _differences(dae, name, variable, initial, **options)
+    assert np.abs(run.sensitivity(variable, name) - truth).max() < 1e-6 * np.abs(truth).max()
+
+
+def test_a_start_that_is_computed(dae):
+    """At rest in the equilibrium x = f/k, for whatever k."""
+    run = dae.simulate(stop=1, points=5, initial="equilibrium", inputs={"f": "4"}, sensitivities=("k",))
+    assert np.allclose(run.sensitivity("x", "k"), -4 / 64, atol=1e-7)
+
+
+def test_kinks_in_time_are_passed_and_instants_that_depend_on_a_parameter_are_refused(dae):
+    push = {"f": "if time < t0 then 0 else 3"}
+    run = dae.simulate(stop=3, points=13, rtol=1e-9, inputs=push, sensitivities=("k",))
+    truth = _differences(dae, "k", "x", False, stop=3, points=13, inputs=push)
+    assert np.abs(run.sensitivity("x", "k") - truth).max() < 1e-6 * np.abs(truth).max()
+    with pytest.raises(ModelError, match="'t0' moves the instants"):
+        dae.simulate(stop=3, inputs=push, sensitivities=("t0",))
+
+
+@pytest.mark.parametrize("file", ["laws", "jump"])
+def test_where_there_are_none_it_is_said(file):
+    if file == "laws":
+        dae = lmoc.compile(next((ROOT / "models/laws").glob("*.lmo")))
+        name = next(n for n in dae.parameters if float(dae.parameters[n]) > 0)
+    else:
+        dae = lmoc.compile_text(SWING.replace("- c*v + f", "- noEvent(sign(v))*c + f"))
+        name = "k"
+    with pytest.raises(ModelError, match="E0669"):
+        dae.simulate(stop=0.5, sensitivities=(name,))
+
+
+@pytest.mark.parametrize("asked", ["kk", "n", "f"])
+def test_what_cannot_be_asked_for(dae, asked):
+    with pytest.raises(ModelError):
+        dae.simulate(stop=1, sensitivities=(asked,))
+
+
+def test_runs_without_them_say_how_to_get_them(dae):
+    with pytest.raises(KeyError, match="sensitivities="):
+        dae.simulate(stop=1).sensitivity("x", "k")
+    run = pickle.loads(pickle.dumps(dae.simulate(stop=1, points=3, sensitivities="k")))  # noqa: S301
+    with pytest.raises(KeyError, match="asked for by k"):
+        run.sensitivity("x", "m")
+    assert run.sensitivity("x", "k").shape == (3,)
