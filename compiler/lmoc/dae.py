@@ -97,7 +97,7 @@ class CompiledDAE(CompiledModel):
         Raises
         ------
         ModelError
-            Unknown names, missing values, contradictory or impossible starts; E0669: no sensitivities.
+            Unknown names, missing values, contradictory or impossible starts; E0575: no sensitivities.
         SimulationError
             The integration failed; `.time` is the time reached, `.partial` the `Run` until then.
         RunInterrupted

@@ -161,7 +161,7 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
     Raises
     ------
     ModelError
-        E0669: they are not available, and why; E0622: there is no such parameter or variable.
+        E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
     from lmoc.numerics.sensitivities import EXPLICIT, Sensitivities, refused, smooth_piece
 

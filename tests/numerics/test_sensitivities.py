@@ -130,7 +130,7 @@ def test_where_there_are_none_it_is_said(file):
     else:
         dae = lmoc.compile_text(SWING.replace("- c*v + f", "- noEvent(sign(v))*c + f"))
         name = "k"
-    with pytest.raises(ModelError, match="E0669"):
+    with pytest.raises(ModelError, match="E0575"):
         dae.simulate(stop=0.5, sensitivities=(name,))
 
 

@@ -12,11 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.engine.kernel import Kernel
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.coordinates.change import all_unknowns, with_solutions
-from lmoc.numerics.evaluate.engine_system import EngineSystem, Slopes, slopes
+from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.failures.chatter import jumps
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.solutions import Solutions
@@ -69,7 +68,7 @@ def difference(function: Callable[[float], np.ndarray], step: float) -> np.ndarr
 def refused(reason: str, hint: str = "") -> ModelError:
     """Return the error that says why there are no sensitivities."""
     hint = hint or "differences of two runs are an approximation: simulate with the value a little larger and smaller"
-    return ModelError([Diagnostic("E0669", f"sensitivities are not available: {reason}", hint=hint)])
+    return ModelError([Diagnostic("E0575", f"sensitivities are not available: {reason}", hint=hint)])
 
 
 def changed_values(
@@ -86,7 +85,7 @@ def smooth_piece(trajectory: Trajectory) -> Piece:
     Raises
     ------
     ModelError
-        E0669: the motion is not of that kind.
+        E0575: the motion is not of that kind.
     """
     piece, flat = trajectory.pieces[0], trajectory.flat
     plan = piece.observer.plan
@@ -124,7 +123,7 @@ class Sensitivities:
         Raises
         ------
         ModelError
-            E0669: instants at which the equations have kinks depend on what is asked for, or the integration failed.
+            E0575: instants at which the equations have kinks depend on what is asked for, or the integration failed.
         """
         self.piece, self.directions = piece, {d.name: d for d in directions}
         self._sizes = np.max(np.abs(piece.samples[1]), axis=0, initial=0.0)
@@ -180,12 +179,15 @@ class _Sweep:
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
         self.registers = np.flatnonzero(own & (moving != 0).any(axis=0))
         self.moving = moving[:, self.registers].T * self.scale  # (registers, m)
-        self.system = EngineSystem(self.plan)
-        self.system.prepare(observer.base, observer.signals)
+        # parameters beside the states, as what stays: so their columns are beside those of the states
         inputs = np.concatenate([self.plan.states, self.registers])
-        self.slopes: Slopes = slopes(self.plan.program, inputs, self.plan.derivatives, self.plan.count)
-        self._kernel = Kernel(self.slopes.tape)
-        self._out = np.zeros(self.n)
+        outputs = np.concatenate([self.plan.derivatives, self.registers])
+        self.system = EngineSystem(self.plan, self.plan.program, inputs, outputs)
+        self.system.prepare(observer.base, observer.signals)
+        self._held = observer.base[self.registers]
+        starts, self._rows = self.system.pattern()
+        self._columns = np.repeat(np.arange(self.system.n), np.diff(starts))
+        self._entries = np.zeros(len(self._rows))
 
     def _base(self, direction: Direction, change: float) -> np.ndarray:
         return self.plan.base(direction.values(change), self.observer.signals)
@@ -196,7 +198,7 @@ class _Sweep:
         Raises
         ------
         ModelError
-            E0669: these instants depend on what the motion is differentiated by.
+            E0575: these instants depend on what the motion is differentiated by.
         """
         own = kinks.break_times(self.plan, self.observer.base, begin, end)
         for direction in self.directions:
@@ -209,16 +211,11 @@ class _Sweep:
 
     def _jacobian(self, t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the rates (n,), and their derivatives (n, n + registers)."""
-        self.system.rhs(t, x, self._out)
-        rule, kernel = self.slopes.jacobian, self._kernel
-        kernel.w[: self.plan.count] = self.system.registers
-        kernel(t)
-        entries = kernel.results()
-        if self.slopes.tape.blocks and not np.isfinite(entries).all():
-            entries = rule.values(self.system.registers, t)  # of a singular block: which unknowns it still determines
-        found = np.zeros((self.n, self.n + len(self.registers)))
-        found[rule.rows, rule.columns] = entries
-        return self._out, found
+        system = self.system
+        system.jacobian_values(t, np.concatenate([x, self._held]), self._entries)
+        found = np.zeros((system.n, system.n))
+        found[self._rows, self._columns] = self._entries
+        return system.registers[self.plan.derivatives], found[: self.n]
 
     def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return the rates of states and tangents, (n·(1 + m),)."""

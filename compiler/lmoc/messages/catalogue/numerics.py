@@ -53,7 +53,7 @@ NUMERICS: dict[str, Entry] = {
         "a vibration of 50 Hz sampled at 62 points a second looks like one of 12 Hz). The values are correct "
         "nevertheless. Request more points or a shorter time. Pictures are drawn from points as dense as needed.",
     ),
-    "E0669": Entry(
+    "E0575": Entry(
         "sensitivities are not available",
         "Derivatives of a motion by parameters and start values are integrated along smooth motions: without laws and\n"
         "events, in one choice of coordinates. Where a motion has events they jump, and where an instant depends on\n"
