@@ -293,7 +293,8 @@ class Hybrid:
         happened = self._guarded(lambda: machine.event(t, x, begin), t)
         self.next = next_time(machine, instant)
         lost = self._energy(t, x, happened)
-        behind = self.step(t, happened.x, base, machine.base)
+        count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
+        behind = self.step(t, happened.x, base[:count], machine.base[:count])
         self._tell(t, kind, happened, held, lost)
         self._judge(t, happened)
         self._warn_of_lost(t)
