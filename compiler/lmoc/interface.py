@@ -181,7 +181,8 @@ class DAE(CompiledDAE):
             given = {kind: {**held[kind], **(own.get(kind) or {})} for kind in held}
             given["parameters"] |= {name: value for name, value in values.items() if name not in moving}
             given["initial"] |= {name: value for name, value in values.items() if name in moving}
-            options = {"rtol": 1e-9 if rtol is None else rtol, "solver": solver, "energy": False}
+            booked = any(name.startswith("ledger.") for _, _, name in experiment.columns.values())
+            options = {"rtol": 1e-9 if rtol is None else rtol, "solver": solver, "energy": booked}
             return self.simulate(own.get("start", begin), times=experiment.times, **given, **options)
 
         return fit(simulate, measured, unknowns, sigma, starts, seed)

@@ -147,3 +147,14 @@ def test_the_command_and_the_picture(tmp_path, monkeypatch, capsys):
     for wrong in (["--data", "measured.csv"], ["--free", "k"], ["--data", "measured.csv", "--free", "kk"],
                   ["--data", "no.csv", "--free", "k"], ["--data", "measured.csv", "--free", "k=1:2"]):  # fmt: skip
         assert main(["fit", "swing.lmo", *wrong]) == 2
+
+
+def test_data_may_hold_what_the_ledger_of_a_run_holds(tmp_path) -> None:
+    text = """model Swing
+      Fixed w; Spring s(k = 50); Damper d(c = 1); Mass m(m = 2, q(start = 0.5, fixed = true));
+    equation
+      connect(w.flange, s.a); connect(w.flange, d.a); connect(s.b, m.flange); connect(d.b, m.flange);
+    end Swing;"""
+    dae = lmoc.compile_text(text)
+    dae.simulate(stop=2, rtol=1e-9).save(str(tmp_path / "run.csv"))  # all variables, ledger.heat among them
+    assert dae.fit(tmp_path / "run.csv", free={"m.m": 1.5}).values["m.m"] == pytest.approx(2.0, rel=1e-6)
