@@ -5,6 +5,7 @@ Imports inside functions and those for types count as well.
 
 import ast
 import re
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
@@ -136,6 +137,35 @@ def test_every_room_has_its_place_in_the_order():
 def test_no_files_import_each_other_in_a_circle():
     assert [c for c in circles(GRAPH) if frozenset(c) not in KNOWN] == []
     assert {frozenset(c) for c in circles(GRAPH)} >= KNOWN, "a circle is gone: take it from the list"
+
+
+CODE = re.compile(r"[EWN]\d{2,4}")
+
+
+def codes_that_decide(name: str) -> list[int]:
+    """Lines in which codes of diagnostics are compared, or looked at by their beginning."""
+    tree = ast.parse(FILES[name].read_text())
+
+    def holds_code(node: ast.AST, named: Collection[str] = ()) -> bool:
+        inside = list(ast.walk(node))
+        literals = [n.value for n in inside if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+        return any(map(CODE.fullmatch, literals)) or any(isinstance(n, ast.Name) and n.id in named for n in inside)
+
+    constants = [n for n in tree.body if isinstance(n, ast.Assign) and holds_code(n.value)]
+    named = {target.id for n in constants for target in n.targets if isinstance(target, ast.Name)}
+    found = []
+    for node in ast.walk(tree):
+        begins = isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ("startswith", "endswith")
+        if (begins or isinstance(node, ast.Compare)) and holds_code(node, named):
+            found.append(node.lineno)
+    return found
+
+
+def test_no_code_of_a_diagnostic_decides_anything():
+    """Kinds of errors, `Diagnostic.subject` and `area` do: codes are for people, and the command's exit code."""
+    files = [name for name in FILES if room(name + ".") not in ("messages", "cli")]
+    assert {name: lines for name in files if (lines := codes_that_decide(name))} == {}
+    assert codes_that_decide("lmoc.cli.main")  # the rule finds what is there
 
 
 def test_dataclasses_come_from_the_room_of_support():

@@ -194,12 +194,13 @@ def reduce_with_loops(minimal: Reduced, states: Sequence[str] | None, gain: floa
 
     Raises
     ------
-    ModelError
+    NotFormulatedError
         E0626: not all of them can be states.
     """
     with clock.stage("reduce"):
-        from lmoc.messages.diagnostics import Diagnostic, ModelError
+        from lmoc.messages.diagnostics import Diagnostic
         from lmoc.numerics.formulations.feedback import with_feedback
+        from lmoc.numerics.formulations.table import NotFormulatedError
         from lmoc.structure.coordinates.closures import NotReleasedError
         from lmoc.structure.reduce import reduce
 
@@ -208,7 +209,7 @@ def reduce_with_loops(minimal: Reduced, states: Sequence[str] | None, gain: floa
             reduced = reduce(minimal.flat, minimal.values, states, report, loops=True)
         except NotReleasedError as error:
             message = f"the coordinates of the loops cannot all be states: {error}"
-            raise ModelError([Diagnostic("E0626", message, expected="formulation 'reduced'")]) from error
+            raise NotFormulatedError([Diagnostic("E0626", message, expected="formulation 'reduced'")]) from error
         report.check()
     return with_feedback(reduced, gain) if gain else reduced
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.prepared import Prepared
-from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.messages.diagnostics import Area, ModelError, SimulationError
 from lmoc.numerics.options import RunOptions
 from lmoc.run import Run
 from lmoc.session import Session, refuse_remembered
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from lmoc.symbolic.places import Moment, Point
 
 _MET = 50_000  # steps of the run that shows the modes of laws
-OF_RUNS = "E05"  # codes of what makes a run impossible, and not the equations: no value, no start
 
 
 def place(
@@ -107,9 +106,9 @@ def modes_met(session: Session, parameters: Point | None) -> list[MetMode] | Non
             raise
         trajectory = partial.trajectory
     except ModelError as error:
-        if not all(d.code.startswith(OF_RUNS) for d in error.diagnostics if d.severity == "error"):
+        if any(d.area is not Area.RUN for d in error.diagnostics if d.severity == "error"):
             raise
-        return None
+        return None  # there is no value, or no start: nothing is said of the equations
     return met_modes(trajectory)
 
 

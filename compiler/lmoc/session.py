@@ -17,7 +17,7 @@ from lmoc import pipeline
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, Subject
 from lmoc.parameters import Value, indexed, starting_at
 from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from lmoc.symbolic.laws.modes import Lawful
     from lmoc.symbolic.released import Released
 
-REFUSED_STATE = "E0406"  # a requested state cannot be one
 _KNOWN_AGAIN = 10_000  # variables up to which the values checked last are kept
 _MODEL = ()  # the key of the coordinates that the model and the user prefer
 
@@ -158,7 +157,7 @@ class Session:
         try:
             return pipeline.reduce(flat, values, asked, Clock())
         except ModelError as error:
-            if not asked or {d.code for d in error.diagnostics} != {REFUSED_STATE}:
+            if not asked or any(d.subject is not Subject.STATE_REFUSED for d in error.diagnostics):
                 raise
         return pipeline.reduce(flat, values, None, Clock())
 
@@ -242,7 +241,7 @@ class Session:
 
         Raises
         ------
-        ModelError
+        NotFormulatedError
             E0626: the scene cannot be run in this formulation.
         """
         minimal, form = prepared.reduced, wanted.form
@@ -250,7 +249,9 @@ class Session:
             return prepared
         if prepared.flat.laws or prepared.flat.events is not None:
             message = f"a scene with laws or events cannot be run in formulation '{form.name}'"
-            raise ModelError([Diagnostic("E0626", message, expected="auto or reduced")])
+            from lmoc.numerics.formulations.table import NotFormulatedError
+
+            raise NotFormulatedError([Diagnostic("E0626", message, expected="auto or reduced")])
         if minimal.invariants is None:
             note = Diagnostic("N0634", f"no closed loops are left in this scene: {form.name} is the same as reduced")
             return replace(prepared, notes=(*prepared.notes, note))
@@ -264,7 +265,7 @@ class Session:
 
         Raises
         ------
-        ModelError
+        NotFormulatedError
             E0626: not all of them can be states.
         """
         from lmoc.numerics.formulations.table import TABLE, Requested

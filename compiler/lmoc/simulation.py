@@ -11,7 +11,7 @@ import numpy as np
 
 from lmoc.ir.names import hint_for
 from lmoc.ir.prepared import Prepared
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError, Subject
 from lmoc.parameters import Value, check_initial, check_mappings, extreme_values, indexed
 from lmoc.pipeline import Clock
 from lmoc.session import Session
@@ -77,7 +77,7 @@ def _missed_its_start(error: ModelError) -> bool:
     """Return whether other coordinates, or another side of the closures, may start where these have not come to."""
     from lmoc.numerics.start.singular import StartSingular
 
-    return isinstance(error, StartSingular) or any(d.code == "E0532" for d in error.diagnostics)
+    return isinstance(error, StartSingular) or any(d.subject is Subject.NO_START for d in error.diagnostics)
 
 
 def run_prepared(session: Session, prepared: Prepared, request: Request, clock: Clock) -> Run:

@@ -13,7 +13,6 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.messages.source import Source, Span
 from lmoc.support.records import dataclass
 
-SEVERAL, NONE = "E0603", "E0602"  # models that could be meant; a file without any, which is a library
 MOST_MODELS = 20  # of one text that are checked
 
 
@@ -73,16 +72,18 @@ def check(text: str, path: str) -> Checked:
 def _models(text: str, path: str) -> Sequence[str | None]:
     """The models to check; None stands for the one that is meant where none is named."""
     from lmoc.semantics.classes.choose import choose_model
-    from lmoc.semantics.wrong import Wrong
+    from lmoc.semantics.wrong import NoModel, SeveralModels, Wrong
 
     analysis = analyse(text, path)
     try:
         choose_model(analysis.root, [analysis.file], None)
-    except Wrong as wrong:
-        if wrong.code == SEVERAL:
-            return wrong.found.split(", ")[:MOST_MODELS]
-        if wrong.code == NONE and any(True for _ in analysis.classes()):
+    except SeveralModels as wrong:
+        return wrong.names[:MOST_MODELS]
+    except NoModel:
+        if any(True for _ in analysis.classes()):
             return ()
+    except Wrong:
+        pass  # it will be said
     return (None,)
 
 

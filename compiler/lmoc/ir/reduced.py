@@ -12,7 +12,7 @@ from lmoc.expression.dag import Expr
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import Switched
 from lmoc.ir.program import Program, Registers
-from lmoc.messages.diagnostics import Diagnostic
+from lmoc.messages.diagnostics import Diagnostic, Subject
 from lmoc.support.records import dataclass
 
 
@@ -211,7 +211,7 @@ class Reduced:
     @property
     def left_out(self) -> tuple[str, ...]:
         """The notes on redundant constraints that have been left out."""
-        return tuple(note.message for note in self.notes if note.code == "N0415")
+        return tuple(note.message for note in self.notes if note.subject is Subject.LEFT_OUT)
 
     def register_name(self, register: int) -> str:
         """A register in the user's names; helpers are ``#n``."""

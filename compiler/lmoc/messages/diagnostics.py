@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import field
+from enum import Enum
 from typing import Any
 
 from lmoc.messages.source import Span
@@ -22,6 +23,26 @@ class Label:
 
     span: Span
     text: str
+
+
+class Area(Enum):
+    """What a diagnostic is about, as the first two digits of its code say."""
+
+    SYNTAX = "01"
+    NAMES = "02"
+    TYPES = "03"
+    STRUCTURE = "04"
+    RUN = "05"
+    COMMAND = "06"
+
+
+class Subject(Enum):
+    """What a diagnostic says, where a program acts on it: codes are for people."""
+
+    NO_START = "no consistent start has been found, which there may be in other coordinates"
+    STATE_REFUSED = "a requested variable cannot be a state"
+    LEFT_OUT = "a redundant constraint has been left out"
+    NOT_FINITE = "a value is not finite"
 
 
 @dataclass(frozen=True)
@@ -40,6 +61,8 @@ class Diagnostic:
         Shown on lines of their own where not empty.
     labels : tuple of Label
         Further places (the first declaration, the other end of a connection).
+    subject : Subject | None
+        Only where a program acts on it.
     """
 
     code: str
@@ -49,10 +72,15 @@ class Diagnostic:
     found: str = ""
     hint: str = ""
     labels: tuple[Label, ...] = ()
+    subject: Subject | None = None
 
     @property
     def severity(self) -> str:
         return {"E": "error", "W": "warning", "N": "note"}[self.code[0]]
+
+    @property
+    def area(self) -> Area:
+        return Area(self.code[1:3])
 
     def __str__(self) -> str:
         return render(self)
@@ -88,6 +116,15 @@ class Report:
 
     warning = error
     note = error
+
+    def note_once(self, code: str, message: str, hint: str = "") -> None:
+        """Add a note, unless there is one of this code."""
+        if all(d.code != code for d in self.diagnostics):
+            self.note(code, message, hint=hint)
+
+    def says(self, subject: Subject) -> bool:
+        """Return whether one of the diagnostics is about that."""
+        return any(d.subject is subject for d in self.diagnostics)
 
     @property
     def errors(self) -> list[Diagnostic]:

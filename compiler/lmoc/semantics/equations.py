@@ -22,7 +22,16 @@ from lmoc.semantics.values.functions import call_all
 from lmoc.semantics.values.reference import element_index, find_start, locate, unknown_name
 from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
 from lmoc.semantics.values.value import Value, number
-from lmoc.semantics.wrong import Exhausted, NotAlike, NotOneGroup, RowsDiffer, Wrong, check_size
+from lmoc.semantics.wrong import (
+    Exhausted,
+    NoElement,
+    NotAlike,
+    NotOneGroup,
+    NotThere,
+    RowsDiffer,
+    Wrong,
+    check_size,
+)
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 
@@ -293,10 +302,10 @@ class EquationSection:
             raise Wrong("E0305", f"'{ref}' is not a connector of this model", ref.span)
         try:
             located = locate(context, ref, start)
-        except Wrong as wrong:
-            if wrong.code == "E0218":
-                return None
-            if wrong.code == "E0201" and _unguessed_port(ref, wrong):
+        except NotThere:
+            return None
+        except NoElement as wrong:
+            if _unguessed_port(ref, wrong):
                 raise _no_such_port(context, ref, start, wrong) from None
             raise
         node = located.node
@@ -364,13 +373,12 @@ def _round(context: Context, row: int) -> str:
     return ", ".join(values)
 
 
-def _unguessed_port(ref: tree.Ref, wrong: Wrong) -> bool:
+def _unguessed_port(ref: tree.Ref, wrong: NoElement) -> bool:
     """Whether it is the name of a port that is unknown, no name in a subscript, and none is like it."""
-    found = wrong.diagnostic
-    return any(part.span == found.span for part in ref.parts[1:]) and not found.hint.startswith("did you mean")
+    return any(part.span == wrong.diagnostic.span for part in ref.parts[1:]) and not wrong.guessed
 
 
-def _no_such_port(context: Context, ref: tree.Ref, node: InstanceNode, wrong: Wrong) -> Wrong:
+def _no_such_port(context: Context, ref: tree.Ref, node: InstanceNode, wrong: NoElement) -> Wrong:
     """As it was said, with the ports that there are."""
     for part in ref.parts[1:]:
         if not isinstance(node, Instance) or part.span == wrong.diagnostic.span:

@@ -38,7 +38,7 @@ from lmoc.semantics.values import reference as _reference  # noqa: F401  registe
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import named_variable
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NoModel, SeveralModels, Wrong
 from lmoc.sources.packages import Folder
 from lmoc.support.distinct import distinct
 from lmoc.syntax import tree
@@ -75,7 +75,7 @@ def flatten(
     except Wrong as wrong:
         refused = mistakes_in(files)  # which may be the reason
         report.diagnostics += refused
-        if not refused or wrong.code not in ("E0602", "E0603"):
+        if not refused or not isinstance(wrong, NoModel | SeveralModels):
             wrong.put_into(report)
     report.check()
     overrides = Overrides(parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.ir.flat import Check, FlatDAE, Kind
-from lmoc.messages.diagnostics import Label, Report
+from lmoc.messages.diagnostics import Label, Report, Subject
 from lmoc.messages.ranges import over_range
 
 _SHOWN = 4  # at most this many values are shown
@@ -59,9 +59,11 @@ def warn_of_lost(flat: FlatDAE, values: np.ndarray, report: Report) -> None:
             names, value = [flat.variable_name(v) for v in variables.tolist()], values[variables[0]]
             name = over_range(names) or f"{names[0]} (and {len(names) - 1} more bound there)"
             if given[variables[0]]:
-                report.warning("W0537", f"the value given for {name} is not finite ({value})")
+                message = f"the value given for {name} is not finite ({value})"
+                report.warning("W0537", message, subject=Subject.NOT_FINITE)
             else:
-                report.warning("W0537", f"{name} has no finite value ({value})", binding.span, hint=_HINT)
+                message = f"{name} has no finite value ({value})"
+                report.warning("W0537", message, binding.span, hint=_HINT, subject=Subject.NOT_FINITE)
 
 
 def _warn_of_signs(flat: FlatDAE, values: np.ndarray, report: Report) -> None:

@@ -55,10 +55,6 @@ class Wrong(Exception):
         super().__init__(message)
         self.diagnostic = Diagnostic(code, message, span, **more) if code else None
 
-    @property
-    def code(self) -> str:
-        return self.diagnostic.code if self.diagnostic else ""
-
     def put_into(self, report: Report) -> None:
         """Report it, unless as much has been said of the same place before (in another round of a loop, say)."""
         new = self.diagnostic
@@ -80,6 +76,56 @@ class Refused(Wrong):
     def put_into(self, report: Report) -> None:
         """Report all that is wrong, once."""
         report.diagnostics += [d for d in self.mistakes if d not in report.diagnostics]
+
+
+class NoModel(Wrong):
+    """No class is named, and there is none that could be meant."""
+
+
+class SeveralModels(Wrong):
+    """No class is named, and several could be meant.
+
+    Attributes
+    ----------
+    names : their full names
+    """
+
+    def __init__(self, names: tuple[str, ...], code: str, message: str, span: Span, **more):
+        super().__init__(code, message, span, found=", ".join(names), **more)
+        self.names = names
+
+
+class NoClass(Wrong):
+    """There is no class of a name."""
+
+
+class NotAClass(Wrong):
+    """What a name stands for is a component, where a class is expected."""
+
+
+class NoElement(Wrong):
+    """A part or a connector has no element of a name.
+
+    Attributes
+    ----------
+    guessed : whether another name is like it, which is hinted at
+    """
+
+    def __init__(self, code: str, message: str, span: Span, hint: str, guessed: bool):
+        super().__init__(code, message, span, hint=hint)
+        self.guessed = guessed
+
+
+class NotThere(Wrong):
+    """A part is absent, since its condition is false."""
+
+
+class OutOfRange(Wrong):
+    """A subscript, an axis or the number of a literal is beyond the last one."""
+
+
+class NotKnown(Wrong):
+    """A value must be known when compiling and is not."""
 
 
 class Exhausted(Wrong):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.messages.diagnostics import Diagnostic, Label, Report
+from lmoc.messages.diagnostics import Diagnostic, Label, Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates.coordinates import Choice
@@ -258,7 +258,7 @@ def refused_states(
 
 def _refuse(report: Report, message: str, reason: str, span) -> None:
     hint = "leave it out of states=[…] (--states), or name fewer states"
-    report.error("E0406", f"{message}: {reason}", span, hint=hint)
+    report.error("E0406", f"{message}: {reason}", span, hint=hint, subject=Subject.STATE_REFUSED)
 
 
 def notes(system: EquationSystem, choice: Choice, tied: Tied) -> tuple[Diagnostic, ...]:

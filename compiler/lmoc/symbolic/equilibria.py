@@ -16,14 +16,14 @@ import numpy as np
 
 from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import eliminate
-from lmoc.symbolic.jumps import has_cases
+from lmoc.symbolic.jumps import NoDerivativeError, has_cases
 from lmoc.symbolic.linearize import LinearModel, is_linear, linearize
 from lmoc.symbolic.notebook import MOST_SHOWN, table_html
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.roots import Root, closed_roots, scan, search
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import SymbolicSystem, time_stands_in_it
-from lmoc.symbolic.values import exactly
+from lmoc.symbolic.values import NoValueError, exactly
 
 if TYPE_CHECKING:
     import sympy
@@ -255,8 +255,6 @@ def _finished(system, root: Root, at_rest, given, nonlinear: bool, about: Linear
 def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearModel | None:
     import sympy as sp
 
-    from lmoc.messages.diagnostics import ModelError
-
     inputs = {u: given.get(u, sp.S.Zero) for u in system.inputs}
     free = {x: sp.S.Zero for x, v in values.items() if v == x}
     numbers = {**system.numbers, **inputs, **free}
@@ -265,9 +263,7 @@ def _model(system: SymbolicSystem, values, given, about: LinearAbout) -> LinearM
         return None
     try:
         return about({x.name: float(v) for x, v in point.items()})
-    except ModelError as error:
-        if not {d.code for d in error.diagnostics} <= {"E0662", "E0663"}:  # no value for a parameter, no derivative
-            raise
+    except (NoValueError, NoDerivativeError):
         return None
 
 

@@ -79,10 +79,14 @@ def _between_cases(e: sympy.Piecewise, point: Mapping[sympy.Symbol, sympy.Expr])
     return len(found) > 1
 
 
-def no_derivative(what: str) -> ModelError:
+class NoDerivativeError(ModelError):
+    """Something has no derivative at a point (E0663)."""
+
+
+def no_derivative(what: str) -> NoDerivativeError:
     """Return the error for a point at which something jumps."""
     message = f"there is no linear model at this point: {what} jumps there"
-    return ModelError([Diagnostic("E0663", message, hint="choose another point, as `--at name=value`")])
+    return NoDerivativeError([Diagnostic("E0663", message, hint="choose another point, as `--at name=value`")])
 
 
 def refuse_remembered(names: list[str], what: str) -> ModelError:

@@ -22,7 +22,6 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import ModelError
 from lmoc.support.records import dataclass
 from lmoc.symbolic.closed import Closed, derive_closed, numbered
 from lmoc.symbolic.elimination import MOST_TERMS, Row, eliminate
@@ -34,6 +33,7 @@ from lmoc.symbolic.shortening import collected, tidy
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import coordinates_of, jet_symbol
 from lmoc.symbolic.too_long import no_symbols
+from lmoc.symbolic.values import NoValueError
 
 if TYPE_CHECKING:
     import sympy
@@ -89,9 +89,7 @@ def _numbers_at_rest(
     names = [q.name for q in dependent]
     try:
         model = linearize_numerically(prepared.reduced, prepared.values, numbers(prepared, point), names)
-    except ModelError as error:
-        if {d.code for d in error.diagnostics} != {"E0662"}:
-            raise
+    except NoValueError:
         return {}
     if not model.at_rest:
         raise no_symbols(

@@ -20,7 +20,7 @@ from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.laws.degree import dependent
 from lmoc.structure.messages.equations import listed
 from lmoc.support.records import dataclass
-from lmoc.symbolic.jumps import jumps_at, no_derivative, switches
+from lmoc.symbolic.jumps import NoDerivativeError, jumps_at, no_derivative, switches
 from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.system import coordinates_of, refuse
 from lmoc.symbolic.values import no_value
@@ -315,9 +315,9 @@ def _check_derivatives(system: NumericSystem, outputs: Sequence[str], jacobian: 
         if not system.finite(lost[n:]):
             message = f"no linear model of {who}: at this point it has no value (0/0, or the root or logarithm of zero)"
             hint = "choose a point where it has one, as `--at name=value`, or other outputs: linearize(outputs=[…])"
-            raise ModelError([Diagnostic("E0663", message, hint=hint)])
+            raise NoDerivativeError([Diagnostic("E0663", message, hint=hint)])
         hint = "the implicit equations are singular there: choose another point, or other outputs"
-        raise ModelError([Diagnostic("E0663", message, hint=hint)])
+        raise NoDerivativeError([Diagnostic("E0663", message, hint=hint)])
 
 
 def contains_time(program: Program) -> bool:

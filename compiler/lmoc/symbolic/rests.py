@@ -14,8 +14,9 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import ModelError
+from lmoc.numerics.formulations.table import NotFormulatedError
 from lmoc.symbolic.equilibria import Equilibria, Equilibrium
+from lmoc.symbolic.jumps import NoDerivativeError
 from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
 from lmoc.symbolic.released import Released
 from lmoc.symbolic.resting_loops import RestOfLoops, keeps_its_closures, rests_of_loops, rests_on_curve
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
     from lmoc.symbolic.linearize import LinearModel
 
-NO_DERIVATIVE = "E0663"
-NOT_RELEASED = "E0626"
 STARTS = 40  # of Newton's method with several coordinates
 NO_RATE = 1e-9  # rad/s² or m/s², of a mechanism that nothing moves
 MOST_TURN = 0.5  # of the slope of a dependent coordinate between two points of a walk
@@ -82,9 +81,7 @@ def _in_all_coordinates(
         return None
     try:
         reduced = released.everywhere(prepared)
-    except ModelError as error:
-        if {d.code for d in error.diagnostics} != {NOT_RELEASED}:
-            raise
+    except NotFormulatedError:
         return None
     on_curve = rests_on_curve(reduced, prepared.reduced, prepared.values, inputs)
     found, how = on_curve or rests_of_loops(reduced, prepared.values, inputs)
@@ -250,9 +247,7 @@ def linear_model_at(reduced: Reduced, values: np.ndarray, point: Mapping[str, fl
     """Return the linear model about a state of rest; None where something has no derivative there."""
     try:
         return linearize_numerically(reduced, values, point, ())
-    except ModelError as error:
-        if {d.code for d in error.diagnostics} != {NO_DERIVATIVE}:
-            raise
+    except NoDerivativeError:
         return None
 
 

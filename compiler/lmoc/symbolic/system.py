@@ -25,7 +25,7 @@ from lmoc.symbolic.jumps import has_cases
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.too_long import no_symbols
+from lmoc.symbolic.too_long import NotDerivableError, no_symbols
 
 if TYPE_CHECKING:
     import sympy
@@ -138,9 +138,9 @@ def _check_size(reduced: Reduced) -> None:
         )
 
 
-def refuse(message: str, hint: str = "") -> ModelError:
+def refuse(message: str, hint: str = "") -> NotDerivableError:
     """Return the error for what neither symbols nor numbers can do, or what does not exist."""
-    return ModelError([Diagnostic("E0660", message, hint=hint)])
+    return NotDerivableError([Diagnostic("E0660", message, hint=hint)])
 
 
 def time_stands_in_it() -> ModelError:

@@ -1,11 +1,15 @@
-"""The error for what symbols cannot do, though numbers may."""
+"""The errors for what cannot be derived, or not in symbols."""
 
 from __future__ import annotations
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 
 
-class NoSymbolsError(ModelError):
+class NotDerivableError(ModelError):
+    """Something cannot be derived from a scene, or does not exist (E0660)."""
+
+
+class NoSymbolsError(NotDerivableError):
     """Symbols give no answer, or a too long one; numbers may."""
 
 

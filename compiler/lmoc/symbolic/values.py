@@ -69,10 +69,14 @@ def _formula(name: str, text: str, flat: FlatDAE) -> sympy.Expr:
     return value
 
 
-def no_value(missing: Sequence[str], inputs: bool = False) -> ModelError:
+class NoValueError(ModelError):
+    """A parameter, or an input on which something depends, has no value (E0662)."""
+
+
+def no_value(missing: Sequence[str], inputs: bool = False) -> NoValueError:
     """Return the error for parameters without a value, or for inputs on which an equilibrium depends, E0662."""
     how = "give it in the model or with `--set name=value`, or use the symbolic form"
     if inputs:
         how = f"give the inputs values: equilibria(inputs={{'{missing[0]}': 0}}), or `--input {missing[0]}=0`"
     hint = f"{how}; what is not a number (0/0) is no value"
-    return ModelError([Diagnostic("E0662", f"no value for {', '.join(missing)}", hint=hint)])
+    return NoValueError([Diagnostic("E0662", f"no value for {', '.join(missing)}", hint=hint)])

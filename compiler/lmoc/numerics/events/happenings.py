@@ -229,14 +229,12 @@ class Happenings:
 
     def _note_undecided(self, t: float, names: list[str]) -> None:
         """Say, once a run, that the law of impacts has decided between several answers."""
-        if any(d.code == "N0558" for d in self.report.diagnostics):
-            return
         who = _listed(list(dict.fromkeys(names)))
         text = (
             f"{who} are hit at once at t = {t:.6g} s, and what follows depends on the law of impacts: one after the "
             "other they would leave with other velocities"
         )
-        self.report.note("N0558", text, hint="a gap that takes longer than 1e-10 s to close gives an order")
+        self.report.note_once("N0558", text, hint="a gap that takes longer than 1e-10 s to close gives an order")
 
     @property
     def kept(self) -> Callable[..., np.ndarray] | None:

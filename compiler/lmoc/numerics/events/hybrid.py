@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.expression.dag import slots
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.layout import EventLayout
@@ -367,11 +367,11 @@ class Hybrid:
         """Warn of a discrete variable that has no finite value, once in a run."""
         discrete = self.layout.events.discrete
         lost = discrete[~np.isfinite(self.machine.v[discrete])]
-        if not len(lost) or any(d.code == "W0537" for d in self.report.diagnostics):
+        if not len(lost) or self.report.says(Subject.NOT_FINITE):
             return
         first, flat = int(lost[0]), self.layout.flat
         message = f"{flat.variable_name(first)} has no finite value ({self.machine.v[first]:g}) at t = {t:g} s"
-        self.report.warning("W0537", message, flat.block_at(first).span)
+        self.report.warning("W0537", message, flat.block_at(first).span, subject=Subject.NOT_FINITE)
 
     def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:
         """Raise `Stopped` where a condition switches again and again without the run getting on."""

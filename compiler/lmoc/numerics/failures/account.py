@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.integrate.base import Outcome
@@ -56,7 +56,7 @@ def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) ->
         report.error("E0535", f"{found} at the start", span, hint=hint)
         raise StartSingular(report.diagnostics, stretch.plan.reduced.state_names, span)
     if found:
-        report.warning("W0537", f"{found} at the start", span, hint=hint)
+        report.warning("W0537", f"{found} at the start", span, hint=hint, subject=Subject.NOT_FINITE)
 
 
 def _initial_equations(stretch: Stretch) -> str:
@@ -80,7 +80,7 @@ def check_values(stretch: Stretch, outcome: Outcome, everything: bool, report: R
     """
     recorder = stretch.recorder
     times, _ = recorder.taken()
-    if any(d.code == "W0537" for d in report.diagnostics) or not len(times):
+    if report.says(Subject.NOT_FINITE) or not len(times):
         return
     rows = suspects(stretch.observer, times, recorder.table) if everything else np.zeros(0, int)
     if stretch.plan.once(moving_risks).others or not everything:
@@ -94,13 +94,13 @@ def check_values(stretch: Stretch, outcome: Outcome, everything: bool, report: R
         known, program = near is not None, stretch.plan.full_program
         found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, known)
         if found and not nonlinear:  # nonlinear equations are solved along the motion, not from their start
-            report.warning("W0537", f"{found} at t = {times[k]:g} s", span)
+            report.warning("W0537", f"{found} at t = {times[k]:g} s", span, subject=Subject.NOT_FINITE)
             return
 
     without = unsolved(stretch.observer, *recorder.sampled())
     if without is not None:
         sentence, span, time = without
-        report.warning("W0537", f"{sentence} at t = {time:g} s", span)
+        report.warning("W0537", f"{sentence} at t = {time:g} s", span, subject=Subject.NOT_FINITE)
 
 
 def registers_at_end(system: System, outcome: Outcome) -> np.ndarray | None:

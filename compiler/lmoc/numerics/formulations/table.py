@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from lmoc.messages.diagnostics import ModelError
 from lmoc.support.records import dataclass
 
 GAIN = 10.0  # 1/s, of Baumgarte's stabilization
@@ -12,6 +13,10 @@ GAIN = 10.0  # 1/s, of Baumgarte's stabilization
 ONE_STEP = ("auto", "dop853", "taylor", "radau", "gauss", "rk4", "midpoint")
 _IMPLICIT = ("auto", "ida")
 STEPPED_IN_C = ("auto", "dop853", "taylor")  # of these, those for which projection costs little
+
+
+class NotFormulatedError(ModelError):
+    """A scene cannot be run in a formulation (E0626)."""
 
 
 @dataclass(frozen=True)

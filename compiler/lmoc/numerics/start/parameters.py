@@ -6,7 +6,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import needed_steps, read
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, over_range, report_alike
 from lmoc.numerics.plan import Plan
 from lmoc.semantics.parameter_checks import given_without_value
@@ -52,7 +52,7 @@ def check_derived(plan: Plan, base: np.ndarray, report: Report) -> None:
         names = [flat.variable_name(v) for v in distinct(lost).tolist() if flat.block_at(v) is block]
         name = over_range(names) or f"{flat.variable_name(first)} (and {len(names) - 1} more of its array)"
         span = flat.declared_at(first) if block.part else block.span
-        report.warning("W0537", f"{name} has no finite value ({value})", span)
+        report.warning("W0537", f"{name} has no finite value ({value})", span, subject=Subject.NOT_FINITE)
 
 
 def sources_without_value(flat: FlatDAE, variables: np.ndarray | int, values: np.ndarray) -> list[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.ir.reduced import StartGuess
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.start.assembly_notes import note_unmet_guesses
 from lmoc.numerics.start.gauss_newton import Start, descend, elsewhere, straight_rows
@@ -132,7 +132,7 @@ def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, 
     hint = "perhaps there is none; if there is, start values (start = …) near a solution lead to it"
     found = f"the nearest that was found is {_reached(system, group, start)}"
     message, hint = f"no start was found with {_listed(system, group)}", _with_given(system, group, hint)
-    report.error("E0532", message, system.span_of(group), found=found, hint=hint)
+    report.error("E0532", message, system.span_of(group), found=found, hint=hint, subject=Subject.NO_START)
 
 
 def _report_missed(

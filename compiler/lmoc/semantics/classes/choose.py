@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lmoc.messages.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NoModel, SeveralModels, Wrong
 from lmoc.sources.library import Packages
 from lmoc.sources.packages import Folder, own_folders
 from lmoc.support.quoted import split
@@ -88,8 +88,8 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     if not models:
         if root.report.errors:
             raise Wrong()  # a class has been left out: it appears in no package, say
-        raise Wrong("E0602", "there is no model to run in the file", _first_line(files),
-                    hint="a scene is 'model Name … end Name;'")  # fmt: skip
+        hint = "a scene is 'model Name … end Name;'"
+        raise NoModel("E0602", "there is no model to run in the file", _first_line(files), hint=hint)
     uses = _uses(_own_classes(root, files))
     used = {id(target) for user, _, target in uses if target is not user}
     free = [scope for scope in models if id(scope) not in used]
@@ -103,9 +103,9 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     message = "several models could be meant" if free else "every model here is used by another one"
     candidates = free or models
     labels = tuple(Label(scope.definition.name_span, "or this one") for scope in candidates[1:_SHOWN])
-    names = ", ".join(scope.full_name for scope in candidates)
-    raise Wrong("E0603", message, candidates[0].definition.name_span, found=names, labels=labels,
-                hint="select one with --model NAME")  # fmt: skip
+    names = tuple(scope.full_name for scope in candidates)
+    raise SeveralModels(names, "E0603", message, candidates[0].definition.name_span, labels=labels,
+                        hint="select one with --model NAME")  # fmt: skip
 
 
 def _first_line(files: Sequence[tree.File]) -> Span | None:

@@ -22,7 +22,7 @@ from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import BUILTINS, Builtin
 from lmoc.semantics.classes.redeclare import constraint_of
 from lmoc.semantics.classes.resolve import resolve
-from lmoc.semantics.wrong import Refused, Wrong
+from lmoc.semantics.wrong import NoClass, NotAClass, Refused, Wrong
 from lmoc.sources.natives import NAMES, native
 from lmoc.sources.packages import Folder, Found
 from lmoc.syntax import tree
@@ -326,7 +326,7 @@ class Scope:
         for name in path[1:]:
             found = found.element(name) if isinstance(found, Scope) else None
         if found is None:
-            raise Wrong("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=import_hint(self, path))
+            raise NoClass("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=import_hint(self, path))
         return found
 
     def check_import(self, element: tree.Import) -> None:
@@ -373,14 +373,14 @@ class Scope:
             if found is None:
                 outer.refuse_files(name)
                 hint = nearest(name, (*outer.table, *outer.names())) or classes_hint(outer)
-                raise Wrong("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
+                raise NoClass("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
             self.refuse_files(names[0])
             text = ".".join(names)
             hint = modelica_hint(names) or suggest(self, names[-1])
-            raise Wrong("E0202", f"there is no class '{text}'", ref.span, hint=hint)
+            raise NoClass("E0202", f"there is no class '{text}'", ref.span, hint=hint)
         if isinstance(found, Member):
-            raise Wrong("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span,
+            raise NotAClass("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span,
                         hint=nearest(names[-1], self._classes()))  # fmt: skip
         return found
 

@@ -37,7 +37,7 @@ from lmoc.semantics.nodes.records import record_fields
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Budget, Exhausted, Wrong, check_size
+from lmoc.semantics.wrong import Budget, Exhausted, OutOfRange, Wrong, check_size
 from lmoc.syntax import tree
 
 PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})
@@ -412,7 +412,7 @@ class Elaboration:
 
 
 def _no_axis(component: tree.Component, axis: int, count: int) -> int:
-    raise Wrong("E0215", f"'{component.name}' has no axis {axis + 1}", component.span, expected=f"1 … {count}")
+    raise OutOfRange("E0215", f"'{component.name}' has no axis {axis + 1}", component.span, expected=f"1 … {count}")
 
 
 def _elements_hint(table: Mapping[str, object]) -> str:

@@ -12,7 +12,7 @@ from lmoc.semantics.nodes.instance import Binding, Variable
 from lmoc.semantics.nodes.overrides import element_positions, other_type
 from lmoc.semantics.values.context import Context, Model
 from lmoc.semantics.values.value import Value, from_numbers
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NotKnown, Wrong
 from lmoc.syntax import tree
 
 ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
@@ -61,8 +61,8 @@ class KnownValues:
         self._evaluating.append(variable)
         try:
             found = self._evaluate(variable, variable.value)
-        except Wrong as wrong:
-            if variable.computed and wrong.code == "E0211":
+        except NotKnown:
+            if variable.computed:
                 raise at_events_only(variable, found="a value that changes") from None
             raise
         finally:
@@ -123,7 +123,7 @@ class KnownValues:
         return found
 
 
-def at_events_only(variable: Variable, hint: str = "", found: str = "") -> Wrong:
+def at_events_only(variable: Variable, hint: str = "", found: str = "") -> NotKnown:
     """Return the mistake for a discrete variable whose value would have to be known when compiling."""
     message = f"'{variable.name}' determines the structure of the model, but changes while it runs"
-    return Wrong("E0211", message, variable.span, hint=hint, found=found)
+    return NotKnown("E0211", message, variable.span, hint=hint, found=found)

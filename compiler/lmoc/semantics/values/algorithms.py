@@ -20,7 +20,7 @@ from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
-from lmoc.semantics.wrong import Exhausted, Wrong, check_size
+from lmoc.semantics.wrong import Exhausted, OutOfRange, Wrong, check_size
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk
@@ -215,8 +215,8 @@ class Algorithm:
         if not array.dims:
             raise Wrong("E0216", f"'{target.parts[0].name}' has fewer dimensions", target.span)
         if not 0 <= places[0] < array.dims[0]:
-            raise Wrong("E0215", f"index {places[0] + 1} of '{target.parts[0].name}' is out of range", target.span,
-                        expected=f"1 … {array.dims[0]}")  # fmt: skip
+            message = f"index {places[0] + 1} of '{target.parts[0].name}' is out of range"
+            raise OutOfRange("E0215", message, target.span, expected=f"1 … {array.dims[0]}")
         items = self.context.arrays.elements(array)
         items[places[0]] = self._replaced(items[places[0]], places[1:], value, target)
         return stack(items)

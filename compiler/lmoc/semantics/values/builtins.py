@@ -24,7 +24,7 @@ from lmoc.semantics.values.translate import (
     warn_kink,
 )
 from lmoc.semantics.values.value import Value, common_type, number, stack
-from lmoc.semantics.wrong import Wrong, check_size
+from lmoc.semantics.wrong import OutOfRange, Wrong, check_size
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 
@@ -200,7 +200,7 @@ def _size(context: Context, call: tree.Call) -> Value:
         return stack([number(n, "Integer") for n in dims], type="Integer")
     k = context.whole(context.value(call.arguments[1]), call.arguments[1].span, "an axis", 1)
     if k > len(dims):
-        raise Wrong("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(dims)}")
+        raise OutOfRange("E0215", f"there is no axis {k}", call.arguments[1].span, expected=f"1 … {len(dims)}")
     return number(dims[k - 1], "Integer")
 
 
@@ -405,7 +405,7 @@ def _cat(context: Context, call: tree.Call) -> Value:
         if not part.dims:
             raise Wrong("E0302", "'cat' joins arrays", place.span, expected="an array", found="a scalar")
         if along > len(part.dims):
-            raise Wrong("E0215", f"there is no axis {along}", place.span, expected=f"1 … {len(part.dims)}")
+            raise OutOfRange("E0215", f"there is no axis {along}", place.span, expected=f"1 … {len(part.dims)}")
     return concatenated(context, along - 1, parts, [place.span for place in call.arguments[1:]])
 
 

@@ -16,7 +16,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.nodes.instance import Binding, Instance, InstanceNode, Variable
 from lmoc.semantics.values.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.values.value import Arrays, Value
-from lmoc.semantics.wrong import Budget, NotAlike, Wrong
+from lmoc.semantics.wrong import Budget, NotAlike, NotKnown, Wrong
 from lmoc.syntax import tree
 
 
@@ -162,7 +162,7 @@ class Context:
         if value.type == "String":
             raise Wrong("E0301", f"{what} must be a number, not a text", span)
         if any(dag.depends_on_time(piece.expr) for _, piece in self.arrays.pieces(value)):
-            raise Wrong("E0211", f"{what} must be known when compiling, but depends on time", span)
+            raise NotKnown("E0211", f"{what} must be known when compiling, but depends on time", span)
 
         def column(k: int, order: int) -> Index | float | np.ndarray:
             leaf = self.leaves[k]
@@ -170,12 +170,12 @@ class Context:
                 return leaf.index
             if not leaf.variable.known or order:
                 name = leaf.variable.label
-                raise Wrong("E0211", f"{what} must be known when compiling, but depends on '{name}'", span)
+                raise NotKnown("E0211", f"{what} must be known when compiling, but depends on '{name}'", span)
             return self.model.known.numbers(leaf.variable)[leaf.index]
 
         result = self.arrays.numbers(value, column)
         if np.any(np.isnan(result)):
-            raise Wrong("E0211", f"{what} must be known when compiling, but has no value", span)
+            raise NotKnown("E0211", f"{what} must be known when compiling, but has no value", span)
         return result
 
     def scalar(self, value: Value, span: Span, what: str = "this") -> float:

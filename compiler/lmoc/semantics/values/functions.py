@@ -20,7 +20,7 @@ from lmoc.semantics.values.dimensions import DimensionType, dimension_type, leng
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
 from lmoc.semantics.values.value import Arrays, Value, number
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.wrong import NoClass, NotAClass, OutOfRange, Wrong
 from lmoc.syntax import tree
 
 # what other languages have, and how it is written here
@@ -70,7 +70,7 @@ def _literal(context: Context, e: tree.Call, enumeration: DimensionType) -> Valu
         raise Wrong("E0301", "the number of a literal is an Integer", place, found=x.type)
     n = context.whole(x, place, "the number of a literal", 1)
     if n > enumeration.length:
-        raise Wrong("E0215", f"'{e.function}' has no literal {n}", place, expected=f"1 … {enumeration.length}")
+        raise OutOfRange("E0215", f"'{e.function}' has no literal {n}", place, expected=f"1 … {enumeration.length}")
     return number(n, enumeration.name)
 
 
@@ -78,12 +78,10 @@ def _find(context: Context, e: tree.Call) -> Scope:
     try:
         found = context.scope.find_class(e.function)
         base = resolve(found).base
-    except Wrong as wrong:
-        if wrong.code == "E0223":
-            raise Wrong("E0203", f"'{e.function}' is not a function", e.function.span,
-                        hint=f"subscripts are written in brackets: '{e.function}[…]'") from None  # fmt: skip
-        if wrong.code != "E0202":
-            raise
+    except NotAClass:
+        raise Wrong("E0203", f"'{e.function}' is not a function", e.function.span,
+                    hint=f"subscripts are written in brackets: '{e.function}[…]'") from None  # fmt: skip
+    except NoClass:
         name = str(e.function)
         functions = [n for n in visible(context.scope) if _is_function(context.scope.find(n))]
         last = e.function.parts[-1].name

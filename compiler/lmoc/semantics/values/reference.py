@@ -21,7 +21,7 @@ from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import Index, align, positions
 from lmoc.semantics.values.value import Value, number, stack
-from lmoc.semantics.wrong import NotAlike, Wrong
+from lmoc.semantics.wrong import NoElement, NotAlike, NotThere, OutOfRange, Wrong
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
@@ -169,16 +169,15 @@ def locate(context: Context, ref: tree.Ref, start: InstanceNode) -> Located:
 def step(context: Context, node: InstanceNode, part: tree.RefPart) -> InstanceNode:
     """The element of a node that a further part of a reference names."""
     if not isinstance(node, Instance):
-        raise Wrong("E0201", f"'{node.name}' is a variable and has no element '{part.name}'", part.span)
+        message = f"'{node.name}' is a variable and has no element '{part.name}'"
+        raise NoElement("E0201", message, part.span, "", guessed=False)
     found = node.cls.table.get(part.name)
     if not isinstance(found, Member):
         members = [n for n, m in node.cls.table.items() if isinstance(m, Member) and not m.protected]
-        raise Wrong(
-            "E0201",
-            f"'{node.name}' ({node.cls.name}) has no element '{part.name}'",
-            part.span,
-            hint=nearest(part.name, members) or (f"it has {', '.join(members[:8])}" if members else ""),
-        )
+        near = nearest(part.name, members)
+        hint = near or (f"it has {', '.join(members[:8])}" if members else "")
+        message = f"'{node.name}' ({node.cls.name}) has no element '{part.name}'"
+        raise NoElement("E0201", message, part.span, hint, guessed=bool(near))
     if found.protected:
         raise Wrong("E0210", f"'{part.name}' is protected in '{node.cls.name}'", part.span)
     return context.model.child(node, part.name)
@@ -188,7 +187,7 @@ def _require_present(node: InstanceNode, part: tree.RefPart) -> None:
     if isinstance(node, Broken):
         raise Wrong()
     if isinstance(node, Absent):
-        raise Wrong("E0218", f"'{node.name}' is absent here: its condition is false", part.span)
+        raise NotThere("E0218", f"'{node.name}' is absent here: its condition is false", part.span)
 
 
 def _subscripts(context: Context, node: InstanceNode, part: tree.RefPart) -> list[Index | Slice]:
@@ -240,7 +239,7 @@ def subscript(context: Context, expression: tree.Expression, length: int, name: 
 
 
 def _out_of_range(number: int, length: int, name: str, span: Span) -> Wrong:
-    return Wrong(
+    return OutOfRange(
         "E0215", f"index {number} of '{name}' is out of range", span, expected=f"1 … {length}", found=str(number)
     )
 

@@ -14,7 +14,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import align
 from lmoc.semantics.values.value import Value, common_type, number, stack, text
-from lmoc.semantics.wrong import RowsDiffer, Wrong
+from lmoc.semantics.wrong import OutOfRange, RowsDiffer, Wrong
 from lmoc.syntax import tree
 
 ARITHMETIC: dict[str, Callable[[Expr, Expr], Expr]] = {
@@ -283,8 +283,8 @@ def _if(context: Context, e: tree.If) -> Value:
         result = context.value(values[last])
         for k in reversed(open_ones):
             result = choose(context, conditions[k], context.value(values[k]), result, e.span)
-    except Wrong as wrong:
-        if wrong.code != "E0215" or any(changes(context, conditions[k]) for k in open_ones):
+    except (OutOfRange, RowsDiffer) as wrong:  # the latter from an if-expression inside of this one
+        if any(changes(context, conditions[k]) for k in open_ones):
             raise
         return _by_rows(context, e, conditions, last, wrong)
     return result

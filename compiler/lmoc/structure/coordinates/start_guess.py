@@ -6,7 +6,7 @@ import numpy as np
 
 from lmoc.ir.program import Program, Solve, walk
 from lmoc.ir.reduced import StartGuess
-from lmoc.messages.diagnostics import Diagnostic
+from lmoc.messages.diagnostics import Diagnostic, Subject
 from lmoc.structure.coordinates.closure import StartPoint
 from lmoc.structure.coordinates.selection import Selection
 from lmoc.structure.index.system import EquationSystem
@@ -90,4 +90,5 @@ def _not_closed(selection: Selection, variable: int, value: float) -> Diagnostic
         given[-1].span if given else flat.declared_at(variable),
         found=f"it closes with {name} = {value:.6g}, for example",
         hint="start elsewhere, or change the lengths of the bars",
+        subject=Subject.NO_START,
     )

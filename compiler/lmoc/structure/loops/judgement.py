@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.expression.dag import ZERO
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import Guard
-from lmoc.messages.diagnostics import Diagnostic, Label, Report
+from lmoc.messages.diagnostics import Diagnostic, Label, Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.structure.linear.coefficients import UNKNOWN, is_constant
 from lmoc.structure.linear.derived import DerivedParameters
@@ -214,4 +214,5 @@ def redundancy_notes(loops: Loops, repeated: dict[int, list[int]]) -> Iterable[D
         hint = f"{more} more constraints are redundant" if i == SHOWN - 1 and more > 0 else ""
         spans = loops.equations.spans(around)
         labels = tuple(Label(s, "also here") for s in spans[1:])
-        yield Diagnostic("N0415", message, spans[0] if spans else None, hint=hint, labels=labels)
+        span = spans[0] if spans else None
+        yield Diagnostic("N0415", message, span, hint=hint, labels=labels, subject=Subject.LEFT_OUT)

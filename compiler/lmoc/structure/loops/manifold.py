@@ -24,7 +24,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Check, FlatDAE
 from lmoc.ir.normalized import JetGroup, Normalized
 from lmoc.ir.reduced import Guard
-from lmoc.messages.diagnostics import Diagnostic, Label
+from lmoc.messages.diagnostics import Diagnostic, Label, Subject
 from lmoc.structure.index.dulmage_mendelsohn import components
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.system import EquationSystem
@@ -396,4 +396,5 @@ def _notes(normalized: Normalized, dropped: dict[int, list[int]]) -> Iterator[Di
         hint = f"{more} more constraints follow from others" if i == SHOWN - 1 and more > 0 else ""
         spans = equations.spans(around)
         labels = tuple(Label(s, "also here") for s in spans[1:])
-        yield Diagnostic("N0415", message, spans[0] if spans else None, hint=hint, labels=labels)
+        span = spans[0] if spans else None
+        yield Diagnostic("N0415", message, span, hint=hint, labels=labels, subject=Subject.LEFT_OUT)

@@ -15,7 +15,7 @@ import numpy as np
 
 from lmoc.ir.law import LawKind
 from lmoc.ir.prepared import Prepared
-from lmoc.messages.diagnostics import ModelError
+from lmoc.messages.diagnostics import Area, ModelError
 from lmoc.symbolic import places
 from lmoc.symbolic.equilibria import Equilibria, Equilibrium, LawsAtRest
 from lmoc.symbolic.interface import equilibria
@@ -41,14 +41,13 @@ from lmoc.symbolic.rests import linear_model_at
 from lmoc.symbolic.system import MOST_OPERATIONS, refuse, symbolic_system, time_stands_in_it
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import with_all_values
-from lmoc.symbolic.values import exactly, read_values
+from lmoc.symbolic.values import NoValueError, exactly, read_values
 
 if TYPE_CHECKING:
     import sympy
 
 MOST_TRIED = 256  # modes of a nonlinear scene, or of one without values, which are tried one after the other
 HOW = "the static complementarity problem of its laws"
-NO_VALUE = "E0662"
 SAMPLES = 720  # along a coordinate that friction may hold
 REACH = 10.0  # m, on both sides
 
@@ -66,9 +65,7 @@ def equilibria_with_laws(scene: Lawful, inputs: Point | None = None) -> Equilibr
     given |= places.numbers(scene.prepared, read_values(inputs or {}, scene.flat))
     try:
         system = StaticSystem(scene, given)
-    except ModelError as error:
-        if {d.code for d in error.diagnostics} != {NO_VALUE}:
-            raise
+    except NoValueError:
         return _of_all_modes(scene, given)
     if contains_time(system.reduced.rhs):
         raise time_stands_in_it()
@@ -247,7 +244,7 @@ def _rests_of(
     try:
         mode = scene.in_mode(choice.closed == CLOSED, choice.direction)
     except ModelError as error:
-        if not all(d.code.startswith("E04") for d in error.diagnostics):
+        if not all(d.area is Area.STRUCTURE and d.severity == "error" for d in error.diagnostics):
             raise
         return  # a structure that cannot be: two stops that would hold one body at two places
     if in_numbers and mode.reduced.invariants is not None and len(mode.reduced.states):

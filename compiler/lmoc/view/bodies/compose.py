@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.symbolic.too_long import NotDerivableError
 from lmoc.view.bodies.balance import Balance, Force, FreeBodies, free_bodies
 from lmoc.view.bodies.diagram import WIDTH, Numbers, draw_bodies
 from lmoc.view.bodies.measured import Start, measured_bodies
@@ -81,8 +82,8 @@ def free_body_picture(
         cut_out = {e.name for e in on_lines}
         try:
             found = free_bodies(prepared.reduced, values, all_parts, cut_out)
-        except ModelError as error:
-            if start is None and run is None or any(d.code != "E0660" for d in error.diagnostics):
+        except NotDerivableError as error:
+            if start is None and run is None:
                 raise
             found = measured_bodies(all_parts, cut_out)
             notes = (f"forces in numbers, for there are no formulas: {error.diagnostics[0].message}",)
