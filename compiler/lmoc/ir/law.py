@@ -79,10 +79,12 @@ class Laws:
         """The derivative of the motion that a closed law keeps at zero first: 0 of a gap, 1 of a velocity."""
         return 0 if self.kind is LawKind.UNILATERAL else 1
 
-    @property
-    def carries_impulse(self) -> bool:
-        """Return whether the force may be an impulse; bounded friction is none, even while it sticks."""
-        return self.kind is not LawKind.DRY_FRICTION
+    def column(self, name: str) -> np.ndarray:
+        """The column of a name, which laws of this kind have: ValueError where they have none."""
+        column: np.ndarray | None = getattr(self, name)
+        if column is None:
+            raise ValueError(f"laws of {self.kind.value} have no {name}")
+        return column
 
     def columns(self) -> dict[str, np.ndarray]:
         """All columns by their names."""

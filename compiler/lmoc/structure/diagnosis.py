@@ -9,6 +9,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, Label, Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
+from lmoc.messages.source import Span
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates.coordinates import Choice
 from lmoc.structure.coordinates.jumps import deciding
@@ -238,7 +239,8 @@ def refused_states(
     flat, n = system.flat, system.normalized
     equations = Equations(flat)
     for name in states:
-        for v in flat.find(name) if flat.find(name) is not None else ():
+        found = flat.find(name)
+        for v in () if found is None else found:
             root, order = int(n.root[v]), int(n.order[v])
             column = int(system.column[root])
             if column >= 0 and is_state[layout.base[root] + order]:
@@ -256,7 +258,7 @@ def refused_states(
             _refuse(report, message, reason, _span(flat, int(v)))
 
 
-def _refuse(report: Report, message: str, reason: str, span) -> None:
+def _refuse(report: Report, message: str, reason: str, span: Span | None) -> None:
     hint = "leave it out of states=[…] (--states), or name fewer states"
     report.error("E0406", f"{message}: {reason}", span, hint=hint, subject=Subject.STATE_REFUSED)
 
@@ -328,11 +330,19 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
-def _span(flat: FlatDAE, variable: int):
+def _span(flat: FlatDAE, variable: int) -> Span | None:
     return flat.declared_at(variable)
 
 
-def _at(equations: Equations, sources: Sequence[int], report: Report, code: str, message: str, fallback=None, **more):
+def _at(
+    equations: Equations,
+    sources: Sequence[int],
+    report: Report,
+    code: str,
+    message: str,
+    fallback: Span | None = None,
+    **more: str,
+) -> None:
     spans = equations.spans(sources)
     labels = tuple(Label(s, "also here") for s in spans[1:SHOWN])
     report.error(code, message, spans[0] if spans else fallback, labels=labels, **more)

@@ -18,7 +18,7 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import Apply, split_program
 from lmoc.ir.reduced import Guard, Reduced
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.structure import diagnosis
 from lmoc.structure.blocks.solution import Solution
 from lmoc.structure.coordinates import preferences
@@ -81,12 +81,12 @@ def solve_structure(
     match = highest_value_transversal(system.incidence)
     if match is None:
         diagnosis.structurally_singular(system, report)
-        report.check()
+        raise ModelError(report.diagnostics)
     wanted = preferences.asked_for(system, states)
     selection = select(system, match, wanted)
-    if len(selection.choice.singular):
+    if not isinstance(selection, Selection):
         diagnosis.dependent_constraints(system, selection.jacobian(), selection.choice.singular, report)
-        report.check()
+        raise ModelError(report.diagnostics)
     diagnosis.refused_states(system, states or (), selection.layout, selection.is_state, selection.c, report)
     minimal, found, rate = selection, closures(selection), np.zeros(0, np.int64)
     if loops and found is not None:

@@ -15,7 +15,7 @@ from lmoc.ir.normalized import JetGroup, LongSums, Normalized
 from lmoc.ir.program import Apply, Program, Total
 from lmoc.ir.reduced import Reduced
 from lmoc.structure.blocks.block_equations import SquareSystem
-from lmoc.structure.coordinates.selection import select
+from lmoc.structure.coordinates.selection import Selection, select
 from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.registers.assemble import Solved, assemble
@@ -75,7 +75,7 @@ def with_dummy_derivatives(flat: FlatDAE, values: np.ndarray) -> Unreduced:
     if match is None:
         raise SingularSystemError("the equations are structurally singular")
     selection = select(system, match, np.zeros(0, np.int64))
-    if len(selection.choice.singular):
+    if not isinstance(selection, Selection):
         raise SingularSystemError("some constraints follow from others")
     return _open(system, selection.layout, selection.square, selection.is_state)
 

@@ -65,6 +65,7 @@ class Gauss(Integration):
     def jump(self, x: np.ndarray) -> None:
         self.before, self.x = self.t, x.copy()
         self.z: np.ndarray | None = None
+        self._between: np.ndarray | None = None  # the polynomial along the last step, once it is asked for
         self.stale, self.growing, self.calm, self.longer = True, True, 0, np.inf
         self._origin, self._done = self.t, 0
         with np.errstate(all="ignore"):
@@ -142,7 +143,7 @@ class Gauss(Integration):
             return False
         self._past = self.x, self.slope
         self.before, self.t, self.x, self.z, self.slope = self.t, t_new, x, z, slope
-        self._between: np.ndarray | None = None
+        self._between = None
         self.steps += 1
         self._done += 1
         return True

@@ -105,15 +105,15 @@ class SquareSystem:
         self.match = match
         self.owner = np.full(self.registers, -1, INDEX)
         self.owner[match] = counted(0, self.count)
-        row, register = [np.zeros(0, INDEX)], [np.zeros(0, INDEX)]
+        rows, registers = [np.zeros(0, INDEX)], [np.zeros(0, INDEX)]
         for r in self.rows:
             for i in r.unknown:
-                row.append(r.equations)
-                register.append(r.registers[:, i])
+                rows.append(r.equations)
+                registers.append(r.registers[:, i])
         for s in self.sums:
-            row.append(s.first + s.sums.entry_row)
-            register.append(s.registers)
-        row, register = np.concatenate(row), np.concatenate(register)
+            rows.append(s.first + s.sums.entry_row)
+            registers.append(s.registers)
+        row, register = np.concatenate(rows), np.concatenate(registers)
         computed = self.owner[register] >= 0
         self.incidence = _incidence(self.count, self.registers, row[computed], register[computed])
         self.given = _incidence(self.count, self.registers, row[~computed], register[~computed])

@@ -63,7 +63,8 @@ def _scipy(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
 
     graph = csr_matrix((np.ones(len(user), np.int8), (user, source)), (count, count))
-    return connected_components(graph, directed=True, connection="strong")[1]
+    result: np.ndarray = connected_components(graph, directed=True, connection="strong")[1]
+    return result
 
 
 def _tarjan(user: np.ndarray, source: np.ndarray, count: int) -> np.ndarray:

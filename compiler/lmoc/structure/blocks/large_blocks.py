@@ -17,7 +17,7 @@ from lmoc.ir.program import Apply, Solve, Step, Total
 from lmoc.structure.blocks.block_equations import BatchRows, SquareSystem, SumRows
 from lmoc.structure.blocks.small_blocks import NOTHING, Surroundings
 from lmoc.structure.linear.coefficients import is_constant
-from lmoc.structure.linear.explicit import as_formula, jointly_linear, pivot, solved
+from lmoc.structure.linear.explicit import as_formula, jointly_linear, pivot, solution
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
@@ -34,7 +34,7 @@ class Piece:
     @property
     def unknown(self) -> tuple[Expr, ...]:
         """Leaves that are unknown in any row."""
-        return tuple(leaf for leaf, found in zip(self.rows.leaves, self.inside.any(axis=0), strict=True) if found)
+        return tuple(leaf for k, leaf in enumerate(self.rows.leaves) if self.inside[:, k].any())
 
     @property
     def residual(self) -> Expr:
@@ -78,10 +78,9 @@ def steps_of(system: SquareSystem, equations: np.ndarray, around: Surroundings) 
     """
     pieces, sums = pieces_of(system, equations)
     unknowns = np.sort(system.match[equations])
-    rows = [jointly_linear(p.residual, p.unknown) for p in pieces]
-    linear = all(r is not None for r in rows)
-    pairs = list(zip(pieces, rows, strict=True))
-    constant = linear and all(is_constant(c, p.rows.batch.kinds) for p, r in pairs for _, c in r)
+    rows = [r for p in pieces if (r := jointly_linear(p.residual, p.unknown)) is not None]
+    linear = len(rows) == len(pieces)
+    constant = linear and all(is_constant(c, p.rows.batch.kinds) for p, r in zip(pieces, rows) for _, c in r)
     if constant:
         around.test(partial(_singular, pieces, rows, sums, equations, unknowns), equations[None, :])
     definitions = _definitions(pieces, around.favourite, system.registers, around.values)
@@ -92,7 +91,7 @@ def steps_of(system: SquareSystem, equations: np.ndarray, around: Surroundings) 
     for p, leaf in definitions:
         out = p.registers[:, p.rows.leaves.index(leaf)]
         computed.append(out)
-        steps.append(p.apply(solved(p.residual, leaf), out))
+        steps.append(p.apply(solution(p.residual, leaf), out))
     taken = {id(p) for p, _ in definitions}
     residuals = []
     for p in pieces:
@@ -124,7 +123,8 @@ def _vanishing(piece: Piece, leaf: Expr, values: np.ndarray) -> np.ndarray:
         return np.ones(len(piece.equations), bool)
     found = [pivot(piece.residual, kinds, other) for other in piece.unknown]
     sizes = [np.abs(piece.constant(c, values)) for c in found if c is not None]
-    return ~(np.abs(piece.constant(own, values)) > NOTHING * np.max(sizes, axis=0))
+    result: np.ndarray = ~(np.abs(piece.constant(own, values)) > NOTHING * np.max(sizes, axis=0))
+    return result
 
 
 def _definitions(
@@ -134,7 +134,7 @@ def _definitions(
     uses = np.zeros(registers, np.int64)
     for p in pieces:
         np.add.at(uses, p.registers[p.inside], 1)
-    candidates = []
+    candidates: list[tuple[int, float, int, Piece, int]] = []
     for p in pieces:
         for i, leaf in enumerate(p.rows.leaves):
             out = p.registers[:, i]
@@ -158,12 +158,19 @@ def _definitions(
     return result
 
 
-def _singular(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _singular(
+    pieces: list[Piece],
+    linear: list[tuple[tuple[Expr, Expr], ...]],
+    sums: list[tuple[SumRows, np.ndarray]],
+    equations: np.ndarray,
+    unknowns: np.ndarray,
+    values: np.ndarray,
+) -> np.ndarray:
     """(1,) whether the matrix cannot be factorized with these values."""
     from scipy.sparse import csc_matrix, diags
     from scipy.sparse.linalg import splu
 
-    row, column, entry = [], [], []
+    row, column, entries = [], [], []
     for p, coefficients in zip(pieces, linear, strict=True):
         for leaf, c in coefficients:
             i = p.rows.leaves.index(leaf)
@@ -171,7 +178,7 @@ def _singular(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray,
             inside = p.inside[:, i]
             row.append(np.searchsorted(equations, p.equations[inside]))
             column.append(np.searchsorted(unknowns, p.registers[inside, i]))
-            entry.append(number[inside])
+            entries.append(number[inside])
     for s, which in sums:
         step = total(s, which, which)
         number = np.repeat(np.searchsorted(equations, s.first + which), np.diff(step.start))
@@ -179,8 +186,8 @@ def _singular(pieces, linear, sums, equations: np.ndarray, unknowns: np.ndarray,
         inside = unknowns[at] == step.index
         row.append(number[inside])
         column.append(at[inside])
-        entry.append(step.coefficient[inside])
-    entry = np.concatenate(entry)
+        entries.append(step.coefficient[inside])
+    entry = np.concatenate(entries)
     if not np.isfinite(entry).all():
         return np.array([False])
     n = len(equations)

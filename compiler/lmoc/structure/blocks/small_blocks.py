@@ -13,7 +13,7 @@ from lmoc.ir.program import Apply, Solve, Step
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.blocks.tearing import Tearing, tear
 from lmoc.structure.linear.coefficients import Kinds, is_constant
-from lmoc.structure.linear.explicit import as_formula, jointly_linear, pivot, solve_pair, solved
+from lmoc.structure.linear.explicit import as_formula, jointly_linear, pivot, solution, solve_pair
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
@@ -72,7 +72,9 @@ def alike_blocks(system: SquareSystem, members: np.ndarray, needed: np.ndarray) 
             yield from _alike(system, equations, batches, needed)
 
 
-def _alike(system: SquareSystem, equations: np.ndarray, batches: tuple, needed: np.ndarray) -> Iterator[AlikeBlocks]:
+def _alike(
+    system: SquareSystem, equations: np.ndarray, batches: tuple[int, ...], needed: np.ndarray
+) -> Iterator[AlikeBlocks]:
     parts = [system.rows[b] for b in batches]
     tables = [p.registers[equations[:, i] - p.first] for i, p in enumerate(parts)]
     table = np.concatenate(tables, axis=1)
@@ -166,16 +168,17 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     order = tear(unknowns, safe, favourites)
     for e, v in order.steps:
         around.divide(partial(_has_vanished, blocks, blocks.residuals[e], v, unknowns[e]))
-    inner = [(v, solved(blocks.residuals[e], slot(v))) for e, v in order.steps]
-    linear = [jointly_linear(r, tuple(slot(v) for v in blocks.internal)) for r in blocks.residuals]
-    is_linear = all(row is not None for row in linear)
+    inner = [(v, solution(blocks.residuals[e], slot(v))) for e, v in order.steps]
+    leaves = tuple(slot(v) for v in blocks.internal)
+    linear = [row for r in blocks.residuals if (row := jointly_linear(r, leaves)) is not None]
+    is_linear = len(linear) == len(blocks.residuals)
     constant = is_linear and all(is_constant(c, blocks.kinds) for row in linear for _, c in row)
     if constant:
         around.test(partial(_singular, blocks, linear), blocks.equations)
     explicit = _formulas(blocks, order, inner, constant, favourites) if is_linear else None
     if explicit is not None:
-        torn = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=True)]
-        return torn + [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
+        torn: list[Step] = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=True)]
+        return [*torn, *(blocks.apply(f, blocks.registers[:, v]) for v, f in inner)]
     residuals = around.new_registers(len(blocks.equations) * len(order.residuals)).reshape(len(blocks.equations), -1)
     steps = [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
     steps += [blocks.apply(blocks.residuals[e], residuals[:, i]) for i, e in enumerate(order.residuals)]
@@ -191,7 +194,8 @@ def _vanishing(
         return np.ones(len(blocks.equations), bool)
     sizes = [np.abs(evaluate(c, lambda k, _: values[blocks.registers[:, k]])) for c in found if c is not None]
     size, *others = (np.broadcast_to(s, len(blocks.equations)) for s in sizes)
-    return ~(size > NOTHING * np.max(others, axis=0))
+    result: np.ndarray = ~(size > NOTHING * np.max(others, axis=0))
+    return result
 
 
 def _has_vanished(
@@ -204,10 +208,11 @@ def _has_vanished(
     found = [pivot(residual, blocks.kinds, slot(v)) for v in (unknown, *unknowns)]
     columns = sorted({leaf.value[0] for c in found if c is not None for leaf in slots(c)})
     missing = np.isnan(values[blocks.registers[:, columns]]).any(axis=1)
-    return _vanishing(blocks, residual, unknown, unknowns, values) & ~missing
+    result: np.ndarray = _vanishing(blocks, residual, unknown, unknowns, values) & ~missing
+    return result
 
 
-def _singular(blocks: AlikeBlocks, linear: list, values: np.ndarray) -> np.ndarray:
+def _singular(blocks: AlikeBlocks, linear: list[tuple[tuple[Expr, Expr], ...]], values: np.ndarray) -> np.ndarray:
     """(instances,) whether the smallest singular value is nothing beside the largest, rows and columns scaled."""
     place = {slot(v): i for i, v in enumerate(blocks.internal)}
     matrix = np.zeros((len(blocks.equations), len(linear), len(place)))
@@ -224,7 +229,7 @@ def _singular(blocks: AlikeBlocks, linear: list, values: np.ndarray) -> np.ndarr
 
 
 def _formulas(
-    blocks: AlikeBlocks, order: Tearing, inner: list, constant: bool, favourites: frozenset[int]
+    blocks: AlikeBlocks, order: Tearing, inner: list[tuple[int, Expr]], constant: bool, favourites: frozenset[int]
 ) -> tuple[Expr, ...] | None:
     """The torn unknowns by Cramer's rule, where that is short and the determinant is no matter of the state.
 

@@ -37,7 +37,7 @@ class Solution:
     tests: list[tuple[str, Callable[[np.ndarray], np.ndarray]]] = field(default_factory=list)
     singular: list[np.ndarray] = field(default_factory=list)
     _steps: list[tuple[bool, int, Step]] = field(default_factory=list)
-    _explicit: dict[tuple, list[tuple[np.ndarray, np.ndarray]]] = field(default_factory=dict)
+    _explicit: dict[tuple[bool, int, Expr], list[tuple[np.ndarray, np.ndarray]]] = field(default_factory=dict)
 
     def new_registers(self, count: int) -> np.ndarray:
         first = self.system.registers + self.helpers
@@ -77,7 +77,9 @@ class Solution:
             table = registers if part is None else registers[part]
             self._solved(rows, leaf, table, equations if part is None else equations[part], at, bool(needed))
 
-    def _solved(self, rows: BatchRows, leaf: Expr, table: np.ndarray, equations, level: int, needed: bool) -> None:
+    def _solved(
+        self, rows: BatchRows, leaf: Expr, table: np.ndarray, equations: np.ndarray, level: int, needed: bool
+    ) -> None:
         out = table[:, rows.leaves.index(leaf)]
         formula = solved(rows.batch.shape, leaf)
         if formula is None:
@@ -138,7 +140,7 @@ class Solution:
             level = int(blocks.level[blocks.block[equations[0]]])
             self._add(bool(self.needed[equations[0]]), level, large_blocks.steps_of, system, equations)
 
-    def _add(self, needed: bool, level: int, maker: Callable[..., list[Step]], *what) -> None:
+    def _add(self, needed: bool, level: int, maker: Callable[..., list[Step]], *what: object) -> None:
         try:
             around = small_blocks.Surroundings(self.favourite, self.values, self.new_registers, self.tests)
             steps = maker(*what, around)

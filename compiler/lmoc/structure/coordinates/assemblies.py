@@ -54,7 +54,8 @@ class Wishes:
 
     def missed(self, x: np.ndarray) -> np.ndarray:
         """Return the differences (…, w) from what is wished at points (…, n)."""
-        return self.factor * x[..., self.place] + self.offset - self.target
+        result: np.ndarray = self.factor * x[..., self.place] + self.offset - self.target
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,8 @@ class Loops:
         """(n,) mask of the unknowns with a guess."""
         mask = np.zeros(len(self.begin), bool)
         mask[self.wishes.place[self.wishes.level <= 0]] = True
-        return mask & ~self.held
+        result: np.ndarray = mask & ~self.held
+        return result
 
     @cached_property
     def aims(self) -> np.ndarray:
@@ -194,13 +196,15 @@ class Loops:
                 done[np.flatnonzero(~done)[ended]] = True
                 if done.all():
                     break
-            return x[np.isfinite(x).all(axis=1) & self._met(x, _MET)]
+            result: np.ndarray = x[np.isfinite(x).all(axis=1) & self._met(x, _MET)]
+            return result
 
     def _met(self, x: np.ndarray, share: float) -> np.ndarray:
         """Return whether the constraints hold at points (k, n), but for a share of their terms."""
         residual, jacobian = self.dense(x)
         size = (np.abs(jacobian) * np.maximum(self.size, np.abs(x))[:, None, :]).sum(axis=2) + 1e-300
-        return (np.abs(residual) <= share * size).all(axis=1)
+        result: np.ndarray = (np.abs(residual) <= share * size).all(axis=1)
+        return result
 
     def _rounded(self, x: np.ndarray) -> np.ndarray:
         """Return a point with zeros for what only rounding keeps from being zero."""
@@ -238,7 +242,8 @@ class Loops:
         weight = np.where(self.turns.angle[w.place], np.array([1.0, 1.0, 1e-3, 1e-6])[w.level + 1], 0.0)
         effect = TURN * basis[:, w.place] * w.factor
         z = nearest_turns(weight * w.missed(x), weight * effect)
-        return x + TURN * z @ basis
+        result: np.ndarray = x + TURN * z @ basis
+        return result
 
     def _by_distance(self, points: np.ndarray) -> np.ndarray:
         """Numbers of the points, the nearest first."""
@@ -255,9 +260,9 @@ class Loops:
             for k in range(len(levels)):
                 least = min(cost[i, k] for i in among)
                 among = [i for i in among if cost[i, k] <= least + _EQUAL]
-            first = max(among, key=lambda i: tuple(np.round(points[i, w.place], 4).tolist()))
-            order.append(first)
-            left.remove(first)
+            best = max(among, key=lambda i: tuple(np.round(points[i, w.place], 4).tolist()))
+            order.append(best)
+            left.remove(best)
         return np.array(order)
 
 
@@ -271,6 +276,6 @@ def _steps(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np
     lost = ~(np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     normal[lost] = np.eye(normal.shape[1])
     multiplier = np.linalg.solve(normal, -(residual / size)[..., None])[..., 0]
-    step = weight * np.einsum("kmn,km->kn", scaled, multiplier)
+    step: np.ndarray = weight * np.einsum("kmn,km->kn", scaled, multiplier)
     step[lost] = np.nan
     return step

@@ -93,9 +93,9 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
         part = rows.take(own)
         inside = np.searchsorted(rows.jets, part.jets)
         if part.count <= DENSE and _geometric(system, part.source):
-            assemblies = _assemblies(part, weight[inside], wanted)
-            found = None if assemblies is None else assemblies.points[0]
+            found, assemblies = None, _assemblies(part, weight[inside], wanted)
             if assemblies is not None:
+                found = assemblies.points[0]
                 loose |= not assemblies.isolated
                 ways += wanted.told_apart(part.jets, assemblies)
                 fixed = weight[inside] <= FIXED

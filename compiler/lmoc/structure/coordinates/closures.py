@@ -142,8 +142,8 @@ def released(selection: Selection, found: Closures) -> tuple[Selection, np.ndarr
     square = SquareSystem(parts, sums, base, layout.count + len(found.row))
     choice = _choice(selection, found)
     wanted = np.concatenate([selection.wanted, found.column])  # states although no equation reads them
-    whole = replace(selection, choice=choice, square=square, wanted=wanted)
-    return finished(whole), base[len(layout.base) :]
+    whole = replace(selection, choice=choice, wanted=wanted)
+    return finished(whole, layout, square), base[len(layout.base) :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,8 @@ class _Split:
 
     @cached_property
     def closing(self) -> np.ndarray:
-        return self.closures.among(self.rows)[self.batch.row]
+        result: np.ndarray = self.closures.among(self.rows)[self.batch.row]
+        return result
 
     def parts(self) -> Iterator[EquationBatch]:
         b = self.batch

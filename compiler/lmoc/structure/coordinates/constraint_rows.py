@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -129,7 +129,7 @@ class ConstraintRows:
         """Return residuals (…, count) and the Jacobian (…, count, n) at values (…, n)."""
         residual, entry = self.linearized(values)
         jacobian = np.zeros((*values.shape[:-1], self.count * len(self.jets)))
-        np.add.at(jacobian, (..., self.row * len(self.jets) + self.column), entry)
+        np.add.at(jacobian.T, self.row * len(self.jets) + self.column, entry.T)
         return residual, jacobian.reshape(*values.shape[:-1], self.count, len(self.jets))
 
     def step(self, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -160,9 +160,15 @@ class ConstraintRows:
         for (part, partials), places in zip(self._parts, self._places, strict=True):
             n = len(part.row)
 
-            def column(k: int, order: int, part=part, places=places) -> np.ndarray:
+            def column(
+                k: int,
+                order: int,
+                part: EquationBatch = part,
+                places: Mapping[tuple[int, int], np.ndarray] = places,
+            ) -> np.ndarray:
                 place = places.get((k, order))
-                return at[order, part.slots[:, k]] if place is None else values[..., place]
+                found: np.ndarray = at[order, part.slots[:, k]] if place is None else values[..., place]
+                return found
 
             residual[..., first : first + n] = evaluate(part.shape, column, time)
             if entries:
@@ -174,11 +180,11 @@ class ConstraintRows:
             found.append(entry)
             first += own.rows
         if len(self._sum_rows):
-            np.add.at(residual, (..., self._sum_rows), self._coefficient * values[..., self._sum_column])
+            np.add.at(residual.T, self._sum_rows, (self._coefficient * values[..., self._sum_column]).T)
         found.append(np.broadcast_to(self._coefficient, (*shape, len(self._coefficient))))
         return residual, np.concatenate(found, axis=-1) if entries else found[0]
 
-    def _value_of(self, values: np.ndarray):
+    def _value_of(self, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the function from jets, unknown here or not, to their values (…, jets)."""
         at = self.sample.value
 
@@ -198,6 +204,7 @@ class ConstraintRows:
         jacobian = csr_matrix((entry, (self.row, self.column)), (self.count, len(self.jets)))
         normal = jacobian @ diags(weight) @ jacobian.T + DAMPING * identity(self.count)
         try:
-            return splu(normal.tocsc()).solve(right)
+            result: np.ndarray = splu(normal.tocsc()).solve(right)
+            return result
         except RuntimeError:  # SuperLU: "Factor is exactly singular"
             return np.full(self.count, np.nan)

@@ -86,7 +86,9 @@ def _entries(selection: Selection) -> _Entries:
     return np.concatenate(rows), np.concatenate(columns), np.concatenate(constants), formulas
 
 
-def _program(formulas, kept: np.ndarray, row: np.ndarray, first: int) -> tuple[tuple[Step, ...], np.ndarray]:
+def _program(
+    formulas: list[tuple[Expr, np.ndarray]], kept: np.ndarray, row: np.ndarray, first: int
+) -> tuple[tuple[Step, ...], np.ndarray]:
     """Return the steps that fill the entries of the rows kept, and the register of each entry."""
     place, steps, start = np.full(len(row), -1), [], 0
     for shape, table in formulas:

@@ -22,6 +22,7 @@ from lmoc.support.records import dataclass
 # divided by without care, and to be divided by at all if there is another; one that never changes must only be there.
 SAFE_SHARE, VANISHING, ROUNDOFF = 0.1, 1e-6, 1e-10
 UNUSABLE = 5
+Rows = dict[int, dict[int, float]]  # the entries of each row by their column
 
 
 class Wish(IntEnum):
@@ -56,7 +57,8 @@ def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wish: np.
     rank : as `preference` gives it
     wish : (columns,) Wish
     """
-    dependent, match = [], []
+    dependent: list[np.ndarray] = []
+    match: list[tuple[np.ndarray, np.ndarray]] = []
     allowed = np.ones(len(d), bool)
     previous = np.zeros(0, np.int64)
     for stage in range(1, int(c.max(initial=0)) + 1):
@@ -175,7 +177,7 @@ def _pivots(
         where they change along the motion
     size : (rows,) the largest entry of each row; of those in `tied` by default
     """
-    rows: dict[int, dict[int, float]] = {}
+    rows: Rows = {}
     column_rows: dict[int, set[int]] = {}
     steady: dict[int, bool] = {}
     entries = zip(tied.row.tolist(), tied.column.tolist(), values.tolist(), tied.constant.tolist(), strict=True)
@@ -205,7 +207,9 @@ def _pivots(
     return pivots
 
 
-def _clear(r: int, c: int, living: list[int], rows: dict, column_rows: dict, scale: dict) -> None:
+def _clear(
+    r: int, c: int, living: list[int], rows: Rows, column_rows: dict[int, set[int]], scale: dict[int, float]
+) -> None:
     """Subtract row r from the other living rows so that column c vanishes there; roundoff is taken for zero."""
     pivot_row = rows[r]
     for i in living:

@@ -81,7 +81,8 @@ def _one(own: ConstraintRows, x: np.ndarray, free: np.ndarray) -> np.ndarray | N
     first, second = jacobian[:, 0, free][:, 0]
     if not (np.isfinite(residual).all() and first != 0.0 and abs(second - first) <= 1e-12 * abs(first)):
         return None
-    return (x - free * residual[0, 0] / first)[None]
+    result: np.ndarray = (x - free * residual[0, 0] / first)[None]
+    return result
 
 
 def _nearest(loops: Loops, points: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -73,7 +73,8 @@ class InitialRows:
 
         def column(k: int, order: int) -> np.ndarray:
             leaf = self.leaves[k, order]
-            return leaf.factor * value_of(leaf.jet) + leaf.offset
+            result: np.ndarray = leaf.factor * value_of(leaf.jet) + leaf.offset
+            return result
 
         def of(expression: Expr) -> np.ndarray:
             return np.broadcast_to(np.asarray(evaluate(expression, column, time), float), shape)

@@ -27,13 +27,13 @@ def invariants(
     """
     layout = selection.layout
     steps, stages, rows = [], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for stage, b in _batches(selection, found):
+    for times, b in _batches(selection, found):
         formula, leaves = as_formula(b.shape)
         table = [layout.base[b.slots[:, leaf.value[0]]] + leaf.value[1] for leaf in leaves]
         slots = np.stack(table, axis=1) if table else np.zeros((len(b.row), 0), np.int64)
         out = first + sum(map(len, rows)) + np.arange(len(b.row))
         steps.append(Apply(formula, slots, out))
-        stages.append(np.full(len(b.row), stage))
+        stages.append(np.full(len(b.row), times))
         rows.append(b.row)
     stage, row = np.concatenate(stages), np.concatenate(rows)
     residual = first + np.arange(len(row))

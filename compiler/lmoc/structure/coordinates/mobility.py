@@ -53,7 +53,8 @@ def _of_resting_parts(system: EquationSystem, fixed: np.ndarray, mobile: np.ndar
     column = system.column[system.normalized.root]
     moving = np.unique(part[(column >= 0) & mobile[column]])
     own = part[system.variable[fixed]]
-    return fixed[(own == 0) | ~np.isin(own, moving)]
+    result: np.ndarray = fixed[(own == 0) | ~np.isin(own, moving)]
+    return result
 
 
 def _prescribed(system: EquationSystem) -> np.ndarray:

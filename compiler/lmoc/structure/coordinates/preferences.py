@@ -84,7 +84,8 @@ def _marked(system: EquationSystem) -> np.ndarray:
     mask = np.zeros(len(system.kind), bool)
     select = system.flat.per_variable(lambda b: b.state_select > StateSelect.default, bool)
     mask[system.normalized.root[select]] = True
-    return mask[system.variable]
+    result: np.ndarray = mask[system.variable]
+    return result
 
 
 def inertial(system: EquationSystem, c: np.ndarray) -> np.ndarray:

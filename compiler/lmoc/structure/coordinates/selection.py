@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,18 +22,16 @@ from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)
-class Selection:
-    """The selection of states.
+class Candidate:
+    """Coordinates that have been chosen; where ``choice.singular`` is not empty, there are none.
 
     Attributes
     ----------
     c, d : offsets of the Σ-method
     start : where the scene starts; None where that makes no difference
-    tied, choice : the constraint matrix and what was chosen; where ``choice.singular`` is not empty, nothing else
+    tied, choice : the constraint matrix and what was chosen
     match : a highest-value transversal
     wanted : columns the user requested, best first
-    is_state : (registers,) jets that are integrated
-    quadrature : (registers,) those of them that no equation reads
     kept : the start that has been looked for last
     """
 
@@ -46,16 +44,7 @@ class Selection:
     choice: Choice
     match: np.ndarray
     wanted: np.ndarray
-    layout: RegisterLayout | None = None
-    square: SquareSystem | None = None
-    is_state: np.ndarray | None = None
-    quadrature: np.ndarray | None = None
-    kept: dict[tuple, StartPoint] = field(default_factory=dict)
-
-    @property
-    def count(self) -> int:
-        """Number of states without quadratures."""
-        return int(np.count_nonzero(self.is_state & ~self.quadrature))
+    kept: dict[tuple[bytes, ...], StartPoint]
 
     def startable(self, values: np.ndarray) -> bool:
         """Return whether the computed coordinates follow from the states at the start.
@@ -99,19 +88,41 @@ class Selection:
         system.normalized = replace(normalized, values=values, derived_values=derived)
         return system
 
-    def derivatives(self) -> np.ndarray:
-        """(registers,) the computed jets that are derivatives of states."""
-        mask = np.zeros(self.layout.count, bool)
-        mask[np.flatnonzero(self.is_state) + 1] = True
-        return mask & ~self.is_state
-
     def jacobian(self) -> Tied:
         """Derivatives of all equations by their highest jets at the sample point."""
         return tied_entries(self.system, self.c, self.d, self.sample, least=0)
 
 
-def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Selection:
-    """Choose the states.
+@dataclass(frozen=True, eq=False)
+class Selection(Candidate):
+    """Coordinates with the equations that compute everything else.
+
+    Attributes
+    ----------
+    is_state : (registers,) jets that are integrated
+    quadrature : (registers,) those of them that no equation reads
+    """
+
+    layout: RegisterLayout
+    square: SquareSystem
+    is_state: np.ndarray
+    quadrature: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of states without quadratures."""
+        return int(np.count_nonzero(self.is_state & ~self.quadrature))
+
+    def derivatives(self) -> np.ndarray:
+        """(registers,) the computed jets that are derivatives of states."""
+        mask = np.zeros(self.layout.count, bool)
+        mask[np.flatnonzero(self.is_state) + 1] = True
+        found: np.ndarray = mask & ~self.is_state
+        return found
+
+
+def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Selection | Candidate:
+    """Choose the states; a mere candidate is singular.
 
     Between massless points on dampers the distance may be all that matters: it is tried in their place, and taken
     where that leaves fewer states.
@@ -122,37 +133,40 @@ def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Sel
     wanted : columns the user requested, best first
     """
     first = _select(system, match, wanted, np.zeros(0, np.int64))
-    if len(first.choice.singular):
+    if not isinstance(first, Selection):
         return first
     distances = preferences.distances(system, first.c, first.d)
     if not len(distances):
         return first
     second = _select(system, match, wanted, distances)
-    return first if len(second.choice.singular) or second.count >= first.count else second
+    return second if isinstance(second, Selection) and second.count < first.count else first
 
 
-def _select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection:
+def _select(
+    system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray
+) -> Selection | Candidate:
     c, d = preferences.offsets_with_room(system, match, wanted, liked)
     sample = generic(system, int(d.max(initial=0)))
     tied, start = constraint_matrix(system, c, d, sample)
     rank = preferences.preference(system, tied, c, wanted, liked)
     choice = choose(tied, c, d, rank, preferences.wishes(system, c, wanted))
+    candidate = Candidate(system, c, d, sample, start, tied, choice, match, wanted, {})
     if len(choice.singular):
-        return Selection(system, c, d, sample, start, tied, choice, match, wanted)
+        return candidate
     batches, sums = system.differentiated(c)
     layout = RegisterLayout(system, d, system.highest_inputs(batches))
     square = SquareSystem(batches, sums, layout.base, layout.count)
-    return finished(Selection(system, c, d, sample, start, tied, choice, match, wanted, layout, square))
+    return finished(candidate, layout, square)
 
 
-def finished(selection: Selection) -> Selection:
-    """Return a selection whose equations are matched with what they compute, and what is left for states."""
-    system, layout, square, choice = selection.system, selection.layout, selection.square, selection.choice
-    c, d = selection.c, selection.d
-    square.finish(_matching(system, square, layout, selection.match, c, d, choice))
-    is_state = _state_mask(system, layout, d, choice)
-    quadrature = _quadratures(system, layout, square, c, is_state, selection.wanted)
-    return replace(selection, is_state=is_state, quadrature=quadrature)
+def finished(candidate: Candidate, layout: RegisterLayout, square: SquareSystem) -> Selection:
+    """Return the selection: the equations are matched with what they compute, and what is left are states."""
+    one, choice = candidate, candidate.choice
+    square.finish(_matching(one.system, square, layout, one.match, one.c, one.d, choice))
+    is_state = _state_mask(one.system, layout, one.d, choice)
+    quadrature = _quadratures(one.system, layout, square, one.c, is_state, one.wanted)
+    own = one.system, one.c, one.d, one.sample, one.start, one.tied, choice, one.match, one.wanted, one.kept
+    return Selection(*own, layout, square, is_state, quadrature)
 
 
 def _matching(
@@ -181,7 +195,7 @@ def _state_mask(system: EquationSystem, layout: RegisterLayout, d: np.ndarray, c
     """(registers,) the jets below the highest that no equation computes."""
     base = layout.base[system.variable]
     variable, order = layout.jets
-    mask = (order < layout.width[variable] - 1) & (system.column[variable] >= 0)
+    mask: np.ndarray = (order < layout.width[variable] - 1) & (system.column[variable] >= 0)
     for stage, columns in enumerate(choice.dependent, 1):
         mask[base[columns] + d[columns] - stage] = False
     return mask
@@ -204,4 +218,5 @@ def _quadratures(
     kept[wanted] = True
     of_kept = np.zeros(len(system.kind), bool)
     of_kept[system.variable[kept]] = True
-    return is_state & ~read & ~of_kept[layout.jets[0]]
+    result: np.ndarray = is_state & ~read & ~of_kept[layout.jets[0]]
+    return result

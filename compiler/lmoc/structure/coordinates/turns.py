@@ -134,10 +134,10 @@ def nearest_turns(missed: np.ndarray, effect: np.ndarray) -> np.ndarray:
         return np.zeros(0, np.int64)
     # of +180 and -180 degrees the first, whatever rounding makes of them
     z = np.ceil(np.linalg.lstsq(effect.T, -missed, rcond=1e-12)[0] - 0.5 + _MARGIN)
-    steps = list(np.eye(len(z)))
+    single = list(np.eye(len(z)))
     if len(z) <= 16:
-        steps += [a + sign * b for a, b in combinations(list(np.eye(len(z))), 2) for sign in (1, -1)]
-    steps = np.array([sign * s for s in steps for sign in (1, -1)])
+        single += [a + sign * b for a, b in combinations(list(np.eye(len(z))), 2) for sign in (1, -1)]
+    steps = np.array([sign * s for s in single for sign in (1, -1)])
     moves = steps @ effect
     left = missed + z @ effect
     for _ in range(_ROUNDS):
@@ -146,4 +146,5 @@ def nearest_turns(missed: np.ndarray, effect: np.ndarray) -> np.ndarray:
         if cost[k] >= (1 - _MARGIN) * (left**2).sum():
             break
         z, left = z + steps[k], left + moves[k]
-    return z.astype(np.int64)
+    result: np.ndarray = z.astype(np.int64)
+    return result

@@ -48,7 +48,7 @@ def discrete_steps(flat: FlatDAE, report: Report) -> tuple[DiscreteStep, ...]:
     rules = [_Rule(r.op, r.zero, r.slots, r.target, k) for k, r in enumerate(events.relations)]
     rules += _assignments(flat, events, report)
     report.check()
-    steps = _sorted(flat, rules, report)
+    steps = _sorted(flat, events, rules, report)
     report.check()
     return steps
 
@@ -111,7 +111,7 @@ def _report_unmatched(flat: FlatDAE, events: Events, wanted: np.ndarray, match: 
         for k in np.flatnonzero(match[first : first + e.rows] < 0)[:1].tolist():
             variable = int(e.slots[k, _sides(e)[0]])
             others = [o for o in events.equations if o is not e and _gives(o, variable)]
-            labels = tuple(Label(o.span, "here as well") for o in others[:2])
+            labels = tuple(Label(o.span, "here as well") for o in others[:2] if o.span is not None)
             report.error("E0254", f"'{flat.variable_name(variable)}' is determined twice", e.span, labels=labels)
         first += e.rows
 
@@ -136,7 +136,7 @@ def _oriented(events: Events, wanted: np.ndarray, match: np.ndarray) -> list[_Ru
 # -------------------------------------------------------------------------- sorting
 
 
-def _sorted(flat: FlatDAE, rules: Sequence[_Rule], report: Report) -> tuple[DiscreteStep, ...]:
+def _sorted(flat: FlatDAE, events: Events, rules: Sequence[_Rule], report: Report) -> tuple[DiscreteStep, ...]:
     """The rows by levels: those of one level do not read each other."""
     producer = np.full(flat.count, -1)
     first = np.cumsum([0, *(len(r.target) for r in rules)])
@@ -163,7 +163,7 @@ def _sorted(flat: FlatDAE, rules: Sequence[_Rule], report: Report) -> tuple[Disc
             if not waiting[user]:
                 queue.append(user)
     if done < len(users):
-        _report_cycle(flat, rules, first, np.flatnonzero(waiting > 0), users, report)
+        _report_cycle(flat, events, rules, first, np.flatnonzero(waiting > 0), users, report)
         return ()
     parts = []
     for r, at in zip(rules, first.tolist(), strict=False):
@@ -175,7 +175,13 @@ def _sorted(flat: FlatDAE, rules: Sequence[_Rule], report: Report) -> tuple[Disc
 
 
 def _report_cycle(
-    flat: FlatDAE, rules: Sequence[_Rule], first: np.ndarray, stuck: np.ndarray, users: list[list[int]], report: Report
+    flat: FlatDAE,
+    events: Events,
+    rules: Sequence[_Rule],
+    first: np.ndarray,
+    stuck: np.ndarray,
+    users: list[list[int]],
+    report: Report,
 ) -> None:
     """Name one cycle among the rows that wait for each other."""
     among = set(stuck.tolist())
@@ -195,8 +201,8 @@ def _report_cycle(
         variable = int(rules[n].target[row - first[n]])
         if not flat.block_at(variable).protected or len(cycle) == 1:
             names.append(flat.variable_name(variable))
-    variable = next((v for v in flat.events.discrete if flat.variable_name(int(v)) in names[:1]), None)
-    span = None if variable is None else flat.block_at(int(variable)).span
+    found = next((v for v in events.discrete.tolist() if flat.variable_name(v) in names[:1]), None)
+    span = None if found is None else flat.block_at(found).span
     report.error(
         "E0422",
         f"the value of '{names[0]}' depends on itself at the same instant",

@@ -48,7 +48,9 @@ def decompose(incidence: Incidence, match: np.ndarray) -> Decomposition:
     return Decomposition(over_rows, over_columns, under_rows, under_columns)
 
 
-def _reach(start: np.ndarray, neighbours: np.ndarray, partner: np.ndarray, seeds: np.ndarray):
+def _reach(
+    start: np.ndarray, neighbours: np.ndarray, partner: np.ndarray, seeds: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Everything on alternating paths from `seeds`: on their own side, and on the other side."""
     own = np.zeros(len(start) - 1, bool)
     other = np.zeros(len(partner), bool)

@@ -88,7 +88,8 @@ class Incidence:
 
     def of_columns(self, columns: np.ndarray) -> np.ndarray:
         """The entries in these columns."""
-        return self.by_column[ranges(self.column_start, columns)]
+        result: np.ndarray = self.by_column[ranges(self.column_start, columns)]
+        return result
 
     def restricted(self, entries: np.ndarray) -> Incidence:
         """The same rows and columns with these entries (a mask or sorted positions) only."""

@@ -75,7 +75,8 @@ def _hopcroft_karp(incidence: Incidence) -> np.ndarray:
 
     ones = np.ones(len(incidence.row), np.int8)
     graph = csr_matrix((ones, incidence.column, incidence.start), (incidence.rows, incidence.columns))
-    return maximum_bipartite_matching(graph, perm_type="column").astype(INDEX)
+    result: np.ndarray = maximum_bipartite_matching(graph, perm_type="column").astype(INDEX)
+    return result
 
 
 def _search(incidence: Incidence) -> np.ndarray:

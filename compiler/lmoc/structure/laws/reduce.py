@@ -41,27 +41,28 @@ def reduce_with_laws(
     form, places = switched(flat, degree)
     named = [name for name in first.state_names if form.find(name) is not None]  # others are rates without a name
     reduced = reduce(form, _extended(given, form), named, report)
-    return replace(reduced, switched=places, lawful=flat, **_with_free(reduced, replace(first, switched=loosened)))
+    alike = _in_order_of(reduced, replace(first, switched=loosened))
+    guards = reduced.guards if alike is None else (*reduced.guards, *alike.guards)
+    return replace(reduced, switched=places, lawful=flat, free=alike, guards=guards)
 
 
-def _with_free(reduced: Reduced, free: Reduced) -> dict[str, object]:
-    """Return the free scene as a part of the switched form, and the guards of both, where both have the same states."""
+def _in_order_of(reduced: Reduced, free: Reduced) -> Reduced | None:
+    """Return the free scene in the order of the states of the switched form; None where these are not the same."""
     names = [[r.register_name(int(k)) for k in (*r.states, *r.quadratures)] for r in (reduced, free)]
     if sorted(names[0]) != sorted(names[1]) or free.guess is not None:
-        return {}
+        return None
     first = len(free.states)
     order = np.array([names[1].index(name) for name in names[0]], int)
     states, quadratures = order[:first], order[first:] - first
     if (states >= first).any():
-        return {}
-    free = replace(
+        return None
+    return replace(
         free,
         states=free.states[states],
         derivatives=free.derivatives[states],
         quadratures=free.quadratures[quadratures],
         quadrature_derivatives=free.quadrature_derivatives[quadratures],
     )
-    return {"free": free, "guards": (*reduced.guards, *free.guards)}
 
 
 def _extended(values: np.ndarray, flat: FlatDAE) -> np.ndarray:

@@ -92,7 +92,9 @@ class _Added:
         self.groups: list[Group] = []
         self.count = flat.count
 
-    def variables(self, name: str, laws: Laws, rows: int, kind: Kind, select=StateSelect.default) -> np.ndarray:
+    def variables(
+        self, name: str, laws: Laws, rows: int, kind: Kind, select: StateSelect = StateSelect.default
+    ) -> np.ndarray:
         path = ((f"{name} of law {len(self.blocks)}", (rows,)),)
         block = Block(path, self.count, rows, kind, part=laws.part, span=laws.span, state_select=select)
         self.blocks.append(block)
@@ -156,10 +158,10 @@ def _switched_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, 
     columns = [own["closed"], level, own["push"], laws.force]
     excess: Expr = slot(3)
     if laws.kind is LawKind.DRY_FRICTION:
-        columns += [own["direction"], laws.slip]
+        columns += [own["direction"], laws.column("slip")]
         excess = excess + mul(slot(4), slot(5))
     elif laws.kind is LawKind.CONTACT_FRICTION:
-        columns += [own["direction"], laws.friction, laws.normal]
+        columns += [own["direction"], laws.column("friction"), laws.column("normal")]
         excess = excess + mul(slot(4), mul(slot(5), slot(6)))
     table = np.stack(columns, axis=1)
     plain, rated = table[~sprung], table[sprung]

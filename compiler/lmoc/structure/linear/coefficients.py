@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from functools import cache
 
@@ -206,7 +207,12 @@ def compound_coefficients(shape: Expr, kinds: Kinds) -> tuple[tuple[Expr, Expr],
     return tuple((leaf, c) for leaf, c in parts[0].items() if any(n.op in ("add", "sub") for n in postorder(c)))
 
 
-def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray, time: float = np.nan):
+Numbers = np.ndarray | float  # of all rows, or one for all of them
+
+
+def value_and_size(
+    root: Expr, value: np.ndarray, size: np.ndarray, time: float = np.nan
+) -> tuple[Numbers, Numbers]:
     """Value of an expression without derivatives, and the sum of the magnitudes of the terms it is made of.
 
     Parameters
@@ -214,7 +220,7 @@ def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray, time: float 
     value, size : (n, columns)
         The jets of the columns, and the magnitude behind it (of a derived parameter: of its terms).
     """
-    pair: dict[int, tuple] = {}
+    pair: dict[int, tuple[Numbers, Numbers]] = {}
     with np.errstate(all="ignore"):
         for node in postorder(root):
             if node.op == "const":
@@ -230,7 +236,7 @@ def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray, time: float 
     return pair[id(root)]
 
 
-def _size(op: str, number, args: list[tuple]):
+def _size(op: str, number: Numbers, args: list[tuple[Numbers, Numbers]]) -> Numbers:
     if op in ("add", "sub"):
         return args[0][1] + args[1][1]
     if op == "neg":
@@ -244,7 +250,7 @@ def _size(op: str, number, args: list[tuple]):
     return np.abs(number)
 
 
-_SLOPES = {"sin": np.cos, "cos": np.sin, "tan": lambda x: 1 / np.cos(x) ** 2}
+_SLOPES: dict[str, Callable[[Numbers], Numbers]] = {"sin": np.cos, "cos": np.sin, "tan": lambda x: 1 / np.cos(x) ** 2}
 
 
 # --------------------------------------------------------------- column order

@@ -44,7 +44,7 @@ class DerivedParameters:
         self._known = values.copy()
         self._sizes = np.zeros(0)  # of the derived parameters
         self._inverse = np.zeros(0, INDEX)  # of a derived parameter made as 1/c: c
-        self._made: dict[tuple, int] = {}
+        self._made: dict[tuple[Expr, bytes], np.ndarray] = {}
 
     @property
     def known(self) -> np.ndarray:
@@ -72,7 +72,8 @@ class DerivedParameters:
         derived = table >= self.base
         if derived.any():
             sizes[derived] = made[table[derived] - self.base]
-        return sizes
+        result: np.ndarray = sizes
+        return result
 
     def define(self, shape: Expr, slots: np.ndarray) -> np.ndarray:
         """Indices of parameters ``shape(slots[i])``, made where they are not there yet.
@@ -87,7 +88,8 @@ class DerivedParameters:
         if len(used) <= 16 or not columns:
             return self._define_few(shape, used)
         first, number = distinct_rows(used)
-        return self._append(shape, used[first])[number]
+        result: np.ndarray = self._append(shape, used[first])[number]
+        return result
 
     def _define_few(self, shape: Expr, used: np.ndarray) -> np.ndarray:
         keys = [(shape, *row) for row in used.tolist()]
@@ -131,7 +133,8 @@ class DerivedParameters:
 
     def finish(self) -> None:
         """Release what is needed only while parameters are made; guards keep this object as long as the reduction."""
-        self._known = self._sizes, self._inverse = np.zeros(0), np.zeros(0, INDEX)
+        self._known = self._sizes = np.zeros(0)
+        self._inverse = np.zeros(0, INDEX)
         self._made.clear()
 
     def extended(self, values: np.ndarray) -> np.ndarray:

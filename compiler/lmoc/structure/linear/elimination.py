@@ -8,12 +8,12 @@ Form", Modelica 2017; here with factors and offsets, and vectorized over the row
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 
 import numpy as np
 
-from lmoc.expression.dag import ONE, ZERO, slots
+from lmoc.expression.dag import ONE, ZERO, Expr, slots
 from lmoc.ir.flat import Block, FlatDAE, StateSelect
 from lmoc.ir.reduced import Guard
 from lmoc.structure.linear.affine import ZERO_ROOT, Affine, codes, composed, resolve
@@ -124,7 +124,8 @@ class Elimination:
     @property
     def coordinates(self) -> np.ndarray:
         """The roots that stand for positions of connectors or are differentiated."""
-        return self.marked(lambda b: b.connector and not b.flow) | self.differentiated
+        result: np.ndarray = self.marked(lambda b: b.connector and not b.flow) | self.differentiated
+        return result
 
     # ------------------------------------------------------------------- passes
 
@@ -140,12 +141,13 @@ class Elimination:
     def _alias_pass(self) -> bool:
         """Eliminate along all rows ``a·x + b·y + c = 0``; whether there were any."""
         self._refresh_sums()
-        batches, others = [], []
+        batches: list[tuple[Rows, Form]] = []
+        others: list[tuple[Rows, Form]] = []
         for g in self.groups:
             form = form_of(g.shape, g.kinds)
             (batches if form.role == Role.ALIAS else others).append((g, form))
         plain = self.sum_view.plain
-        short = np.flatnonzero((plain.lengths == 1) | (plain.lengths == 2)) if len(plain.source) else []
+        short = np.flatnonzero((plain.lengths == 1) | (plain.lengths == 2)) if len(plain.source) else np.zeros(0, int)
         if not batches and not len(short):
             return False
         pieces = [(g, form, self._end(g, form, 0), self._end(g, form, 1)) for g, form in batches]
@@ -188,7 +190,7 @@ class Elimination:
         """The variables at one end of the rows, the constant 0 where there is one end only."""
         return g.column(form.leaves[leaf]) if leaf < len(form.leaves) else np.full(len(g.source), self.zero, INDEX)
 
-    def _link(self, g: Rows, form: Form, ends: tuple, way: np.ndarray) -> list[np.ndarray]:
+    def _link(self, g: Rows, form: Form, ends: tuple[np.ndarray, np.ndarray], way: np.ndarray) -> list[np.ndarray]:
         """Enter the rows that are in the forest into the step table; returns the children."""
         linked = []
         for direction in (1, 2):
@@ -199,7 +201,9 @@ class Elimination:
                 linked.append(child)
         return linked
 
-    def _enter(self, g: Rows, link: tuple, child: np.ndarray, parent: np.ndarray, order: int) -> None:
+    def _enter(
+        self, g: Rows, link: tuple[int, Expr, int, Expr], child: np.ndarray, parent: np.ndarray, order: int
+    ) -> None:
         sign, factor, offset_sign, offset = link
         step = self._step
         step.root[child], step.order[child], step.sign[child] = parent, order, sign
@@ -208,7 +212,7 @@ class Elimination:
         step.offset[child] = NONE if offset is ZERO else self.derived.define(offset, g.slots)
         self.loops.link(child, parent, g.source)
 
-    def _sum_pieces(self, short: np.ndarray) -> list[tuple]:
+    def _sum_pieces(self, short: np.ndarray) -> list[tuple[Rows, Form, np.ndarray, np.ndarray]]:
         """Balances of one or two flows as rows of equations, taken out of the sums."""
         view_ = self.sum_view
         chosen = np.zeros(len(view_.plain.source), bool)
@@ -303,8 +307,8 @@ class Elimination:
                     self.overdetermined.append(part)
         return parts
 
-    def _without_closed(self, groups) -> list[Rows]:
-        rest = []
+    def _without_closed(self, groups: Iterable[Rows]) -> list[Rows]:
+        rest: list[Rows] = []
         for g in merged(groups):
             (self.closed if form_of(g.shape, g.kinds).role == Role.CLOSED else rest).append(g)
         return rest

@@ -34,6 +34,20 @@ def solved(residual: Expr, leaf: Expr) -> Expr | None:
     return _quotient(neg(parts[1]), parts[0][leaf])
 
 
+def solution(residual: Expr, leaf: Expr) -> Expr:
+    """The value of `leaf` where the residual has a `pivot` for it: it is linear in it, and can be solved.
+
+    Raises
+    ------
+    ValueError
+        It has none.
+    """
+    found = solved(residual, leaf)
+    if found is None:
+        raise ValueError(f"{residual} is not linear in {leaf}")
+    return found
+
+
 @cache
 def pivot(residual: Expr, kinds: Kinds, leaf: Expr) -> Expr | None:
     """The coefficient of `leaf` where it depends on parameters only, else None: an equation that is safe to solve."""
@@ -51,8 +65,8 @@ def jointly_linear(residual: Expr, leaves: tuple[Expr, ...]) -> tuple[tuple[Expr
 
 def solve_pair(residuals: tuple[Expr, ...], leaves: tuple[Expr, ...]) -> tuple[Expr, ...] | None:
     """One or two linear equations solved by Cramer's rule; None where they are not linear."""
-    parts = [linear_parts(r, leaves) for r in residuals]
-    if any(p is None for p in parts):
+    parts = [p for r in residuals if (p := linear_parts(r, leaves)) is not None]
+    if len(parts) < len(residuals):
         return None
     matrix = [[p[0].get(leaf, ZERO) for leaf in leaves] for p in parts]
     right = [neg(p[1]) for p in parts]

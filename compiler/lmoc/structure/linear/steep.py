@@ -73,7 +73,8 @@ def largest(
     for a, b, size in zip(first.tolist(), second.tolist(), np.log(ratio).tolist(), strict=True):
         neighbours.setdefault(a, []).append((b, -size))
         neighbours.setdefault(b, []).append((a, size))
-    score, seen = score.copy(), set()
+    score = score.copy()
+    seen: set[int] = set()
     for start in first[steep].tolist():
         if start in seen:
             continue

@@ -66,7 +66,7 @@ class Rows:
 
 def merged(groups: Iterable[Rows]) -> list[Rows]:
     """Groups of the same shape put together."""
-    alike: dict[tuple, list[Rows]] = {}
+    alike: dict[tuple[Expr, Kinds, int], list[Rows]] = {}
     for g in groups:
         if len(g.source):
             alike.setdefault((g.shape, g.kinds, g.looped), []).append(g)
@@ -120,7 +120,9 @@ def substituted(group: Rows, table: Affine, kind_of_root: np.ndarray) -> list[Ro
     ]
 
 
-def _one_pattern(group: Rows, unknown: list[int], pattern: tuple, table: Affine, kind_of_root) -> list[Rows]:
+def _one_pattern(
+    group: Rows, unknown: list[int], pattern: tuple[int, ...], table: Affine, kind_of_root: np.ndarray
+) -> list[Rows]:
     if not any(pattern):
         return [group]
     width = group.slots.shape[1]
@@ -145,7 +147,9 @@ def _one_pattern(group: Rows, unknown: list[int], pattern: tuple, table: Affine,
 
 
 @cache
-def _substitute(shape: Expr, unknown: tuple[int, ...], pattern: tuple, width: int) -> tuple[Expr, tuple[int, ...]]:
+def _substitute(
+    shape: Expr, unknown: tuple[int, ...], pattern: tuple[int, ...], width: int
+) -> tuple[Expr, tuple[int, ...]]:
     """The new shape, and where its columns are found in [old slots | roots | factors | offsets]."""
     u = len(unknown)
     place = {column: i for i, column in enumerate(unknown)}

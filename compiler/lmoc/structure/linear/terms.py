@@ -8,6 +8,7 @@ when their values at a few generic points are (J. T. Schwartz, J. ACM 27, 1980, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -60,7 +61,7 @@ def _combined(node: Expr, parts: list[Combination]) -> Combination:
     return {node: ONE}, ZERO
 
 
-def _scaled(part: Combination, scale) -> Combination:
+def _scaled(part: Combination, scale: Callable[[Expr], Expr]) -> Combination:
     return {term: scale(c) for term, c in part[0].items()}, scale(part[1])
 
 

@@ -6,6 +6,7 @@ decision is a guard, to be checked for each further parameter set.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from functools import cache
 
@@ -58,7 +59,8 @@ class Vanishing:
         """The rows that come out otherwise for other parameter values; one bool a row."""
         beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
         known = self.derived.extended(values) if beyond else values
-        return vanishes(self.expr, self.slots, known, self.derived, self.missing) != self.zero
+        result: np.ndarray = vanishes(self.expr, self.slots, known, self.derived, self.missing) != self.zero
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,8 @@ def vanishes(
     zero, unclear = _judged(expr, table, known, derived)
     if unclear.any():
         if missing == Missing.FITTING:
-            return zero | unclear
+            fitting: np.ndarray = zero | unclear
+            return fitting
         values = known[: derived.base]
         lacking = np.isnan(values)
         stand_in = 1.0 + (missing == Missing.ANYTHING) * spread(len(values))
@@ -91,7 +94,9 @@ def vanishes(
     return zero
 
 
-def _judged(expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters):
+def _judged(
+    expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters
+) -> tuple[np.ndarray, np.ndarray]:
     """Return where the value vanishes, and where it is undefined."""
     if _rounds(expr) or (table.size and table.max() >= derived.base):
         value, size = value_and_size(expr, known[table], derived.sizes(known, table))
@@ -127,17 +132,20 @@ class Splitter:
     def by_coefficients(self, group: Rows) -> list[Rows]:
         """The same for coefficients of linear equations in which terms cancel, as N1 - N2 in a loop of gears."""
         compound = compound_coefficients(group.shape, group.kinds)
-        if not compound:
+        form = linear_form(group.shape, group.kinds)
+        if not compound or form is None:
             return [group]
+        coefficients, rest = form
 
         def without(g: Rows, zero: tuple[Expr, ...]) -> Rows:
-            coefficients, rest = linear_form(g.shape, g.kinds)
             kept = {leaf: c for leaf, c in coefficients.items() if c not in zero}
             return g.with_shape(linear_sum(kept, rest))
 
         return self._split(group, tuple(dict.fromkeys(c for _, c in compound)), without)
 
-    def _split(self, group: Rows, tests: tuple[Expr, ...], without) -> list[Rows]:
+    def _split(
+        self, group: Rows, tests: tuple[Expr, ...], without: Callable[[Rows, tuple[Expr, ...]], Rows]
+    ) -> list[Rows]:
         if not tests:
             return [group]
         # where one coordinate only is left in a row, its coefficient is the difference of two ratios

@@ -49,7 +49,7 @@ def _with_company(vectors: list[Vector], active: list[int]) -> list[int]:
 
 def _parallel(vectors: list[Vector], active: list[int]) -> dict[int, Vector]:
     """Of the vectors that point the same way all but the first, as combinations with that one."""
-    first: dict[tuple, int] = {}
+    first: dict[tuple[tuple[int, float], ...], int] = {}
     found: dict[int, Vector] = {}
     for number in active:
         entries = sorted(vectors[number].items())

@@ -147,8 +147,8 @@ def _over_ports(work: Elimination) -> np.ndarray:
     new = np.flatnonzero(work.flat.per_variable(lambda b: b.connector and not b.flow, bool))
     while len(new):
         mask[new] = True
-        above = work.loops.parent[new]
-        above = distinct(above[above >= 0])
+        parents = work.loops.parent[new]
+        above = distinct(parents[parents >= 0])
         new = above[~mask[above]]
     return mask
 
@@ -188,11 +188,13 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
     return dropped
 
 
-def _judged_alike(core: Constraints, derived: DerivedParameters, judged: list, values: np.ndarray) -> bool:
+def _judged_alike(
+    core: Constraints, derived: DerivedParameters, judged: list[tuple[int, list[int], bool]], values: np.ndarray
+) -> bool:
     return core.judged(derived.extended(values), derived) == judged
 
 
-def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message: str, **more) -> None:
+def _at_loop(loops: Loops, around: list[int], report: Report, code: str, message: str, **more: str) -> None:
     spans = loops.equations.spans(around)
     labels = tuple(Label(s, "also here") for s in spans[1:])
     report.error(code, message, spans[0] if spans else None, labels=labels, **more)

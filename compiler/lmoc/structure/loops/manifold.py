@@ -12,7 +12,7 @@ Dynamics 30 (2013) 153; Arabyan and Wu, "An improved formulation for constrained
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +21,7 @@ import numpy as np
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, const, function, slot, sub
 from lmoc.expression.evaluate import evaluate
-from lmoc.ir.flat import Check, FlatDAE
+from lmoc.ir.flat import Block, Check, FlatDAE
 from lmoc.ir.normalized import JetGroup, Normalized
 from lmoc.ir.reduced import Guard
 from lmoc.messages.diagnostics import Diagnostic, Label, Subject
@@ -115,7 +115,7 @@ class _Masks:
         roots = system.normalized.root[system.normalized.order > 0]
         self.coordinate[roots[system.column[roots] >= 0]] = True
 
-    def _marked(self, mark) -> np.ndarray:
+    def _marked(self, mark: Callable[[Block], bool]) -> np.ndarray:
         n = self.system.normalized
         blocks = n.flat.per_variable(mark, bool)
         roots = n.root[blocks & (n.order == 0)]
@@ -270,8 +270,9 @@ class _Component:
         if len(kept) == len(every):
             return {}, first, place
         rest = np.setdiff1d(every, kept)
-        points = [self._closed(p, kept) for p in (place, self._aside(place, kept, 2), self._aside(place, kept, 3))]
-        if not all(p is not None and self._vanishing(p, rest) for p in points):
+        tried = [self._closed(p, kept) for p in (place, self._aside(place, kept, 2), self._aside(place, kept, 3))]
+        points = [p for p in tried if p is not None and self._vanishing(p, rest)]
+        if len(points) < len(tried):
             return {}, first, place
         again, weights = _independent(self._jacobian(points[0]), DEPENDENT)
         if len(again) != len(kept):
@@ -296,7 +297,8 @@ class _Component:
     def sizes(self, values: np.ndarray) -> np.ndarray:
         """(rows,) what the terms of each constraint sum up to."""
         ordinary = max(float(np.mean(v**2)) for v in (values, self.start.value.flat[self.jets])) ** 0.5
-        return np.abs(self._jacobian(values)) @ np.maximum(np.abs(values), ordinary)
+        result: np.ndarray = np.abs(self._jacobian(values)) @ np.maximum(np.abs(values), ordinary)
+        return result
 
     def _vanishing(self, values: np.ndarray, rows: np.ndarray) -> bool:
         return bool((np.abs(self._residual(values))[rows] <= FOLLOWS * self.sizes(values)[rows]).all())
@@ -309,16 +311,22 @@ class _Component:
     def _residual(self, values: np.ndarray) -> np.ndarray:
         value, result = self._sample(values), np.zeros(len(self.source))
         for g, numbers, _, _ in self.parts:
-            result[numbers] = evaluate(g.shape, lambda k, n, g=g: value[n, g.slots[:, k]], self.start.time)
+            result[numbers] = evaluate(g.shape, partial(_jets, value, g), self.start.time)
         return result
 
     def _jacobian(self, values: np.ndarray) -> np.ndarray:
         value, result = self._sample(values), np.zeros((len(self.source), len(self.jets)))
         for g, numbers, columns, partials in self.parts:
             for column, slope in zip(columns, partials, strict=True):
-                entry = evaluate(slope, lambda k, n, g=g: value[n, g.slots[:, k]], self.start.time)
+                entry = evaluate(slope, partial(_jets, value, g), self.start.time)
                 np.add.at(result, (numbers, column), entry)
         return result
+
+
+def _jets(value: np.ndarray, g: Rows, column: int, order: int) -> np.ndarray:
+    """The derivative of that order of the variable in a column, in each row, among the values of all jets."""
+    found: np.ndarray = value[order, g.slots[:, column]]
+    return found
 
 
 def _components(groups: tuple[Rows, ...], start: Sample, ease: np.ndarray) -> Iterator[_Component]:

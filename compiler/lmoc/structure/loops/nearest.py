@@ -39,7 +39,7 @@ def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized, place
         first = begin.copy()
         if attempt:
             size = np.pi if attempt % 2 else scale  # angles, lengths
-            first[free] = (2 * spread(np.count_nonzero(free), attempt) - 1) * size
+            first[free] = (2 * spread(int(np.count_nonzero(free)), attempt) - 1) * size
         found = closed(first if not attempt and free.all() else fitted(first, free, linearized), weight, linearized)
         if found is None or np.abs(found).max() > FAR * max(scale, 1.0):
             continue

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +29,22 @@ _BARS = {
     "Planar.PointOf": ("frame", "point", ("rx", "ry")),
 }
 
-_Node = tuple[object, ...]
+
+class _Place(NamedTuple):
+    """A point that does not move."""
+
+    x: float
+    y: float
+
+
+class _Moving(NamedTuple):
+    """A point that moves: the root, factor and offset of each of its coordinates."""
+
+    x: tuple[int, int, int]
+    y: tuple[int, int, int]
+
+
+_Node = _Place | _Moving
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +62,9 @@ def out_of_reach(normalized: Normalized) -> Diagnostic | None:
     """Return what is too long or too short for a loop to be closed; None where lengths alone do not tell."""
     scene = _Scene(normalized)
     edges = [edge for edge in scene.bars() if np.isfinite(edge.length)]
-    grounds = sorted({node for e in edges for node in (e.first, e.second) if node[0] == "fixed"})
+    grounds = sorted({node for e in edges for node in (e.first, e.second) if isinstance(node, _Place)})
     between = [
-        _Edge(a, b, float(np.hypot(a[1] - b[1], a[2] - b[2]))) for k, a in enumerate(grounds) for b in grounds[k + 1 :]
+        _Edge(a, b, float(np.hypot(a.x - b.x, a.y - b.y))) for k, a in enumerate(grounds) for b in grounds[k + 1 :]
     ]
     for edge in (*between, *edges):
         others = edges if not edge.name else [e for e in (*edges, *between) if e is not edge]
@@ -81,11 +97,11 @@ class _Scene:
                     name = self.flat.variable_name(int(row[4])).rsplit(".", 1)[0]
                     yield _Edge(self._node(*row[:2]), self._node(*row[2:4]), abs(length), name, part)
 
-    def lines(self, grounds: list[_Node]) -> Iterator[tuple[_Node, Part, _Node, float]]:
+    def lines(self, grounds: list[_Place]) -> Iterator[tuple[_Node, Part, _Place, float]]:
         """Yield points that stay on lines of the ground, with other places of it and their distances from the line."""
         for part in self.flat.parts:
             if part.class_name == "Planar.Guide":
-                names = ("point.x", "point.y", "x0", "y0", "nx", "ny")
+                names: tuple[str, ...] = ("point.x", "point.y", "x0", "y0", "nx", "ny")
             elif part.class_name == "Planar.Prismatic":
                 names = ("b.x", "b.y", "a.x", "a.y", "nx", "ny", "a.theta")
             else:
@@ -96,7 +112,7 @@ class _Scene:
                 if np.isfinite([x, y, direction]).all():
                     c, s = np.cos(direction), np.sin(direction)
                     for node in grounds:
-                        distance = abs((node[1] - x) * s - (node[2] - y) * c)
+                        distance = abs((node.x - x) * s - (node.y - y) * c)
                         yield self._node(*row[:2]), part, node, float(distance)
 
     def _found(self, part: Part, name: str) -> np.ndarray:
@@ -116,9 +132,9 @@ class _Scene:
         """The point of two coordinates: by its place where that is fixed, else by what it hangs on."""
         place = self._value(int(x)), self._value(int(y))
         if np.isfinite(place).all():
-            return ("fixed", *(round(v, 12) for v in place))
+            return _Place(*(round(v, 12) for v in place))
         n = self.n
-        return ("moves", *((int(n.root[v]), int(n.factor[v]), int(n.offset[v])) for v in (x, y)))
+        return _Moving(*((int(n.root[v]), int(n.factor[v]), int(n.offset[v])) for v in (x, y)))
 
     # ------------------------------------------------------------------ messages
 
@@ -126,7 +142,7 @@ class _Scene:
         bars, reach = [e for e in way if e.name], sum(e.length for e in way)
         names, lengths = listed([e.name for e in bars]), " + ".join(f"{e.length:g}" for e in bars)
         if not edge.name:
-            a, b = (f"({x:g}, {y:g})" for _, x, y in (edge.first, edge.second))
+            a, b = (f"({p.x:g}, {p.y:g})" for p in (edge.first, edge.second) if isinstance(p, _Place))
             total = f" = {reach:g}" if len(bars) > 1 else ""
             message = f"{names} cannot span {edge.length:g} m: {lengths}{total} m between the fixed points {a} and {b}"
             missing = edge.length - reach
@@ -136,10 +152,10 @@ class _Scene:
         message = f"{edge.name} ({edge.length:g} m) is too long for its loop: {listed(round_it)} reach {reach:g} m"
         return self._told(message, [edge, *bars], f"a {edge.name} of at most {reach:g} m, or longer bars beside it")
 
-    def beside(self, part: Part, way: list[_Edge], start: _Node, distance: float) -> Diagnostic:
+    def beside(self, part: Part, way: list[_Edge], start: _Place, distance: float) -> Diagnostic:
         names, reach = listed([e.name for e in way]), sum(e.length for e in way)
         message = (
-            f"{part.pattern} is out of reach: its line passes the fixed point ({start[1]:g}, {start[2]:g}) at "
+            f"{part.pattern} is out of reach: its line passes the fixed point ({start.x:g}, {start.y:g}) at "
             f"{distance:g} m, and {names} reach {reach:g} m"
         )
         return self._told(message, way, f"longer bars, or a line at least {distance - reach:g} m nearer")

@@ -54,7 +54,9 @@ def holder(flat: FlatDAE, variable: int) -> str:
     """Return in words what holds a body, one of whose coordinates or velocities is given; empty where nothing does."""
     part = flat.block_at(variable).part
     own = next((v for p, v in bodies(flat) if p is flat.parts[part]), [])
-    element, ways = variable - flat.block_at(variable).offset, Ways(flat) if own else None
+    if not own:
+        return ""
+    element, ways = variable - flat.block_at(variable).offset, Ways(flat)
     return next(filter(None, (ways.said(int(v[element])) for v in own if element < len(v))), "")
 
 
@@ -65,7 +67,8 @@ def _constant(reduced: Reduced) -> np.ndarray:
     for step in reduced.parameter_program:
         out = written(step)
         registers[out[out < len(registers) - 1]] = True
-    return registers[reduced.register_of]  # -1, nowhere computed, is the last one
+    result: np.ndarray = registers[reduced.register_of]  # -1, nowhere computed, is the last one
+    return result
 
 
 class Ways:

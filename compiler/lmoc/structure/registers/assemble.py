@@ -110,7 +110,7 @@ def _registers(
     states: np.ndarray,
     quadratures: np.ndarray,
     helpers: int,
-    named,
+    named: np.ndarray,
     count: int,
 ) -> Registers:
     role = np.full(count, int(Role.COMPUTED), np.uint8)
@@ -132,7 +132,9 @@ def _registers(
 # --------------------------------------------------------------- start values of nonlinear blocks
 
 
-def _with_guesses(system: EquationSystem, layout: RegisterLayout, rhs: Program, observe: Program, first: int):
+def _with_guesses(
+    system: EquationSystem, layout: RegisterLayout, rhs: Program, observe: Program, first: int
+) -> tuple[Program, Program, list[Apply]]:
     """Give Newton's iterations the start values that the model has; steps that compute those from parameters."""
     unknown = [s.unknowns for s in (*rhs, *observe) if isinstance(s, Solve) and not s.linear]
     if not unknown:

@@ -60,7 +60,8 @@ class RegisterLayout:
     def register_behind(self, variables: np.ndarray) -> np.ndarray:
         """Register of the root jet behind each flat variable."""
         n = self.system.normalized
-        return self.base[n.root[variables]] + n.order[variables]
+        result: np.ndarray = self.base[n.root[variables]] + n.order[variables]
+        return result
 
 
 def names_of_jets(system: EquationSystem, layout: RegisterLayout) -> tuple[np.ndarray, np.ndarray]:
