@@ -15,6 +15,7 @@ from lmoc.cli import process, terminal
 from lmoc.cli.arguments import Parser, UsageError, add_budget_argument
 from lmoc.messages.budgeted import told
 from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
+from lmoc.messages.requests import is_of_the_command
 from lmoc.support.budget import allowed, budget
 
 DONE, WRONG_MODEL, WRONG_COMMAND, FAILED_RUN, INTERNAL = 0, 1, 2, 3, 70
@@ -88,15 +89,10 @@ def _interrupted() -> int:
     return process.interruption_code()
 
 
-# states to prefer, signals, solver, times, what to keep: options whose mistakes are found later
-_OPTIONS = frozenset({"E0414", "E0521", "E0540", "E0541", "E0542"})
-
-
 def exit_code(error: ModelError) -> int:
     """2 where everything wrong is about files, options and the choice of the model, else 1."""
     wrong = [d for d in error.diagnostics if d.severity == "error"]
-    command = all(d.code.startswith("E06") or d.code in _OPTIONS for d in wrong)
-    return WRONG_COMMAND if command else WRONG_MODEL
+    return WRONG_COMMAND if all(map(is_of_the_command, wrong)) else WRONG_MODEL
 
 
 def _dispatch(argv: list[str]) -> int:

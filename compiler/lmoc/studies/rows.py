@@ -10,6 +10,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
+from lmoc.messages.requests import is_of_the_request
 from lmoc.report.result import is_array
 from lmoc.support.budget import Spent
 from lmoc.support.records import dataclass
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from lmoc.numerics.observe.event import Event
     from lmoc.run import Run
 
-# Codes of errors of which no row is the reason: names and options, the same in every run.
-_OF_THE_REQUEST = frozenset({"E0206", "E0210", "E0414", "E0520", "E0521", "E0522", "E0540", "E0541", "E0542"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +134,10 @@ def row_of(run: Run | None, names: Sequence[str], times: np.ndarray, shapes: Map
     return Row(found, reason, run.events)
 
 
-def is_of_the_request(error: ModelError) -> bool:
+def concerns_all_runs(error: ModelError) -> bool:
     """Return whether an error is about what was asked for, so that no run can be made."""
-    wrong = [d.code for d in error.diagnostics if d.severity == "error"]
-    return bool(wrong) and all(code in _OF_THE_REQUEST or code.startswith("E06") for code in wrong)
+    wrong = [d for d in error.diagnostics if d.severity == "error"]
+    return bool(wrong) and all(map(is_of_the_request, wrong))
 
 
 def reason_of(failure: BaseException) -> tuple[str, Run | None]:
@@ -154,7 +153,7 @@ def reason_of(failure: BaseException) -> tuple[str, Run | None]:
     if isinstance(failure, SimulationError):
         return str(failure), failure.partial  # type: ignore[return-value]
     if isinstance(failure, ModelError):
-        if is_of_the_request(failure):
+        if concerns_all_runs(failure):
             raise failure
         wrong = [d for d in failure.diagnostics if d.severity == "error"]
         return "; ".join(f"[{d.code}] {d.message}" for d in wrong), None
