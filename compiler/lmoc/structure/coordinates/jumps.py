@@ -55,7 +55,8 @@ def _deciding_columns(system: EquationSystem, b: EquationBatch, row: int, argume
 
 def _arguments_of_relations(system: EquationSystem) -> dict[int, set[int]]:
     """Return the columns that decide on the discrete variables of relations."""
-    events, found = system.flat.events, {}
+    events = system.flat.events
+    found: dict[int, set[int]] = {}
     for relation in () if events is None else events.relations:
         columns = system.column[system.normalized.root[relation.slots[:, [s.value[0] for s in slots(relation.zero)]]]]
         for target, own in zip(relation.target.tolist(), columns.tolist(), strict=True):
