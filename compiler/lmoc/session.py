@@ -92,7 +92,8 @@ class Session:
         if structural:
             rest = {n: v for n, v in parameters.items() if n not in structural}
             shape = "shapes" if len(structural) == 1 else "shape"
-            note = Diagnostic("N0630", f"{', '.join(structural)} {shape} the model: it has been flattened again")
+            message = f"{', '.join(structural)} {shape} the model: it has been flattened again"
+            note = Diagnostic("N0630", message, subject=Subject.RESHAPED)
             session, prepared = self._reshape(structural, clock).prepare(rest, clock)
             return session, replace(prepared, notes=(note, *prepared.notes))
         values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})

@@ -169,7 +169,7 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
     if not names:
         raise refused("nothing was named")
     at_work, prepared = session.prepare(request.parameters)
-    if prepared.minimal is not None or any(d.code == "N0630" for d in prepared.notes):
+    if prepared.minimal is not None or any(d.subject is Subject.RESHAPED for d in prepared.notes):
         raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
     directions = [_direction(at_work, request, prepared, piece, name) for name in dict.fromkeys(names)]
     first = _start_states(session, request, piece, {}, {})
