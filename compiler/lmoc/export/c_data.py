@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +26,7 @@ class _Writer:
         self.lines: list[str] = []
         self._count = 0
 
-    def array(self, kind: str, values: np.ndarray, text) -> str:
+    def array(self, kind: str, values: np.ndarray, text: Callable[[Any], str]) -> str:
         items = [text(v) for v in np.ravel(values).tolist()] or ["0"]
         self._count += 1
         name = f"a{self._count}"

@@ -9,16 +9,17 @@ import numpy as np
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.program import Apply, Program, Solve, Total, needed_steps, read, written
+from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.observe.slices import slice_of
+from lmoc.numerics.observe.trajectory import Piece
 from lmoc.numerics.plan import Plan, build_plan
 from lmoc.numerics.signals import kinks
-from lmoc.numerics.signals.signals import Constant, Signal, default_signals
+from lmoc.numerics.signals.signals import Constant, Formula, Signal, default_signals
 from lmoc.numerics.signals.steps import stepping_inputs
 from lmoc.support.records import dataclass
 
@@ -115,7 +116,7 @@ def executable(dae: CompiledDAE) -> Executable:
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
     guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
     start = first.table[0, : len(plan.states)]
-    _check_same_start(plan, base, signals, span[0], start, first)
+    _check_same_start(plan, first)
     tried = _Tried(dae, plan, signals, zero_inputs, span, start)
     settable, held = tried.settable()
     variables = listed(dae, plan, inputs, exported, settable)
@@ -137,7 +138,7 @@ def executable(dae: CompiledDAE) -> Executable:
     )  # fmt: skip
 
 
-def refusal(flat: FlatDAE, why: str, hint: str | None = None) -> ModelError:
+def refusal(flat: FlatDAE, why: str, hint: str = "") -> ModelError:
     """Return the error of a scene that cannot be an FMU."""
     return ModelError([Diagnostic("E0669", f"'{flat.name}' cannot be exported: {why}", hint=hint)])
 
@@ -168,11 +169,21 @@ def _refuse_run(flat: FlatDAE, run: Run) -> None:
         raise refusal(flat, f"its run has events, the first at t = {run.events[0].time:.6g} s")
 
 
-def _check_same_start(plan: Plan, base: np.ndarray, signals: dict, t: float, x: np.ndarray, first) -> None:
+def _check_same_start(plan: Plan, first: Piece) -> None:
     """The run may have gone over to other coordinates at once: then these states are not those of the plan."""
     same = np.array_equal(first.observer.plan.reduced.states, plan.reduced.states)
     if not same or first.reduced.in_all_coordinates:
         raise refusal(plan.reduced.flat, "its run takes other coordinates than those that were chosen")
+
+
+def _members(flat: FlatDAE, name: str) -> list[int]:
+    """The variables of a name that has been found before."""
+    found = flat.find(name)
+    return [] if found is None else found.tolist()
+
+
+def _no_column(column: int, order: int) -> float:
+    raise ValueError(f"a shape without variables reads column {column}")
 
 
 def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
@@ -181,10 +192,10 @@ def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
     signals: dict[int, Signal] = default_signals(flat)
     opened = [int(v) for v in np.flatnonzero(flat.kind == Kind.INPUT) if int(v) not in signals]
     for v, signal in signals.items():
-        if not signal.variables and not depends_on_time(signal.shape):  # type: ignore[union-attr]
+        if isinstance(signal, Formula) and not signal.variables and not depends_on_time(signal.shape):
             from lmoc.expression.evaluate import evaluate
 
-            signals[v] = Constant(float(evaluate(signal.shape, None, 0.0)))  # type: ignore[union-attr]
+            signals[v] = Constant(float(evaluate(signal.shape, _no_column, 0.0)))
     return {**signals, **{v: Constant(0.0) for v in opened}}, opened
 
 
@@ -241,8 +252,8 @@ def _parametric(dae: CompiledDAE, plan: Plan) -> tuple[Tape, np.ndarray]:
     flat, count = plan.reduced.flat, plan.count
     known = np.full(count + flat.count, np.nan)
     known[count : count + len(dae.values)] = dae.values
-    given = np.array([v for name in flat.overrides for v in flat.find(name)], int)
-    steps: list = []
+    given = np.array([v for name in flat.overrides for v in _members(flat, name)], np.int64)
+    steps: list[Step] = []
     for a in flat._parameter_bindings[1]:
         free = np.flatnonzero(~np.isin(a.target, given))
         # one by one: a row may use what the row before has filled
@@ -298,8 +309,8 @@ class _Tried:
         if not np.array_equal(self._break_times(values), self._breaks):
             return False
         try:
-            options = {"parameters": {name: changed}, "inputs": self.inputs, "energy": False}
-            run = self.dae.simulate(times=[self.span[0]], **options)
+            only = [self.span[0]]
+            run = self.dae.simulate(times=only, parameters={name: changed}, inputs=self.inputs, energy=False)
         except ModelError:
             return False  # not even so small a change is possible: it stays as it is
         found = run.trajectory.pieces[0].table[0, : len(self.start)]

@@ -239,4 +239,4 @@ def _run(compiler: _Compiler, arguments: list[str]) -> None:
     if done.returncode:
         text = f"the C compiler has failed: {shlex.join(compiler.command)}"
         hint = "LMOC_CC names another one; with LMOC_CC= the FMU has sources only"
-        raise ModelError([Diagnostic("E0623", text, found=done.stderr.strip()[:500] or None, hint=hint)])
+        raise ModelError([Diagnostic("E0623", text, found=done.stderr.strip()[:500], hint=hint)])

@@ -90,7 +90,8 @@ def rows_of(
         found = ", ".join(f"{name}: {length}" for name, length in lengths.items()) or "nothing that varies"
         raise ValueError(f"an ensemble takes arrays of one length, such as parameters={{'k': [10, 20]}}; found {found}")
     held = dict(zip(("parameters", "initial", "inputs"), same, strict=True))
-    return Rows(next(iter(lengths.values())), *varied, held)
+    parameters, starts, signals_of_runs = varied
+    return Rows(next(iter(lengths.values())), parameters, starts, signals_of_runs, held)
 
 
 def _varies(flat: FlatDAE, name: str, value: object, signal: bool) -> bool:

@@ -99,7 +99,9 @@ def _as_list(event: Event) -> list[Any]:
 
 def _as_event(values: list[Any]) -> Event:
     *simple, passed_on = values
-    return Event(*simple, tuple((name, impulse) for name, impulse in passed_on))
+    names = [field.name for field in fields(Event)]
+    own = dict(zip(names, simple, strict=False))
+    return Event(**own, passed_on=tuple((name, impulse) for name, impulse in passed_on))
 
 
 def _about(job: Job) -> dict[str, Any]:
