@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -164,9 +163,8 @@ def shortened(text: str, most: int = LONGEST) -> str:
 
 
 def literal(text: str) -> str:
-    """Return a text as matplotlib has to be given it, which reads what stands between two dollar signs as a formula."""
-    shown = "".join(sign if sign.isprintable() else "·" for sign in text)
-    return re.sub(r"(?<!\\)\$", r"\\$", shown)
+    """Return a text as matplotlib can show it; dollar signs are no formulas there (`STYLE`)."""
+    return "".join(sign if sign.isprintable() else "·" for sign in text)
 
 
 def head(figure: Figure, title: str) -> None:

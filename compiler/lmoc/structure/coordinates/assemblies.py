@@ -248,7 +248,7 @@ class Loops:
     def _by_distance(self, points: np.ndarray) -> np.ndarray:
         """Numbers of the points, the nearest first."""
         w, angle = self.wishes, self.turns.angle[self.wishes.place]
-        length = np.abs(points[:, ~self.turns.angle]).max(initial=0.0)
+        length = np.abs(points[:, ~self.turns.angle]).max(initial=0.0) or 1.0  # all points may lie at the origin
         with np.errstate(all="ignore"):
             missed = np.where(self.held[w.place], 0.0, w.missed(points) / np.where(angle, TURN, length))
         first = [w.level == -1, w.level == 0]
