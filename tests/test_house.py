@@ -49,8 +49,8 @@ INSIDE = {
         "diagnosis", "normalize", "reduce", "laws",
     ),
     "semantics": (
-        "wrong", "classes", "nodes", "values", "drafts", "connections", "ledger", "assemble", "laws", "instances",
-        "events", "equations", "algorithms", "flatten",
+        "mistakes", "classes", "nodes", "values", "drafts", "connections", "assembly", "instances", "events",
+        "equations", "algorithms", "flatten",
     ),
     "view": ("javascript", "scene", "page", "bodies", "drawing"),
 }  # fmt: skip

@@ -72,7 +72,7 @@ def check(text: str, path: str) -> Checked:
 def _models(text: str, path: str) -> Sequence[str | None]:
     """The models to check; None stands for the one that is meant where none is named."""
     from lmoc.semantics.classes.choose import choose_model
-    from lmoc.semantics.wrong import NoModel, SeveralModels, Wrong
+    from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
 
     analysis = analyse(text, path)
     try:

@@ -13,8 +13,8 @@ from lmoc.semantics.classes.hints import visible
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import ATTRIBUTES
-from lmoc.semantics.wrong import Wrong
 from lmoc.support.records import dataclass
 
 _WORDS = (

@@ -8,7 +8,7 @@ from lmoc.editor.names import Meaning, Occurrence, type_of
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
 FUNCTIONS = {

@@ -15,7 +15,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import Node

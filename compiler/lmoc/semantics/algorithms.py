@@ -14,9 +14,10 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.messages.source import Span
+from lmoc.semantics.assembly.laws import law_function, misplaced
 from lmoc.semantics.drafts.draft import Drafts, equality
 from lmoc.semantics.events.whens import ASSIGNED, WhenEquation, both, guarded_check
-from lmoc.semantics.laws import law_function, misplaced
+from lmoc.semantics.mistakes.wrong import Exhausted, Wrong
 from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable
 from lmoc.semantics.values.context import Context
@@ -24,7 +25,6 @@ from lmoc.semantics.values.functions import call_all
 from lmoc.semantics.values.reference import all_subscripts, named_variable
 from lmoc.semantics.values.translate import choose, continuous, sizes_differ
 from lmoc.semantics.values.value import Value, number, stack
-from lmoc.semantics.wrong import Exhausted, Wrong
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk

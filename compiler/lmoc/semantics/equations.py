@@ -9,20 +9,12 @@ from math import prod
 import numpy as np
 
 from lmoc.messages.diagnostics import nearest
+from lmoc.semantics.assembly.laws import add_law, law_function, misplaced
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, GroupDraft, equality
 from lmoc.semantics.events.branches import conditional
 from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
-from lmoc.semantics.laws import add_law, law_function, misplaced
-from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable
-from lmoc.semantics.nodes.records import field_of
-from lmoc.semantics.values.constructors import iteration
-from lmoc.semantics.values.context import Context
-from lmoc.semantics.values.functions import call_all
-from lmoc.semantics.values.reference import element_index, find_start, locate, unknown_name
-from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
-from lmoc.semantics.values.value import Value, number
-from lmoc.semantics.wrong import (
+from lmoc.semantics.mistakes.wrong import (
     Exhausted,
     NoElement,
     NotAlike,
@@ -32,6 +24,14 @@ from lmoc.semantics.wrong import (
     Wrong,
     check_size,
 )
+from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable
+from lmoc.semantics.nodes.records import field_of
+from lmoc.semantics.values.constructors import iteration
+from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.functions import call_all
+from lmoc.semantics.values.reference import element_index, find_start, locate, unknown_name
+from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, sizes_differ
+from lmoc.semantics.values.value import Value, number
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 

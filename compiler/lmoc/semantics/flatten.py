@@ -13,7 +13,16 @@ from lmoc.ir.flat import Block, FlatDAE, Group, Kind, StateSelect
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.semantics.algorithms import add_algorithm, assigned_at_events
-from lmoc.semantics.assemble import Assembler, all_columns, in_order, lay_out, make_blocks, make_parts, pool_literals
+from lmoc.semantics.assembly.assemble import (
+    Assembler,
+    all_columns,
+    in_order,
+    lay_out,
+    make_blocks,
+    make_parts,
+    pool_literals,
+)
+from lmoc.semantics.assembly.ledger import join_sums, ledger
 from lmoc.semantics.classes.choose import choose_model, left_out, mistakes_in, open_scopes
 from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.classes.vendor import vendor_entry
@@ -29,7 +38,7 @@ from lmoc.semantics.events.whens import mark
 from lmoc.semantics.instances.declarations import declare, settle_computed, settle_from_start
 from lmoc.semantics.instances.elaboration import Elaboration
 from lmoc.semantics.instances.experiment import experiment_of
-from lmoc.semantics.ledger import join_sums, ledger
+from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
 from lmoc.semantics.nodes.class_check import check_classes
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.nodes.overrides import Overrides
@@ -38,7 +47,6 @@ from lmoc.semantics.values import reference as _reference  # noqa: F401  registe
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import named_variable
-from lmoc.semantics.wrong import NoModel, SeveralModels, Wrong
 from lmoc.sources.packages import Folder
 from lmoc.support.distinct import distinct
 from lmoc.syntax import tree

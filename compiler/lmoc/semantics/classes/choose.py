@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lmoc.messages.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.wrong import NoModel, SeveralModels, Wrong
+from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
 from lmoc.sources.library import Packages
 from lmoc.sources.packages import Folder, own_folders
 from lmoc.support.quoted import split

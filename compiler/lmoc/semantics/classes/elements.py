@@ -9,7 +9,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member, Place, Resolved
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.redeclare import constraint_of, merged_component
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
 Table = dict[str, Member | Place]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.classes.place import Member, Place
 from lmoc.semantics.classes.predefined import BUILTINS, FOREIGN_TYPES, Builtin
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.sources import library
 from lmoc.syntax import tree
 

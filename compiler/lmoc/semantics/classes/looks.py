@@ -12,7 +12,7 @@ from lmoc.ir.look import PLAIN, SYMBOLS, Drawn, Look
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.vendor import vendor_entry
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
 Corner = tuple[float, float]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lmoc.semantics.classes.place import Place, Resolved
 from lmoc.semantics.classes.predefined import Builtin
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
 

@@ -22,7 +22,7 @@ from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import BUILTINS, Builtin
 from lmoc.semantics.classes.redeclare import constraint_of
 from lmoc.semantics.classes.resolve import resolve
-from lmoc.semantics.wrong import NoClass, NotAClass, Refused, Wrong
+from lmoc.semantics.mistakes.wrong import NoClass, NotAClass, Refused, Wrong
 from lmoc.sources.natives import NAMES, native
 from lmoc.sources.packages import Folder, Found
 from lmoc.syntax import tree

@@ -12,7 +12,7 @@ from lmoc.semantics.classes.place import Member, Resolved
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.wrong import Wrong
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
 # kinds of classes that can stand for each other, because both describe parts

@@ -18,9 +18,9 @@ from lmoc.messages.source import Span
 from lmoc.semantics.connections.components import components
 from lmoc.semantics.connections.signal_sources import SignalEdge, check_sources
 from lmoc.semantics.drafts.draft import CheckDraft, ConnectDraft
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.unit_inference import unit_of
-from lmoc.semantics.wrong import Wrong
 from lmoc.support.distinct import first_of_each, numbered
 from lmoc.support.records import dataclass
 

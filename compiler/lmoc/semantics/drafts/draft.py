@@ -12,13 +12,13 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.law import LawKind
 from lmoc.messages.source import Span
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Binding, Instance, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.helpers import Helpers
 from lmoc.semantics.values.rows import Index, Leaf, align, positions
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Wrong
 from lmoc.support.records import dataclass
 
 Column = tuple[Variable | None, Index | float | np.ndarray]  # flat positions (or numbers), one a row or alike in all

@@ -11,7 +11,7 @@ from lmoc.expression.dag import Expr
 from lmoc.ir.events import Assigned, Events, Reinits, Samples, Terminations, Whens
 from lmoc.ir.flat import FlatDAE, Group, Kind
 from lmoc.messages.diagnostics import Report
-from lmoc.semantics.assemble import Assembler
+from lmoc.semantics.assembly.assemble import Assembler
 from lmoc.semantics.drafts.draft import ActionDraft, Drafts
 from lmoc.semantics.events.relations import Extraction
 from lmoc.semantics.events.whens import ASSIGNED

@@ -16,10 +16,10 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.messages.diagnostics import Label
 from lmoc.semantics.drafts.draft import CheckDraft, Column, Drafts, GroupDraft, compact, flat_column
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Instance
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 Translate = Callable[[tuple[tree.Equation, ...]], list[GroupDraft]]

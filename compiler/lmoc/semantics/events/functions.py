@@ -10,13 +10,13 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.semantics.drafts.draft import ActionDraft, AssignmentDraft, CheckDraft, Column, compact, flat_column
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Variable
 from lmoc.semantics.values.builtins import arguments, builtin
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import changes
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 

@@ -18,9 +18,10 @@ from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
+from lmoc.semantics.assembly.laws import law_function, misplaced
 from lmoc.semantics.drafts.draft import ActionDraft, CheckDraft, Drafts, compact, equality, flat_column
 from lmoc.semantics.events.functions import phase, rises
-from lmoc.semantics.laws import law_function, misplaced
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
@@ -28,7 +29,6 @@ from lmoc.semantics.values.functions import call_all
 from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import MAX_UNROLLED, changes, continuous, dims_text, sizes_differ
 from lmoc.semantics.values.value import Value, number
-from lmoc.semantics.wrong import Wrong
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 

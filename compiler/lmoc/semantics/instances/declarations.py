@@ -12,12 +12,12 @@ from lmoc.messages.source import Span
 from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, compact, spread
 from lmoc.semantics.instances.elaboration import Elaboration
 from lmoc.semantics.instances.known import at_events_only
+from lmoc.semantics.mistakes.wrong import Exhausted, Wrong
 from lmoc.semantics.nodes.instance import Binding, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import positions
 from lmoc.semantics.values.translate import changes
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Exhausted, Wrong
 from lmoc.support.distinct import distinct
 
 

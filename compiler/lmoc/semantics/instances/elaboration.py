@@ -21,6 +21,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.subtype import check_subtype
 from lmoc.semantics.drafts.long_sums import LongSums
 from lmoc.semantics.instances.known import ElementValues, KnownValues
+from lmoc.semantics.mistakes.wrong import Budget, Exhausted, OutOfRange, Wrong, check_size
 from lmoc.semantics.nodes import modification as mods
 from lmoc.semantics.nodes.instance import (
     ATTRIBUTES,
@@ -37,7 +38,6 @@ from lmoc.semantics.nodes.records import record_fields
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Budget, Exhausted, OutOfRange, Wrong, check_size
 from lmoc.syntax import tree
 
 PART_KINDS = frozenset({"model", "block", "connector", "record", "class"})

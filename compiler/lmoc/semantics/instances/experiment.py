@@ -9,8 +9,8 @@ from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.instances.elaboration import Elaboration
+from lmoc.semantics.mistakes.wrong import MAX_ELEMENTS, Wrong
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.wrong import MAX_ELEMENTS, Wrong
 from lmoc.syntax import tree
 
 FIELDS = {"StartTime": "start", "StopTime": "stop", "Tolerance": "tolerance", "Interval": "interval"}

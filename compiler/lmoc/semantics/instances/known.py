@@ -8,11 +8,11 @@ import numpy as np
 
 from lmoc.ir.flat import Kind
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import NotKnown, Wrong
 from lmoc.semantics.nodes.instance import Binding, Variable
 from lmoc.semantics.nodes.overrides import element_positions, other_type
 from lmoc.semantics.values.context import Context, Model
 from lmoc.semantics.values.value import Value, from_numbers
-from lmoc.semantics.wrong import NotKnown, Wrong
 from lmoc.syntax import tree
 
 ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]

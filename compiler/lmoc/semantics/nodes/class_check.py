@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Instance
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 _WITHOUT_EQUATIONS = {

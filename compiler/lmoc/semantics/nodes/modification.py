@@ -12,8 +12,8 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Label
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import NOTHING, Binding, Instance, Modifier
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 

@@ -9,8 +9,8 @@ from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Modifier
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 

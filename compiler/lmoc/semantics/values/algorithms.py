@@ -14,13 +14,13 @@ from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import Exhausted, OutOfRange, Wrong, check_size
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, number, stack
-from lmoc.semantics.wrong import Exhausted, OutOfRange, Wrong, check_size
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk

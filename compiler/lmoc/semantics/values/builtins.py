@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
+from lmoc.semantics.mistakes.wrong import OutOfRange, Wrong, check_size
 from lmoc.semantics.nodes.instance import InstanceNode
 from lmoc.semantics.values.constructors import column_of_numbers, comprehension, concatenated
 from lmoc.semantics.values.context import Context
@@ -24,7 +25,6 @@ from lmoc.semantics.values.translate import (
     warn_kink,
 )
 from lmoc.semantics.values.value import Value, common_type, number, stack
-from lmoc.semantics.wrong import OutOfRange, Wrong, check_size
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 

@@ -7,12 +7,12 @@ from math import prod
 import numpy as np
 
 from lmoc.messages.source import Span
+from lmoc.semantics.mistakes.wrong import NotAlike, NotOneGroup, Wrong, check_size
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.dimensions import dimension_type
 from lmoc.semantics.values.implied_range import implied_length
 from lmoc.semantics.values.translate import MAX_UNROLLED, sizes_differ
 from lmoc.semantics.values.value import Value, common_type, number, stack
-from lmoc.semantics.wrong import NotAlike, NotOneGroup, Wrong, check_size
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 

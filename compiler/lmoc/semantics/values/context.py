@@ -13,10 +13,10 @@ from lmoc.ir.flat import Block, Kind
 from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import Budget, NotAlike, NotKnown, Wrong
 from lmoc.semantics.nodes.instance import Binding, Instance, InstanceNode, Variable
 from lmoc.semantics.values.rows import Index, Leaves, Space, whole_space
 from lmoc.semantics.values.value import Arrays, Value
-from lmoc.semantics.wrong import Budget, NotAlike, NotKnown, Wrong
 from lmoc.syntax import tree
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 

@@ -12,6 +12,7 @@ from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import NoClass, NotAClass, OutOfRange, Wrong
 from lmoc.semantics.nodes.records import argument_fields, leaf_fields
 from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
@@ -20,7 +21,6 @@ from lmoc.semantics.values.dimensions import DimensionType, dimension_type, leng
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
 from lmoc.semantics.values.value import Arrays, Value, number
-from lmoc.semantics.wrong import NoClass, NotAClass, OutOfRange, Wrong
 from lmoc.syntax import tree
 
 # what other languages have, and how it is written here

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lmoc.messages.diagnostics import Label
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import InstanceNode
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, reference, step
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import node, tree
 
 

@@ -17,11 +17,11 @@ from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import ENUMERATIONS, Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.mistakes.wrong import NoElement, NotAlike, NotThere, OutOfRange, Wrong
 from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import Index, align, positions
 from lmoc.semantics.values.value import Value, number, stack
-from lmoc.semantics.wrong import NoElement, NotAlike, NotThere, OutOfRange, Wrong
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 

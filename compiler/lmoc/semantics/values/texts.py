@@ -7,11 +7,11 @@ import re
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import BUILTINS, ENUMERATIONS
 from lmoc.semantics.classes.resolve import resolve
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.values.builtins import builtin
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.translate import changes
 from lmoc.semantics.values.value import Value, text
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 _OPTIONS = {"significantDigits": "Integer", "minimumLength": "Integer", "leftJustified": "Boolean", "format": "String"}

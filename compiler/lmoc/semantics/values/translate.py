@@ -11,10 +11,10 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.messages.source import Span
+from lmoc.semantics.mistakes.wrong import OutOfRange, RowsDiffer, Wrong
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import align
 from lmoc.semantics.values.value import Value, common_type, number, stack, text
-from lmoc.semantics.wrong import OutOfRange, RowsDiffer, Wrong
 from lmoc.syntax import tree
 
 ARITHMETIC: dict[str, Callable[[Expr, Expr], Expr]] = {

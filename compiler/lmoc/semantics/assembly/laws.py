@@ -18,12 +18,12 @@ from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Member, Scope
 from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.drafts.draft import Column, Drafts, GroupDraft, LawDraft, compact, flat_column
+from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Leaf
 from lmoc.semantics.values.translate import changes, dims_text
 from lmoc.semantics.values.unit_inference import unit_of_value
 from lmoc.semantics.values.value import Value
-from lmoc.semantics.wrong import Wrong
 from lmoc.syntax import tree
 
 # the library's names of the arguments, and what they are in `Laws`
