@@ -142,6 +142,14 @@ def test_chains_of_rods_from_eighths_of_a_turn(seed):
         assert points[name] == pytest.approx(turned[name], abs=1e-8)
 
 
+def test_rods_in_one_line_take_few_steps():
+    """What turns by rounding alone is not followed; parts that move alike do not hide that it is rounding."""
+    angles, lengths = np.pi / 4 * np.array([0, 1, 1, 1]), np.array([3.0, 3.0, 1.0, 0.01])
+    run = lmoc.compile_text(chain_in_angles(lengths, angles, np.arange(8))).simulate(stop=0.002, rtol=1e-9, points=3)
+    assert run.stats["steps"] < 1000
+    assert np.ptp(run["t3"]) < 1e-12
+
+
 GUIDE = """
     model Guide "A point on a line that turns; when it starts, the line is level or upright"
       Real x(start = {x}), y(start = {y}), vx = der(x), vy = der(y), s, c, n{declared};

@@ -107,10 +107,12 @@ def _rounding(piece: Piece) -> np.ndarray:
     if not len(few):
         return np.zeros(len(plan.states))
     rates = _rates(observer)
-    signs = np.where(np.arange(len(plan.states)) % 2, 1.0, -1.0)  # neighbours move against each other, or all alike
+    # neighbours move against each other, or pairs of them (a coordinate and its rate), or all alike
+    number = np.arange(len(plan.states))
+    ways = [np.where(number // size % 2, 1.0, -1.0) for size in (1, 2, len(number))]
     with np.errstate(all="ignore"):
         middle = rates(times[few], states[few])
-        beside = [rates(times[few], states[few] * (1 + _EPSILON * s)) for s in (1.0, signs)]
+        beside = [rates(times[few], states[few] * (1 + _EPSILON * signs)) for signs in ways]
         return np.nan_to_num(_MARGIN * np.fmax.reduce([np.abs(b - middle).max(axis=0) for b in beside]))
 
 
