@@ -20,7 +20,14 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C c
 
 MODELS = Path(__file__).parents[2] / "models"
 RTOL = 1e-6
-OSCILLATOR = """
+HUNG = """
+  connect({0}.flange, spring.a);
+  connect(spring.b, mass.flange);
+  connect({0}.flange, damper.a);
+  connect(damper.b, mass.flange);
+"""
+OSCILLATOR = (
+    """
 model Driven "a mass driven by a force"
   parameter Real k(unit = "N/m") = 40;
   parameter Real twice(unit = "N/m") = 2*k;
@@ -34,15 +41,13 @@ model Driven "a mass driven by a force"
   Force force;
 equation
   force.f = u;
-  connect(wall.flange, spring.a);
-  connect(spring.b, mass.flange);
-  connect(wall.flange, damper.a);
-  connect(damper.b, mass.flange);
   connect(force.flange, mass.flange);
-end Driven;
 """
-
-MOVED = """
+    + HUNG.format("wall")
+    + "end Driven;"
+)
+MOVED = (
+    """
 model Moved
   input Real u(unit = "m");
   output Real y(unit = "m") = mass.q;
@@ -52,12 +57,10 @@ model Moved
   Mass mass(m = 2);
 equation
   motion.q = u;
-  connect(motion.flange, spring.a);
-  connect(spring.b, mass.flange);
-  connect(motion.flange, damper.a);
-  connect(damper.b, mass.flange);
-end Moved;
 """
+    + HUNG.format("motion")
+    + "end Moved;"
+)
 PULSE = """
 model Pulse
   parameter Real begin(unit = "s") = 1.1;

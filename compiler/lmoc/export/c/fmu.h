@@ -62,6 +62,9 @@ enum {
 /* What a step or a value has come to. */
 enum { FMU_GOOD, FMU_NO_VALUE, FMU_WRONG };
 
+/* What a function of FMI returns; the last only in 2.0. */
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status;
+
 typedef void (*fmu_tell)(void *own, const char *text);
 
 typedef struct {
