@@ -84,3 +84,13 @@ def test_a_step_before_a_start_is_refused(cart):
         lmoc.Environment(cart, {"F": (-1, 1)}).step([0.0])
     with pytest.raises(ValueError, match="not possible"):
         lmoc.Environment(cart, {"F": (-1, 1)}, step=0)
+
+
+def test_a_run_that_fails_ends_the_episode_and_says_why():
+    """x' = x² + u from 1 is infinite at t = 1 s."""
+    text = "model Escape input Real u = 0; Real x(start = 1, fixed = true); equation der(x) = x^2 + u; end Escape;"
+    env = lmoc.Environment(lmoc.compile_text(text), {"u": (-1, 1)}, step=0.6, horizon=10)
+    env.reset(seed=1)
+    assert env.step([0.0])[2:4] == (False, False)
+    _, _, ended, truncated, info = env.step([0.0])
+    assert ended and not truncated and "t = 1 s" in info["error"]

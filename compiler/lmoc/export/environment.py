@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.live import Live
+from lmoc.messages.diagnostics import SimulationError
 from lmoc.view.drawing import Drawing
 
 Range = tuple[float, float]
@@ -109,11 +110,7 @@ class Environment(gymnasium.Env):
         info: dict[str, Any] = {}
         try:
             live.advance(self.dt)
-        except Exception as error:
-            from lmoc.messages.diagnostics import SimulationError
-
-            if not isinstance(error, SimulationError):
-                raise
+        except SimulationError as error:
             info["error"] = str(error)
         seen = self._seen(live)
         ended = "error" in info or live.time < target - 1e-9 * self.dt or self._outside(live)
