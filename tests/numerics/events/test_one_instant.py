@@ -92,3 +92,32 @@ def test_an_impact_at_a_tick():
     for length in np.linspace(0.3, 0.9, 7):
         run = dae.simulate(parameters={"length": length}, stop=1.5 * length)
         assert [(e.name, e.time) for e in run.events] == [("s", length), ("Ball", length)]
+
+
+PLAY = """
+model Play "What is exactly zero between its flanks passes through zero with them, and stays there"
+  parameter Real a = 1, k = 30, play = 0.25;
+  Real x(start = 0, fixed = true), v(start = 1, fixed = true);
+  Real s, push = k*s;
+  Boolean pulls = push < 0, pushes = push > 0, apart = not (push >= 0 and push <= 0);
+  Real y(start = 0, fixed = true) "grows where the play is taken up";
+equation
+  der(x) = v;
+  der(v) = -x;
+  s = if x > play then x - play else if x < -play then x + play else 0;
+  der(y) = if push < 0 or push > 0 then a else 0;
+end Play;
+"""
+
+
+@pytest.mark.parametrize("solver", ["dop853", "cvode"])
+def test_what_stays_exactly_zero_does_not_cross_it(solver):
+    dae, draw = lmoc.compile_text(PLAY), np.random.default_rng(3)
+    for play in [0.25, *draw.uniform(0.01, 0.9, 2)]:
+        run = dae.simulate(parameters={"play": play}, stop=6 * np.pi, points=301, solver=solver, rtol=1e-10)
+        inside = np.abs(np.abs(run["x"]) - play) > 1e-7
+        for name, truth in (("pulls", run["x"] < -play), ("pushes", run["x"] > play), ("apart", abs(run["x"]) > play)):
+            assert np.array_equal(run[name][inside] > 0.5, truth[inside]), (name, play)
+        assert run["y"][-1] == pytest.approx(6 * np.pi - 12 * np.arcsin(play), abs=1e-6)
+        turns = [(e.name, e.before, e.after) for e in run.events if e.name == "push < 0"]
+        assert turns == 3 * [("push < 0", "false", "true"), ("push < 0", "true", "false")], play

@@ -135,20 +135,23 @@ class Machine:
         self._widen(t, x)
 
     def _widen(self, t: float, x: np.ndarray) -> None:
-        """Widen the margins of functions that are zero but for rounding: a relation does not react to that.
+        """Set the margins of functions that are zero but for rounding: a relation does not react to that.
 
         How much rounding there is shows when the states are changed by it: the acceleration of a wheel at rest behind
-        open clutches is a sum that cancels, 1e-15 or −2e-15, as it comes.
+        open clutches is a sum that cancels, 1e-15 or −2e-15, as it comes. What is exactly zero and stays that does not
+        pass through zero, and has no margin: the force between two teeth in their play.
         """
-        size = max(1.0, float(np.abs(x).max(initial=0.0)), float(np.abs(self.zero).max(initial=0.0)))
-        near = (np.abs(self.zero) <= _ZERO * size) & (self.zero != 0) & ~self.layout.rounded
+        height = np.abs(self.zero)
+        size = max(1.0, float(np.abs(x).max(initial=0.0)), float(height.max(initial=0.0)))
+        near = (height <= _ZERO * size) & ((height > 0) | (self.margin > 0)) & ~self.layout.rounded
         if not near.any():
             return
-        noise = np.zeros(len(self.zero))
+        noise, stays = np.zeros(len(height)), height == 0
         for signs in (np.ones(len(x)), np.where(np.arange(len(x)) % 2, 1.0, -1.0)):
-            moved = self.layout.zeros(t, x * (1.0 + signs * _ULP))
-            noise = np.fmax(noise, np.abs(moved - self.zero))
-        self.margin[near] = np.fmax(self.margin, _NOISES * noise)[near]
+            by_rounding = self.layout.zeros(t, x * (1.0 + signs * _ULP)) - self.zero
+            noise = np.fmax(noise, np.abs(by_rounding))
+            stays &= self.layout.zeros(t + _ULP * max(abs(t), 1.0), x + signs * _ULP * np.fmax(np.abs(x), 1.0)) == 0
+        self.margin[near] = np.where(stays, 0.0, np.fmax(self.margin, _NOISES * noise))[near]
 
     def remember(self) -> None:
         """``pre(v) := v``."""
