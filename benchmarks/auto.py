@@ -93,7 +93,7 @@ def curve(points, error: float, cost: str = "seconds") -> float:
 def judge(path: Path, tolerances: Sequence[float], seconds: float) -> list[dict[str, object]]:
     """The pairs of one model."""
     import lmoc
-    from lmoc.numerics.options import RunOptions
+    from lmoc.numerics.options.options import RunOptions
     from lmoc.simulation import Request
     from lmoc.studies.points import Measurement, Runner, Setting
     from lmoc.studies.reference import make_reference, probe

@@ -75,7 +75,7 @@ def native(dae):
     """The system of a scene in C, ready to be evaluated, and the seconds that took."""
     from lmoc.messages.diagnostics import Report
     from lmoc.numerics.evaluate.engine_system import EngineSystem
-    from lmoc.numerics.plan import build_plan
+    from lmoc.numerics.plan.plan import build_plan
     from lmoc.numerics.signals.signals import bind_signals
 
     report = Report()

@@ -68,11 +68,11 @@ def events() -> list[tuple[str, float, float]]:
 def _restart(dae: lmoc.DAE) -> float:
     """Return the seconds that lmoc's DOP853 takes to begin and to make one flight, without laws."""
     from lmoc.messages.diagnostics import Report
-    from lmoc.numerics.integrate import dop853, loop
-    from lmoc.numerics.integrate.base import Problem
     from lmoc.numerics.laws.switching import all_open
+    from lmoc.numerics.problem.base import Problem
+    from lmoc.numerics.run.simulate import Simulator
     from lmoc.numerics.signals.signals import bind_signals
-    from lmoc.numerics.simulate import Simulator
+    from lmoc.numerics.steps import dop853, loop
 
     reduced, report = dae.prepare().reduced, Report()
     signals = {**bind_signals(reduced.flat, None, report), **all_open(reduced.switched)}

@@ -80,7 +80,7 @@ class Scene:
 
 def problem_of(dae):
     """The initial value problem that a run hands to its integrator."""
-    from lmoc.numerics.integrate import choice
+    from lmoc.numerics.steps import choice
 
     seen, integrate = [], choice.integrate
 

@@ -305,7 +305,7 @@ def work(job: int, cases: Iterator[int], seed: int, place: Path) -> None:
 
     import lmoc.cli.run
     import lmoc.compilation
-    import lmoc.numerics.simulate
+    import lmoc.numerics.run.simulate
     import lmoc.report.summary  # noqa: F401
     from lmoc.sources import library
 

@@ -52,6 +52,10 @@ INSIDE = {
         "mistakes", "classes", "nodes", "values", "drafts", "connections", "assembly", "instances", "events",
         "equations", "algorithms", "flatten",
     ),
+    "numerics": (
+        "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe", "laws", "steps",
+        "coordinates", "failures", "formulations", "events", "task", "start", "run",
+    ),
     "view": ("javascript", "scene", "page", "bodies", "drawing"),
 }  # fmt: skip
 # Circles that are still to be opened.
@@ -182,7 +186,7 @@ CASADI = {
     "lmoc.numerics.evaluate.casadi_stepper",
     "lmoc.numerics.evaluate.casadi_system",
     "lmoc.numerics.evaluate.functions",
-    "lmoc.numerics.integrate.casadi_run",
+    "lmoc.numerics.steps.casadi_run",
     "lmoc.numerics.laws.open_scene",
     "lmoc.numerics.laws.updated",
 }

@@ -77,8 +77,9 @@ class CompiledDAE(CompiledModel):
         times : the output times themselves, in place of `stop` and `points`; the run begins at `start` all the same
         rtol : relative tolerance; 1e-6
         atol : absolute tolerance of all states; rtol·1e-3 of the magnitude of each
-        solver : one of `lmoc.numerics.options.SOLVERS`
-        formulation : of closed loops, one of `lmoc.numerics.options.FORMULATIONS`; ``baumgarte:25`` with a gain in 1/s
+        solver : one of `lmoc.numerics.options.options.SOLVERS`
+        formulation : of closed loops, one of `lmoc.numerics.options.options.FORMULATIONS`; ``baumgarte:25`` with a
+            gain in 1/s
         parameters : {name: value} for this run only
         initial : {name: value}, fixing any variable at the start; an `Equilibrium`; or "equilibrium", for the only one
             there is with the inputs as they are at the start
@@ -103,7 +104,7 @@ class CompiledDAE(CompiledModel):
         RunInterrupted
             A KeyboardInterrupt with the same attributes.
         """
-        from lmoc.numerics.options import RunOptions
+        from lmoc.numerics.options.options import RunOptions
 
         options = RunOptions(
             start, stop, points, times, rtol, atol, solver, formulation, energy, names_of(keep), max_step, step
@@ -151,7 +152,7 @@ class CompiledDAE(CompiledModel):
         ModelError
             There is none, or something has no value.
         """
-        from lmoc.numerics.options import RunOptions
+        from lmoc.numerics.options.options import RunOptions
 
         only_start = Request(RunOptions(times=[self.flat.experiment.start or 0.0]), compiled=self.timings)
         return simulation.run_prepared(*self._session.prepare(), only_start, Clock(listener)).notes

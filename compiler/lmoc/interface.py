@@ -112,7 +112,7 @@ class DAE(CompiledDAE):
         ValueError
             Nothing varies, or lengths differ.
         """
-        from lmoc.numerics.options import RunOptions
+        from lmoc.numerics.options.options import RunOptions
         from lmoc.studies.batch import run
         from lmoc.studies.job import job_of
         from lmoc.studies.rows import rows_of
@@ -230,7 +230,7 @@ class DAE(CompiledDAE):
         seconds : that the chart may take, about; 300 by default
         progress : called with what is being done and the share of the work that is done
         """
-        from lmoc.numerics.options import RunOptions
+        from lmoc.numerics.options.options import RunOptions
         from lmoc.studies.chart import chart
 
         request = Request(RunOptions(start, stop, points), parameters, initial, inputs)
@@ -251,7 +251,7 @@ class DAE(CompiledDAE):
 
         Parameters and errors as of `simulate` and `lmoc.studies.economy.economy`.
         """
-        from lmoc.numerics.options import RunOptions
+        from lmoc.numerics.options.options import RunOptions
         from lmoc.studies.economy import economy
 
         return economy(self._session, Request(RunOptions(start, stop, rtol=rtol), parameters, initial, inputs))

@@ -21,20 +21,20 @@ from lmoc.ir.names import UnknownNameError, hint_for
 from lmoc.ir.program import Solve
 from lmoc.messages.budgeted import budgeted
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, SimulationError, nearest
-from lmoc.numerics.evaluate.select import make_system
 from lmoc.numerics.events.steps import Steps
-from lmoc.numerics.integrate import automatic, choice, dop853
-from lmoc.numerics.integrate.base import Problem
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.laws.select import make_system
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.one_state import moved, why_not
 from lmoc.numerics.observe.trajectory import End
-from lmoc.numerics.plan import Plan, build_plan
-from lmoc.numerics.signals import kinks
-from lmoc.numerics.signals.activity import lookout, pulsing
+from lmoc.numerics.plan import kinks
+from lmoc.numerics.plan.activity import lookout, pulsing
+from lmoc.numerics.plan.plan import Plan, build_plan
+from lmoc.numerics.plan.steps import stepping_inputs
+from lmoc.numerics.problem.base import Problem
+from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal, bind_signals, break_times
-from lmoc.numerics.signals.steps import stepping_inputs
-from lmoc.numerics.sizes import assumed_sizes
+from lmoc.numerics.steps import automatic, choice, dop853
+from lmoc.numerics.task.sizes import assumed_sizes
 from lmoc.support import budget
 
 if TYPE_CHECKING:

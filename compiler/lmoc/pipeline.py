@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from lmoc.ir.flat import FlatDAE
     from lmoc.ir.reduced import Reduced
-    from lmoc.numerics.text import Lowered
+    from lmoc.numerics.run.text import Lowered
     from lmoc.sources.opened import Named
     from lmoc.sources.packages import Folder
     from lmoc.syntax import tree
@@ -200,7 +200,7 @@ def reduce_with_loops(minimal: Reduced, states: Sequence[str] | None, gain: floa
     with clock.stage("reduce"):
         from lmoc.messages.diagnostics import Diagnostic
         from lmoc.numerics.formulations.feedback import with_feedback
-        from lmoc.numerics.formulations.table import NotFormulatedError
+        from lmoc.numerics.options.formulations import NotFormulatedError
         from lmoc.structure.coordinates.closures import NotReleasedError
         from lmoc.structure.reduce import reduce
 
@@ -256,7 +256,7 @@ def _reduced(flat: FlatDAE, scene: Scene, clock: Clock) -> Reduced:
 
 def _lowered(reduced: Reduced, _: Scene, clock: Clock) -> Lowered:
     with clock.stage("lower"):
-        from lmoc.numerics.text import lower
+        from lmoc.numerics.run.text import lower
 
         report = Report()
         lowered = lower(reduced, report)
@@ -289,7 +289,7 @@ def _normalized_text(reduced: Reduced) -> str:
 
 
 def _lowered_text(lowered: Lowered) -> str:
-    from lmoc.numerics.text import lowered_text
+    from lmoc.numerics.run.text import lowered_text
 
     return lowered_text(lowered)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Area, ModelError, SimulationError
-from lmoc.numerics.options import RunOptions
+from lmoc.numerics.options.options import RunOptions
 from lmoc.run import Run
 from lmoc.session import Session, refuse_remembered
 from lmoc.simulation import Request, simulate

@@ -12,7 +12,7 @@ from lmoc.report.result import Result
 if TYPE_CHECKING:
     import numpy as np
 
-    from lmoc.numerics.sensitivities import Sensitivities
+    from lmoc.numerics.run.sensitivities import Sensitivities
     from lmoc.view.page.page import Page
 
 

@@ -23,14 +23,14 @@ from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters
 
 if TYPE_CHECKING:
-    from lmoc.numerics.evaluate.system import System
-    from lmoc.numerics.formulations.table import Requested
     from lmoc.numerics.observe.trajectory import Trajectory
-    from lmoc.numerics.options import RunOptions
-    from lmoc.numerics.plan import Plan
+    from lmoc.numerics.options.formulations import Requested
+    from lmoc.numerics.options.options import RunOptions
+    from lmoc.numerics.plan.plan import Plan
+    from lmoc.numerics.problem.system import System
+    from lmoc.numerics.run.simulate import Simulator
     from lmoc.numerics.signals.signals import Signal
-    from lmoc.numerics.simulate import Simulator
-    from lmoc.numerics.task import Progress
+    from lmoc.numerics.task.task import Progress
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
     from lmoc.symbolic.laws.modes import Lawful
@@ -250,7 +250,7 @@ class Session:
             return prepared
         if prepared.flat.laws or prepared.flat.events is not None:
             message = f"a scene with laws or events cannot be run in formulation '{form.name}'"
-            from lmoc.numerics.formulations.table import NotFormulatedError
+            from lmoc.numerics.options.formulations import NotFormulatedError
 
             raise NotFormulatedError([Diagnostic("E0626", message, expected="auto or reduced")])
         if minimal.invariants is None:
@@ -269,7 +269,7 @@ class Session:
         NotFormulatedError
             E0626: not all of them can be states.
         """
-        from lmoc.numerics.formulations.table import TABLE, Requested
+        from lmoc.numerics.options.formulations import TABLE, Requested
 
         return self.formulated(prepared, Requested(TABLE["index1"]), Clock()).reduced
 
@@ -289,7 +289,7 @@ class Session:
 
     def simulator(self, reduced: Reduced) -> Simulator:
         """Return the simulator of one of the reductions."""
-        from lmoc.numerics.simulate import Simulator
+        from lmoc.numerics.run.simulate import Simulator
 
         return self._simulators.setdefault(id(reduced), Simulator(reduced))
 
@@ -349,7 +349,7 @@ class OtherCoordinates:
 
     def of_loops(self, signals: Mapping[int, Signal], energy: bool) -> tuple[Plan, System] | None:
         """Return the plan and the system with all coordinates of the loops as states; None where they cannot be."""
-        from lmoc.numerics.formulations.table import TABLE, Requested
+        from lmoc.numerics.options.formulations import TABLE, Requested
 
         session, prepared = self.session, self.prepared
         if prepared.reduced.invariants is None:

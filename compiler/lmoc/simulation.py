@@ -20,8 +20,8 @@ from lmoc.support.records import dataclass
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import StartValues
     from lmoc.numerics.observe.trajectory import Piece, Trajectory
-    from lmoc.numerics.options import RunOptions
-    from lmoc.numerics.sensitivities import Direction, Sensitivities
+    from lmoc.numerics.options.options import RunOptions
+    from lmoc.numerics.run.sensitivities import Direction, Sensitivities
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
 
@@ -129,7 +129,7 @@ def start_values(session: Session, registers: np.ndarray) -> StartValues:
     """Return the start of a run with the default values, with the values of some registers."""
     from lmoc.numerics.evaluate.functions import StartValues
     from lmoc.numerics.observe.slices import slice_of
-    from lmoc.numerics.options import RunOptions
+    from lmoc.numerics.options.options import RunOptions
 
     run = simulate(session, Request(RunOptions(times=[session.flat.experiment.start or 0.0])))
     piece = run.trajectory.pieces[0]
@@ -163,7 +163,7 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
     ModelError
         E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
-    from lmoc.numerics.sensitivities import EXPLICIT, Sensitivities, refused, smooth_piece
+    from lmoc.numerics.run.sensitivities import EXPLICIT, Sensitivities, refused, smooth_piece
 
     piece = smooth_piece(run.trajectory)
     if not names:
@@ -180,7 +180,7 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
 def _direction(session: Session, request: Request, prepared: Prepared, piece: Piece, name: str) -> Direction:
     """Return what is differentiated by, with the derivatives of the states at the start."""
     from lmoc.ir.flat import Kind
-    from lmoc.numerics.sensitivities import STEP, Direction, changed_values, difference, refused
+    from lmoc.numerics.run.sensitivities import STEP, Direction, changed_values, difference, refused
 
     flat, values = prepared.flat, piece.observer.values
     found = flat.find(name)
@@ -220,7 +220,7 @@ def _start_states(
     session: Session, request: Request, piece: Piece, parameters: Mapping[str, Value], initial: Mapping[str, float]
 ) -> np.ndarray:
     """Return the states (n,) where a run starts with some values changed."""
-    from lmoc.numerics.sensitivities import refused
+    from lmoc.numerics.run.sensitivities import refused
 
     options = replace(request.options, start=piece.begin, stop=None, points=None, times=[piece.begin], keep=None)
     given = {**(request.initial or {}), **initial} if initial else request.initial

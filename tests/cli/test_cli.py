@@ -84,8 +84,8 @@ def test_unreadable_files_are_named(lmoc, tmp_path, scene):
 
 
 def test_solvers_prints_their_table(lmoc):
-    from lmoc.numerics.integrate.base import HEAD
-    from lmoc.numerics.integrate.choice import table
+    from lmoc.numerics.problem.base import HEAD
+    from lmoc.numerics.steps.choice import table
 
     lines = lmoc("solvers").out.splitlines()
     assert all(any(line.startswith(one.name + " ") for line in lines) for one in table())
@@ -260,7 +260,7 @@ def test_show_puts_arrays_together(lmoc, tmp_path):
 
 def test_an_interrupted_run_keeps_what_it_has(lmoc, scene, tmp_path, monkeypatch):
     from lmoc.cli.progress import Progress
-    from lmoc.numerics.integrate.base import Watch
+    from lmoc.numerics.problem.base import Watch
 
     def interrupt(self, simulated, stop):
         if simulated > 100:

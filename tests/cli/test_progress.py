@@ -54,7 +54,7 @@ def test_a_check_does_not_claim_to_simulate(lmoc, scene, told):
 
 
 def test_a_run_simulates_when_time_advances(lmoc, scene, told, monkeypatch):
-    from lmoc.numerics.integrate.base import Watch
+    from lmoc.numerics.problem.base import Watch
 
     monkeypatch.setattr(Watch, "EVERY", 0.0)
     assert lmoc("run", scene, "--stop", "100").code == 0

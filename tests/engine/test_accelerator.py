@@ -18,7 +18,7 @@ from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.chain_rule import ChainRule
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import bind_signals
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")

@@ -12,7 +12,7 @@ from lmoc.engine.library import library
 from lmoc.lower.series import LENGTH, RECURRENCES
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.taylor_system import TaylorSystem
-from lmoc.numerics.plan import build_plan
+from lmoc.numerics.plan.plan import build_plan
 from lmoc.numerics.signals.signals import bind_signals
 
 FUNCTIONS = {

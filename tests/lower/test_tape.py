@@ -18,8 +18,8 @@ from lmoc.ir.program import Apply, Solve, Total
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.operations import OPERATIONS
 from lmoc.lower.tape import CHUNK
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 
 SIN = function("sin", slot(0))
 

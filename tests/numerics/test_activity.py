@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.options import ADAPTIVE
-from lmoc.numerics.signals.activity import StepBounds, finest_scales
+from lmoc.numerics.options.options import ADAPTIVE
+from lmoc.numerics.plan.activity import StepBounds, finest_scales
 
 PUSHED = """model P
   input Real u(unit = "N") = {};

@@ -6,9 +6,9 @@ import pytest
 import lmoc
 from lmoc.engine.compiler import find_compiler
 from lmoc.messages.diagnostics import SimulationError
-from lmoc.numerics.integrate import automatic, series_rule
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.simulate import simulate
+from lmoc.numerics.options.options import RunOptions
+from lmoc.numerics.run.simulate import simulate
+from lmoc.numerics.steps import automatic, series_rule
 
 OSCILLATOR = """model O
   parameter Real c = 0;

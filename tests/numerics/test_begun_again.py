@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.integrate.sundials.cvode import CvodeSession
+from lmoc.numerics.sundials.cvode import CvodeSession
 
 SLIDE = """model M Real x(start = 1, fixed = true), v(start = 0, fixed = true);
   equation der(x) = v; der(v) = -{d}*v - {d}*x; end M;"""

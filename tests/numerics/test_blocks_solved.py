@@ -13,9 +13,9 @@ from lmoc.ir.program import Apply, Program, Solve
 from lmoc.lower.blocks import values_tape
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.plan import build_plan
+from lmoc.numerics.plan.plan import build_plan
 from lmoc.numerics.signals.signals import bind_signals
+from lmoc.numerics.solve.interpreter import Interpreter
 
 CHAIN = "models/planar/chain.lmo"
 # x is given by a crank, u follows from cos(u) = x/2 near one of its two solutions

@@ -7,8 +7,8 @@ from conftest import ROOT
 import lmoc
 from lmoc.numerics.coordinates import watch
 from lmoc.numerics.coordinates.tableau import rank_margin
-from lmoc.numerics.integrate import loop
-from lmoc.numerics.integrate.loop import Loop
+from lmoc.numerics.steps import loop
+from lmoc.numerics.steps.loop import Loop
 
 SCENES = ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"]
 

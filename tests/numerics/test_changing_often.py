@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 import lmoc
-from lmoc.numerics.coordinates.changes import Changes, Way
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.formulations import manifold
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.run.changes import Changes, Way
 
 PARALLELOGRAM = """
 model Parallelogram "rods between particles; all three turn as one pendulum"

@@ -14,8 +14,8 @@ from lmoc.engine import compiler
 from lmoc.expression import dag
 from lmoc.ir.program import Apply, Solve
 from lmoc.messages.diagnostics import ModelError, SimulationError
-from lmoc.numerics.options import ADAPTIVE, RunOptions
-from lmoc.numerics.simulate import Simulator, simulate
+from lmoc.numerics.options.options import ADAPTIVE, RunOptions
+from lmoc.numerics.run.simulate import Simulator, simulate
 
 TEXT = "int answer(void) { return 42; }\n"
 CHAIN = Path(__file__).parents[2] / "models/bench/chain.lmo"

@@ -8,13 +8,13 @@ from oracles.by_numpy import NumpyStepper, VectorSystem
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import Report, SimulationError
+from lmoc.numerics.dop853 import table as dop853_table
+from lmoc.numerics.dop853.dense_output import dense_terms, evaluate_dense
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.integrate import dop853_table
-from lmoc.numerics.integrate.dense_output import dense_terms, evaluate_dense
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.plan import build_plan
+from lmoc.numerics.options.options import RunOptions
+from lmoc.numerics.plan.plan import build_plan
+from lmoc.numerics.run.simulate import Simulator, simulate
 from lmoc.numerics.signals.signals import bind_signals
-from lmoc.numerics.simulate import Simulator, simulate
 
 
 def made(system_class, scene: Scene):

@@ -14,14 +14,14 @@ from lmoc.ir.flat import FlatDAE, Sums
 from lmoc.ir.program import Solve, walk
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.integrate.base import Problem
-from lmoc.numerics.integrate.choice import integrate
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import Problem
+from lmoc.numerics.problem.system import System
+from lmoc.numerics.run.simulate import Simulator
 from lmoc.numerics.signals.signals import bind_signals
-from lmoc.numerics.simulate import Simulator
 from lmoc.numerics.start.initialization import seed_blocks
 from lmoc.numerics.start.targets import targets
+from lmoc.numerics.steps.choice import integrate
 from lmoc.structure.laws.reduce import reduce_with_laws
 
 ROOT = Path(__file__).parents[2] / "models"

@@ -11,13 +11,13 @@ import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
 from lmoc.numerics.events.happenings import Happenings
-from lmoc.numerics.integrate import base
-from lmoc.numerics.integrate.choice import table
-from lmoc.numerics.integrate.roots import RootFinder
-from lmoc.numerics.integrate.sundials import sundials
-from lmoc.numerics.one_piece import PieceSolver
-from lmoc.numerics.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
-from lmoc.numerics.simulate import simulate
+from lmoc.numerics.options.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
+from lmoc.numerics.problem import base
+from lmoc.numerics.run.one_piece import PieceSolver
+from lmoc.numerics.run.simulate import simulate
+from lmoc.numerics.steps.choice import table
+from lmoc.numerics.steps.roots import RootFinder
+from lmoc.numerics.sundials import sundials
 
 every_solver = pytest.mark.parametrize("solver", ADAPTIVE)
 

@@ -9,9 +9,9 @@ from oracles.by_hand import oscillator
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import ModelError, SimulationError
-from lmoc.numerics.integrate.choice import table
-from lmoc.numerics.options import EITHER, FIXED_STEP, RunOptions
-from lmoc.numerics.simulate import Simulator, simulate
+from lmoc.numerics.options.options import EITHER, FIXED_STEP, RunOptions
+from lmoc.numerics.run.simulate import Simulator, simulate
+from lmoc.numerics.steps.choice import table
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import lmoc
 from lmoc.ir.flat import Kind
-from lmoc.numerics.options import FORMULATIONS
+from lmoc.numerics.options.options import FORMULATIONS
 
 SCENES = ROOT / "models"
 ACCURATE = [name for name in FORMULATIONS if name != "index3"]

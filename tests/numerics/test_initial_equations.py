@@ -10,9 +10,9 @@ import pytest
 import lmoc
 from lmoc.ir.program import Solve
 from lmoc.messages.diagnostics import ModelError, Report
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import default_signals
+from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.start.initial_equations import InitialEquations
 from lmoc.structure.blocks.tangent import Tangent
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from oracles.by_hand import oscillator
 
-from lmoc.numerics.options import ADAPTIVE, RunOptions
-from lmoc.numerics.signals.kinks import break_times
-from lmoc.numerics.simulate import Simulator, simulate
+from lmoc.numerics.options.options import ADAPTIVE, RunOptions
+from lmoc.numerics.plan.kinks import break_times
+from lmoc.numerics.run.simulate import Simulator, simulate
 
 
 def rest(**more):
@@ -112,7 +112,7 @@ def test_more_kinks_than_output_times(solver):
 
 
 def test_more_kinks_than_a_run_stops_at_are_told(monkeypatch):
-    monkeypatch.setattr("lmoc.numerics.signals.kinks.MOST", 100)
+    monkeypatch.setattr("lmoc.numerics.plan.kinks.MOST", 100)
     run = simulate(rest(), inputs={"f": "if mod(time, 0.1) < 0.05 then 1 else 0"})
     assert [n.code for n in run.notes if n.severity == "warning"] == ["W0526"]
     assert run.stats["breaks"] == 100

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.linearity import is_linear
+from lmoc.numerics.plan.linearity import is_linear
 
 
 def linear(text: str, **arguments: object) -> bool:

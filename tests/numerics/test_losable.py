@@ -93,7 +93,7 @@ def test_nonlinear_equations_beside_the_motion_that_lose_their_solution_are_told
 
 def test_a_solution_that_comes_back_is_found_again(monkeypatch):
     """Without one, all ways are tried again only now and then, but a solution nearby is always seen."""
-    from lmoc.numerics.evaluate.newton import Newton
+    from lmoc.numerics.solve.newton import Newton
 
     searches = []
     patient = Newton.solve

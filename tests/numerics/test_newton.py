@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lmoc.numerics.evaluate.newton import Newton, Retries, iterate
+from lmoc.numerics.solve.newton import Newton, Retries, iterate
 
 
 def solved(f, slope, guess: float) -> tuple[float, int]:

@@ -12,9 +12,9 @@ from lmoc.expression.functions import BINARY, LOGICAL, UNARY
 from lmoc.ir.program import Apply, Solve, Total
 from lmoc.lower.blocks import values_tape
 from lmoc.numerics.evaluate.casadi_system import Lowered
-from lmoc.numerics.evaluate.interpreter import Interpreter, segment_sums
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.evaluate.newton import Newton
+from lmoc.numerics.solve.interpreter import Interpreter, segment_sums
+from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.solve.newton import Newton
 
 sin, cos = (lambda x, n=n: dag.function(n, x) for n in ("sin", "cos"))
 

@@ -12,9 +12,9 @@ from oracles.by_numpy import VectorSystem
 import lmoc
 from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.newton import Newton, shortest_solution, vanishes
+from lmoc.numerics.run.simulate import Simulator
 from lmoc.numerics.signals.signals import bind_signals
-from lmoc.numerics.simulate import Simulator
+from lmoc.numerics.solve.newton import Newton, shortest_solution, vanishes
 
 STIFFNESS = (1.0, 2.0, 3.0)
 SOLVERS = ["dop853", "radau", "cvode", "adams", "ida", "cvodes"]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lmoc.numerics.integrate.base import Integration, Roots
-from lmoc.numerics.integrate.roots import RootFinder, locate
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.problem.base import Integration, Roots
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.steps.roots import RootFinder, locate
 
 DIGITS = 1e-15  # of the time: how far a root may be off, where the function itself is exact
 

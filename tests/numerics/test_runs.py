@@ -11,8 +11,8 @@ from lmoc.expression import dag
 from lmoc.ir.flat import Check
 from lmoc.ir.program import Apply, Solve, Total
 from lmoc.messages.diagnostics import ModelError, SimulationError
-from lmoc.numerics.options import ADAPTIVE, RunOptions
-from lmoc.numerics.simulate import Simulator, simulate
+from lmoc.numerics.options.options import ADAPTIVE, RunOptions
+from lmoc.numerics.run.simulate import Simulator, simulate
 
 
 @pytest.mark.parametrize("solver", ADAPTIVE)
@@ -272,7 +272,7 @@ def test_unknowns_of_a_large_block_are_algebraic_variables_of_ida(linear):
 
 @pytest.mark.parametrize("solver", ["cvode", "ida"])
 def test_a_sparse_jacobian_that_fails_at_once_ends_the_run_in_order(solver: str, monkeypatch) -> None:
-    from lmoc.numerics.integrate import cvode
+    from lmoc.numerics.steps import cvode
 
     def fail(*_args, **_more) -> None:
         raise ZeroDivisionError

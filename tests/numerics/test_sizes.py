@@ -5,7 +5,7 @@ import pytest
 from conftest import ROOT
 
 import lmoc
-from lmoc.numerics.options import SOLVERS
+from lmoc.numerics.options.options import SOLVERS
 
 SCENE = """
 model M
@@ -70,7 +70,7 @@ def test_rounding_beside_a_motion_is_not_followed():
 
 
 def test_a_scene_at_rest_is_run_once(monkeypatch):
-    from lmoc.numerics import simulate
+    from lmoc.numerics.run import simulate
 
     calls = []
     monkeypatch.setattr(simulate, "run_pieces", lambda *a, own=simulate.run_pieces: calls.append(1) or own(*a))
@@ -99,7 +99,7 @@ def test_what_is_smaller_than_double_precision_can_divide_rests():
 
 def test_the_elements_of_an_array_have_one_size(monkeypatch):
     """The nodes of a standing wave make no second run, and a small wave is followed like a large one."""
-    from lmoc.numerics import simulate
+    from lmoc.numerics.run import simulate
 
     text = """model M parameter Real a; parameter Integer n = 31;
       Mass m[n](each m = 1, q(start = {a*sin(4*3.141592653589793*i/(n + 1)) for i in 1:n}, each fixed = true));

@@ -10,8 +10,8 @@ from lmoc.expression.dag import slot
 from lmoc.ir.flat import Group
 from lmoc.ir.program import Apply, Solve
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.simulate import simulate
+from lmoc.numerics.options.options import RunOptions
+from lmoc.numerics.run.simulate import simulate
 
 START = RunOptions(times=[0.0])
 

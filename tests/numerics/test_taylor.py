@@ -9,7 +9,7 @@ from conftest import ROOT
 import lmoc
 from lmoc.engine.compiler import find_compiler
 from lmoc.expression.functions import SMOOTH
-from lmoc.numerics.integrate import loop, series_rule
+from lmoc.numerics.steps import loop, series_rule
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 

@@ -7,8 +7,8 @@ from conftest import ROOT
 import lmoc
 from lmoc.ir.flat import Kind
 from lmoc.numerics.evaluate.observed import Observed
-from lmoc.numerics.evaluate.together import Together
 from lmoc.numerics.observe.slices import Slice
+from lmoc.numerics.solve.together import Together
 
 
 def one_by_one(self, base, signals, solved):

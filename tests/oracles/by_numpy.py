@@ -8,15 +8,15 @@ from typing import Protocol
 import numpy as np
 
 from lmoc.ir.program import Program
-from lmoc.numerics.evaluate.follow import Follower
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.evaluate.newton import Newton
-from lmoc.numerics.evaluate.stepper import RightHandSide, Stepper
-from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.integrate import dop853_table as table
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.dop853 import table
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.stepper import RightHandSide, Stepper
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.solve.follow import Follower
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.solve.newton import Newton
 
 
 class Runner(Protocol):

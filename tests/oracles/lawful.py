@@ -6,7 +6,7 @@ from oracles.flattening import flat
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.laws.instant import Gauge
-from lmoc.numerics.plan import build_plan
+from lmoc.numerics.plan.plan import build_plan
 from lmoc.numerics.signals.signals import Constant, bind_signals
 from lmoc.structure.laws.reduce import reduce_with_laws
 

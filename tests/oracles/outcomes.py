@@ -117,7 +117,7 @@ def _of(run) -> Answer:
 def _again(dae, case: Case) -> Answer:
     """Run it first, for the second time, and after runs of other kinds."""
     import lmoc
-    from lmoc.numerics.options import RunOptions
+    from lmoc.numerics.options.options import RunOptions
 
     first, second = _run(dae, case), _run(dae, case)
     span = RunOptions(stop=case.stop).span(dae.flat.experiment)

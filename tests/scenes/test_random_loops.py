@@ -8,8 +8,8 @@ from oracles.multipliers import RANK, Mechanism
 
 import lmoc
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.plan import build_plan
+from lmoc.numerics.plan.plan import build_plan
+from lmoc.numerics.solve.interpreter import Interpreter
 
 
 def values_of(dae: lmoc.DAE, known: dict[str, tuple[float, float]]) -> dict[str, float]:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 def add_simulation_arguments(parser: Parser, ranges: bool = False) -> None:
     """The scene, its span, start and signals, the method and its tolerances; `ranges` as in `add_model_arguments`."""
-    from lmoc.numerics.formulations.table import TABLE
-    from lmoc.numerics.options import FIXED_STEP, SOLVERS, solver_hint
+    from lmoc.numerics.options.formulations import TABLE
+    from lmoc.numerics.options.options import FIXED_STEP, SOLVERS, solver_hint
 
     add_model_arguments(parser, ranges)
     add_states_argument(parser)
@@ -46,7 +46,7 @@ def add_simulation_arguments(parser: Parser, ranges: bool = False) -> None:
 
 def check_formulation(arguments: argparse.Namespace) -> None:
     """Refuse a formulation that does not exist, or does not go with the solver, before time is spent (E0626)."""
-    from lmoc.numerics.options import checked_formulation
+    from lmoc.numerics.options.options import checked_formulation
 
     checked_formulation(arguments.formulation, arguments.solver)
 

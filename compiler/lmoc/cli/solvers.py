@@ -15,7 +15,7 @@ ahead; where it meets stiffness, cvode, ida or radau by the eigenvalues of the J
 
 
 def configure(parser: Parser) -> None:
-    from lmoc.numerics.options import SOLVERS, solver_hint
+    from lmoc.numerics.options.options import SOLVERS, solver_hint
 
     parser.add_argument(
         "solver", metavar="NAME", nargs="?", type=choice([n for n in SOLVERS if n != "auto"], solver_hint),
@@ -25,8 +25,8 @@ def configure(parser: Parser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    from lmoc.numerics.integrate.base import HEAD
-    from lmoc.numerics.integrate.choice import table
+    from lmoc.numerics.problem.base import HEAD
+    from lmoc.numerics.steps.choice import table
 
     rows = [one.cells for one in table() if arguments.solver in (None, one.name)]
     if arguments.json:

@@ -12,9 +12,9 @@ import numpy as np
 from lmoc.export.executable import Executable
 from lmoc.export.variables import Variable
 from lmoc.lower.tape import Block, Tape
+from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
+from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
-from lmoc.numerics.integrate.dense_output import LAST_WEIGHTS
-from lmoc.numerics.integrate.dop853_rules import RULES
 
 _PER_LINE = 12
 

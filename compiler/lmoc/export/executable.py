@@ -14,13 +14,13 @@ from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.numerics.evaluate.engine_system import has_branches
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import Piece
-from lmoc.numerics.plan import Plan, build_plan
-from lmoc.numerics.signals import kinks
+from lmoc.numerics.plan import kinks
+from lmoc.numerics.plan.plan import Plan, build_plan
+from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, default_signals
-from lmoc.numerics.signals.steps import stepping_inputs
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:

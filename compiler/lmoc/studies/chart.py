@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
-from lmoc.numerics.formulations.table import TABLE
-from lmoc.numerics.options import FIXED_STEP, FORMULATIONS, SOLVERS, solver_hint
+from lmoc.numerics.options.formulations import TABLE
+from lmoc.numerics.options.options import FIXED_STEP, FORMULATIONS, SOLVERS, solver_hint
 from lmoc.session import Session
 from lmoc.simulation import Request
 from lmoc.studies.chart_text import save, table

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.problem.status import Status
 from lmoc.report.files import PICTURES, check_target
 from lmoc.report.plots import COLOURS, GREY, STYLE, head, write
 from lmoc.report.powers import label_powers
@@ -75,7 +75,7 @@ Style = tuple[str, str, str]  # colour, marker, dashes
 
 def _styles(chart: Findings) -> dict[str, Style]:
     """Return colour by family, marker by method, dashes by formulation."""
-    from lmoc.numerics.integrate.choice import table
+    from lmoc.numerics.steps.choice import table
 
     properties = {one.name: one for one in table()}
     families = list(dict.fromkeys(one.family for one in properties.values()))

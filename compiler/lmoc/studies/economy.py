@@ -10,7 +10,7 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
-from lmoc.numerics.integrate.status import NotFound
+from lmoc.numerics.problem.status import NotFound
 from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate

@@ -8,8 +8,8 @@ import numpy as np
 
 from lmoc.ir.names import hint_for, names_of, outputs_of
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.simulate import check_options
+from lmoc.numerics.options.options import RunOptions
+from lmoc.numerics.run.simulate import check_options
 from lmoc.parameters import indexed
 from lmoc.report.result import is_array
 from lmoc.session import Session

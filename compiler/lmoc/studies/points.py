@@ -16,8 +16,8 @@ import numpy as np
 
 from lmoc.messages.budgeted import told
 from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
-from lmoc.numerics.integrate.status import Status
-from lmoc.numerics.options import Span
+from lmoc.numerics.options.options import Span
+from lmoc.numerics.problem.status import Status
 from lmoc.run import Run
 from lmoc.session import Session
 from lmoc.simulation import Request, simulate

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.problem.status import Status
 from lmoc.run import Run
 from lmoc.studies.deviation import Signals, compared_names, deviation, deviations, signals_of
 from lmoc.studies.points import Runner, Setting

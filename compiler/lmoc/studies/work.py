@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lmoc.messages.diagnostics import SimulationError
-from lmoc.numerics.integrate.status import Status
+from lmoc.numerics.problem.status import Status
 from lmoc.run import Run
 from lmoc.studies.points import Runner, Setting
 from lmoc.support.records import dataclass

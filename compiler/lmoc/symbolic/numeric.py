@@ -12,10 +12,10 @@ from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.simulate import Simulator
+from lmoc.numerics.options.options import RunOptions
+from lmoc.numerics.run.simulate import Simulator
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.laws.degree import dependent
 from lmoc.structure.messages.equations import listed

@@ -16,10 +16,10 @@ import numpy as np
 from lmoc.ir.program import needed_steps, read
 from lmoc.ir.reduced import Invariants, Reduced
 from lmoc.messages.diagnostics import ModelError, SimulationError
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.options import RunOptions
-from lmoc.numerics.simulate import Simulator
+from lmoc.numerics.options.options import RunOptions
+from lmoc.numerics.run.simulate import Simulator
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.support.records import dataclass
 from lmoc.symbolic.curve import Curve, walk
 from lmoc.symbolic.search import Rest, rests, values_at, within_a_turn

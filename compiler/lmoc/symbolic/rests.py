@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.numerics.formulations.table import NotFormulatedError
+from lmoc.numerics.options.formulations import NotFormulatedError
 from lmoc.symbolic.equilibria import Equilibria, Equilibrium
 from lmoc.symbolic.jumps import NoDerivativeError
 from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically

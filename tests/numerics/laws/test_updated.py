@@ -8,7 +8,7 @@ from oracles.lawful import reduced_of
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.laws.updated import UpdatedSystem, updatable
-from lmoc.numerics.plan import build_plan
+from lmoc.numerics.plan.plan import build_plan
 from lmoc.numerics.signals.signals import Constant, bind_signals
 
 CHAIN = """model Chain

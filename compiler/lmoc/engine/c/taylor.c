@@ -3,7 +3,7 @@
 #include "series.h"
 
 #define N_SERIES LMOC_LENGTH
-#define LOOKS 4    /* places at which coordinates are looked at in a step (`integrate/taylor.py`) */
+#define LOOKS 4    /* places at which coordinates are looked at in a step (`steps/taylor.py`) */
 #define ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
 
 typedef struct {

@@ -1,4 +1,4 @@
-/* Steps of DOP853 with the control of their length, many at a time. The rules are those of `integrate/dop853.py`, which
+/* Steps of DOP853 with the control of their length, many at a time. The rules are those of `steps/dop853.py`, which
    makes the steps where Python looks at each of them: both come to the same steps. */
 
 #include "walk.h"
@@ -114,7 +114,7 @@ static int accept(lmoc_steps *s, double reached) {
 }
 
 /* Coefficients of the polynomial within the last step (Hairer, Nørsett, Wanner I, II.6), as in
-   `integrate/dense_output.py`. */
+   `dop853/dense_output.py`. */
 static void polynomial(const lmoc_steps *s) {
   const int64_t n = s->call->n;
   const double h = s->length, *k = s->k;

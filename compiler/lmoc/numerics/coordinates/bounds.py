@@ -12,7 +12,7 @@ from lmoc.numerics.coordinates.certificate_layout import Layout
 from lmoc.numerics.coordinates.entries import constraints_tape
 from lmoc.numerics.coordinates.equilibration import GROWN
 from lmoc.numerics.coordinates.tableau import AGAIN, NORMAL, ROUNDING
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 
 # of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
 # within a step

@@ -19,8 +19,8 @@ from lmoc.numerics.coordinates.entries import at_hand, evaluate, reads_of_entrie
 from lmoc.numerics.coordinates.judge import Judge, Judged, Step
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import Tableau
-from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
 from lmoc.support.records import dataclass
 
 _MOST_ROWS = 8  # of the constraints: beyond, the bound of the smallest singular value is too coarse

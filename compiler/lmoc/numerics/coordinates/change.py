@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import sample
+from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.support.records import dataclass
 
 

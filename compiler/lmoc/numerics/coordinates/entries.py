@@ -11,9 +11,9 @@ from lmoc.ir.program import Program, Solve, needed_steps, read, walk, written
 from lmoc.ir.reduced import Constraints
 from lmoc.lower.blocks import values_tape
 from lmoc.lower.tape import Tape
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
+from lmoc.numerics.solve.interpreter import Interpreter
 
 Entries = Callable[[float, np.ndarray], np.ndarray]
 

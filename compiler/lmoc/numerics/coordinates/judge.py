@@ -12,7 +12,7 @@ from lmoc.engine.library import address
 from lmoc.numerics.coordinates.bounds import Bounds
 from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.tableau import SHARE
-from lmoc.numerics.evaluate.system import InC
+from lmoc.numerics.problem.system import InC
 
 Step = tuple[float, np.ndarray, np.ndarray]  # its end: time, states, solutions of blocks
 

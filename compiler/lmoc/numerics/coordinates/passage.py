@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
-from lmoc.numerics.evaluate.system import System
+from lmoc.numerics.problem.system import System
 from lmoc.support.records import dataclass
 
 _STAGES, _FEWER = 8, 6  # even, so that none is in the middle

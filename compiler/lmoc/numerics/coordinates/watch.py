@@ -29,10 +29,10 @@ from lmoc.numerics.coordinates.tableau import (
     tableau,
     vanishes,
 )
-from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.integrate.roots import lowest
-from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Path
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.problem.system import System
+from lmoc.numerics.steps.roots import lowest
 
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.numerics.dop853 import table
 from lmoc.numerics.evaluate.casadi_system import Buffered
-from lmoc.numerics.evaluate.stepper import Stepper
-from lmoc.numerics.evaluate.system import System
-from lmoc.numerics.integrate import dop853_table as table
+from lmoc.numerics.problem.stepper import Stepper
+from lmoc.numerics.problem.system import System
 
 _UNROLLED = 20  # components up to which the stages are scalar operations; vector operations cost more to begin
 

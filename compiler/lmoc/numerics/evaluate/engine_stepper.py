@@ -11,10 +11,10 @@ import numpy as np
 
 from lmoc.engine.kernel import Call
 from lmoc.engine.library import library
-from lmoc.numerics.evaluate.stepper import RightHandSide, Stepper, Walked
-from lmoc.numerics.integrate import dop853_table as table
-from lmoc.numerics.integrate.dense_output import LAST_WEIGHTS
-from lmoc.numerics.integrate.dop853_rules import RULES
+from lmoc.numerics.dop853 import table
+from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
+from lmoc.numerics.dop853.rules import RULES
+from lmoc.numerics.problem.stepper import RightHandSide, Stepper, Walked
 
 
 class InEngine(RightHandSide, Protocol):

@@ -14,15 +14,15 @@ from lmoc.ir.program import Program
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.engine_stepper import EngineStepper
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.evaluate.newton import Retries
 from lmoc.numerics.evaluate.opened import open_blocks
-from lmoc.numerics.evaluate.stepper import Stepper
-from lmoc.numerics.evaluate.system import CasadiDAE, InC, System
-from lmoc.numerics.integrate.sundials import sundials
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.stepper import Stepper
+from lmoc.numerics.problem.system import CasadiDAE, InC, System
 from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.solve.newton import Retries
+from lmoc.numerics.sundials import sundials
 from lmoc.support.records import dataclass
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.engine.kernel import Kernel
 from lmoc.engine.library import library
 from lmoc.lower.tape import Tape
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
 
 

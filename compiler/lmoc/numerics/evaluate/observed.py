@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.engine.kernel import Kernel
 from lmoc.engine.library import library
 from lmoc.numerics.evaluate.engine_system import has_branches, plan_tape
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 
 
 class Observed:

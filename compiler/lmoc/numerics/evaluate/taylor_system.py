@@ -13,7 +13,7 @@ from lmoc.lower.recurrences import NoSeries
 from lmoc.lower.series import LENGTH, Series, series_of
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.engine_system import EngineSystem, has_branches, plan_tape
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 

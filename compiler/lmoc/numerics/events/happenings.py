@@ -20,19 +20,19 @@ from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.hybrid import Hybrid, Starter
 from lmoc.numerics.events.machine import located
 from lmoc.numerics.events.stepping import Stepping
-from lmoc.numerics.integrate.base import Outcome, Roots
-from lmoc.numerics.integrate.status import Status, Stopped
-from lmoc.numerics.laws.mode import Mode
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import Outcome, Roots
+from lmoc.numerics.problem.mode import Mode
+from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.passage import Passage
-    from lmoc.numerics.evaluate.system import System
     from lmoc.numerics.laws.time_stepping import TimeStepping
+    from lmoc.numerics.problem.system import System
 
 _CHATTER = 500  # changes of laws within …
 _MOMENT = 1e-10  # … this share of the run are chattering

@@ -17,11 +17,11 @@ from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.failures.chatter import FRICTION_HINT
-from lmoc.numerics.integrate.base import Outcome, Roots
-from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import Outcome, Roots
+from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 from lmoc.structure.laws.degree import dependent
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from lmoc.ir.law import NONE, LawKind
 from lmoc.ir.program import written
 from lmoc.ir.reduced import Reduced
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.support.records import dataclass
 
 _LARGE = 1e6  # impulses per rate, so that the rates themselves are no more than their rounding

@@ -12,7 +12,7 @@ from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply
 from lmoc.numerics.observe.readout import Readout
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
 
 

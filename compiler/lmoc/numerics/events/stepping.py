@@ -9,12 +9,12 @@ import numpy as np
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.events.impulse import NoImpulse
 from lmoc.numerics.events.steps import Jump, Steps
-from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.observe.event import STEP, Event
-from lmoc.numerics.plan import Plan
-from lmoc.numerics.signals import kinks
+from lmoc.numerics.plan import kinks
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.plan.steps import stepping_inputs
+from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Formula, Signal, Table
-from lmoc.numerics.signals.steps import stepping_inputs
 
 _NEAR = 1e-14  # of the times of a run: integrators end a piece a few units of its last digit before a jump
 

@@ -17,7 +17,7 @@ from lmoc.ir.law import NONE
 from lmoc.ir.program import needed_steps, read, walk, written
 from lmoc.numerics.events.impulse import Array, NoImpulse, Place, Push, Rates, way
 from lmoc.numerics.observe.readout import Readout
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 

@@ -1,7 +1,7 @@
 """The model's assertions outside of `when`, watched while it runs.
 
 The relations of a condition are functions of time that are looked at in every accepted step, and inside it, as those of
-events are (`integrate.roots`): an assertion that does not hold is noticed on whatever output times, and since when is
+events are (`steps.roots`): an assertion that does not hold is noticed on whatever output times, and since when is
 known to the last digits. One of level error ends the run there; of the others the first time and the duration are told.
 """
 
@@ -16,10 +16,10 @@ from lmoc.expression.dag import Expr, neg, postorder, rebuild
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Check, FlatDAE
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.integrate.base import Outcome, Roots
-from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.following import Following
-from lmoc.numerics.task import Stretch
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.problem.base import Outcome, Roots
+from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 
 _RELATIONS = ("gt", "ge", "lt", "le")
@@ -96,9 +96,8 @@ class Assertions:
     def __bool__(self) -> bool:
         return bool(self._watched)
 
-    def begin(self, stretch: Stretch, t: float, x: Array) -> bool:
+    def begin(self, observer: Observer, t: float, x: Array) -> bool:
         """Look at the beginning of a piece; return whether the run goes on."""
-        observer = stretch.observer
         follow = observer.is_implicit(self._variables)
         self._values = Following(observer, self._variables) if follow else observer.prepare(self._variables)
         self._look(t, x)

@@ -13,9 +13,9 @@ import numpy as np
 from lmoc.expression.dag import Expr, nodes_outside_events, slots, sub
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Group, Kind
-from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
 from lmoc.support.distinct import distinct
 
 FRICTION_HINT = "for dry friction or stops use the library's DryFriction, Clutch, Stop; else a switch with hysteresis"

@@ -12,13 +12,13 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
 from lmoc.numerics.coordinates.change import block_unknowns
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.failures.losable import Moving, losable, moving
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Slice
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal, is_own, sample
+from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.support.distinct import distinct
 from lmoc.support.sizes import DENSE
 

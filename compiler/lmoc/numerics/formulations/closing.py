@@ -8,8 +8,8 @@ import numpy as np
 
 from lmoc.ir.program import Program, needed_steps, read, written
 from lmoc.ir.reduced import Invariants
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.structure.blocks.blocks import blocks_of
 from lmoc.support.records import dataclass
 

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.program import needed_steps, written
-from lmoc.numerics.evaluate.select import make_system
-from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.formulations.manifold import Manifold
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.laws.select import make_system
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
 
 

@@ -17,7 +17,7 @@ from lmoc.engine.library import address, library
 from lmoc.lower.blocks import derivatives_tape
 from lmoc.lower.tape import Tape
 from lmoc.numerics.formulations.closing import Loops, Stage, closing
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 
 _PIECES = 16  # into which the way of a Taylor step may be divided, where its ends alone do not tell enough
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.function import TapeFunction
-from lmoc.numerics.evaluate.newton import dense_solve
 from lmoc.numerics.formulations.closing import Closing, Stage, closing
 from lmoc.numerics.formulations.landing import Landing, landing, stage_tapes
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.solve.newton import dense_solve
 
 _CORRECTIONS = 10
 _SMALL = 1e-9  # of the size of a coordinate: a correction behind which nothing is left to correct

@@ -10,11 +10,11 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.select import make_system
-from lmoc.numerics.integrate import ida, loop
-from lmoc.numerics.integrate.base import Outcome, Problem
-from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.laws.select import make_system
+from lmoc.numerics.plan.plan import Plan, build_plan
+from lmoc.numerics.problem.base import Outcome, Problem
 from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.steps import ida, loop
 from lmoc.structure.unreduced import Unreduced
 
 _STEPS = 20_000

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.numerics.formulations.manifold import Manifold
-from lmoc.numerics.formulations.table import Formulation
-from lmoc.numerics.integrate.status import Status
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.options import Span
+from lmoc.numerics.options.formulations import Formulation
+from lmoc.numerics.options.options import Span
+from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:

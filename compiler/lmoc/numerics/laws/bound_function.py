@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.ir.program import Program, program_rows, read, written
 from lmoc.numerics.evaluate.casadi_system import CASADI_ROWS, Buffered, can_lower
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
 from lmoc.numerics.laws.open_scene import Interpreted, open_scene, quantities_of
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass

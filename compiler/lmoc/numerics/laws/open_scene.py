@@ -22,12 +22,12 @@ from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.casadi_system import Lowered
 from lmoc.numerics.evaluate.function import TapeFunction
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.laws.bound_function import fits_casadi, given_registers
-from lmoc.numerics.linearity import linear_registers
-from lmoc.numerics.plan import Plan, build_plan
+from lmoc.numerics.plan.linearity import linear_registers
+from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Signal, sample
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
 

@@ -12,7 +12,7 @@ from lmoc.numerics.laws.instant import Array, Gauge
 from lmoc.numerics.laws.updated import Update, updatable
 from lmoc.numerics.observe.readout import readout_of
 from lmoc.numerics.observe.slices import Evaluate, slice_of
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 Reader = Callable[[Array, Mapping[int, Signal]], Evaluate]

@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import SPRUNG
 from lmoc.ir.program import needed_steps
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution, solve
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
-from lmoc.numerics.laws.mode import Mode
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.signals.signals import sample
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.support.records import dataclass
 
 _AT_LIMIT = 1e-8  # share of a limit within which a force is at it: so well is it known at usual tolerances

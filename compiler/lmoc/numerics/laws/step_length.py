@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lmoc.numerics.integrate.base import Outcome, Problem
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.instant import Mask
 from lmoc.numerics.laws.time_stepping import TimeStepping
+from lmoc.numerics.problem.base import Outcome, Problem
 from lmoc.support.records import dataclass
 
 WANTED = 0.01  # share of their ranges to which positions shall be known

@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import NONE, SPRUNG, Switched
 from lmoc.ir.mode import law_rows, mode_word
-from lmoc.numerics.integrate.base import Roots
-from lmoc.numerics.integrate.status import Status, Stopped
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import Gauge, Instant
 from lmoc.numerics.laws.manifold import drift, project
-from lmoc.numerics.laws.mode import STILL, Mode, free_mode
+from lmoc.numerics.laws.mode import STILL, free_mode
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
 from lmoc.numerics.laws.transition import AT_ONCE, Transition, Trigger, resisted, transition
 from lmoc.numerics.observe.event import Event
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import Roots
+from lmoc.numerics.problem.mode import Mode
+from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
 KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times

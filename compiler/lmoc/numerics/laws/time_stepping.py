@@ -22,14 +22,14 @@ from lmoc.ir.law import Laws, Switched
 from lmoc.ir.mode import mode_word
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.integrate.base import Expired, Outcome, Problem, Properties, Watch
-from lmoc.numerics.integrate.status import Status, interruption
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, NoSolution, Sides, solve
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask
 from lmoc.numerics.laws.mode import STILL
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.readout import readout_of
-from lmoc.numerics.options import MOREAU
+from lmoc.numerics.options.options import MOREAU
+from lmoc.numerics.problem.base import Expired, Outcome, Problem, Properties, Watch
+from lmoc.numerics.problem.status import Status, interruption
 from lmoc.numerics.signals.signals import Function
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass

@@ -19,9 +19,10 @@ from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.impact import Impact, collide
 from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
 from lmoc.numerics.laws.manifold import project
-from lmoc.numerics.laws.mode import STILL, Mode, Settled, settle
+from lmoc.numerics.laws.mode import STILL, Settled, settle
 from lmoc.numerics.laws.order import depends_on_order
 from lmoc.numerics.laws.sprung import decide, relax
+from lmoc.numerics.problem.mode import Mode
 from lmoc.support.records import dataclass
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together

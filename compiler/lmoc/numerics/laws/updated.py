@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from lmoc.ir.law import NONE, SPRUNG
 from lmoc.numerics.evaluate.casadi_stepper import CasadiStepper
 from lmoc.numerics.evaluate.casadi_system import Buffered
-from lmoc.numerics.evaluate.stepper import Stepper
-from lmoc.numerics.evaluate.system import System
 from lmoc.numerics.laws.bound_function import BoundFunction
 from lmoc.numerics.laws.open_scene import OpenScene, open_scene
 from lmoc.numerics.observe.slices import Evaluate
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.stepper import Stepper
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 

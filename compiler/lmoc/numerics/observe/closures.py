@@ -8,7 +8,7 @@ from lmoc.ir.program import needed_steps
 from lmoc.ir.reduced import Invariants
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Slice
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 
 
 def residuals(observer: Observer, times: np.ndarray, states: np.ndarray) -> tuple[float, float] | None:

@@ -11,7 +11,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
 from lmoc.numerics.observe.slices import Evaluate, Slice, signal_values, slice_of
 from lmoc.numerics.observe.solutions import Solutions
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass

@@ -10,7 +10,7 @@ from lmoc.ir.program import Program, Solve, needed_steps, walk
 from lmoc.lower.blocks import values_tape
 from lmoc.numerics.evaluate.function import TapeFunction
 from lmoc.numerics.observe.slices import Evaluate, Slice
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
 

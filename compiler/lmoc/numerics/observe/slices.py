@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, walk, written
-from lmoc.numerics.evaluate.follow import Follower
-from lmoc.numerics.evaluate.interpreter import Interpreter
 from lmoc.numerics.evaluate.opened import open_blocks
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Formula, Signal, sample
+from lmoc.numerics.solve.follow import Follower
+from lmoc.numerics.solve.interpreter import Interpreter
 
 if TYPE_CHECKING:
-    from lmoc.numerics.evaluate.together import Together
+    from lmoc.numerics.solve.together import Together
 
 _CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
 _KEPT = 100  # registers of the largest slice that is kept with its plan
@@ -118,7 +118,7 @@ class Slice:
 
     def _together(self, solved: np.ndarray) -> Together:
         """Return what fills the registers at many times, where the solutions of some blocks are given."""
-        from lmoc.numerics.evaluate.together import Together
+        from lmoc.numerics.solve.together import Together
 
         key = solved.tobytes()
         if key not in self._togethers:

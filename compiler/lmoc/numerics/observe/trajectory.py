@@ -16,11 +16,11 @@ from lmoc.messages.diagnostics import Diagnostic
 from lmoc.numerics.observe.closures import residuals
 from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
 from lmoc.numerics.observe.observer import Observer, find
-from lmoc.numerics.plan import LEDGER
+from lmoc.numerics.plan.plan import LEDGER
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
-    from lmoc.numerics.laws.mode import Mode
+    from lmoc.numerics.problem.mode import Mode
 
 _CACHED = 2_000_000  # numbers of the largest result that is kept
 

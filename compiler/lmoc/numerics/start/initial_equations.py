@@ -12,7 +12,7 @@ from lmoc.expression.dag import slots as slots_of
 from lmoc.ir.flat import Group, Kind
 from lmoc.ir.program import Apply, Program, needed_steps, read
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, gives
 from lmoc.structure.blocks.tangent import Tangent
 from lmoc.structure.linear.explicit import as_formula

@@ -16,7 +16,7 @@ from lmoc.ir.program import Solve, walk
 from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.event import Event
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.start.assembly_notes import note_assemblies
 from lmoc.numerics.start.targets import Targets
 

@@ -8,7 +8,7 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.program import needed_steps, read
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, over_range, report_alike
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.semantics.parameter_checks import given_without_value
 from lmoc.structure.messages.equations import SHOWN
 from lmoc.support.distinct import distinct

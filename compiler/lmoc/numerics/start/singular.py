@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.messages.source import Span
-from lmoc.numerics.task import Stretch
+from lmoc.numerics.task.task import Stretch
 
 BRANCHES = "the scene starts at a singular position, in which its constraints depend on each other"
 NEXT = "the scene starts next to a singular position, in which its constraints depend on each other"

@@ -9,10 +9,10 @@ import numpy as np
 from lmoc.ir.program import Program, Solve, needed_steps
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.failures.diagnosis import sentence
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.numerics.start.initial_equations import InitialEquations
 from lmoc.numerics.start.targets import Targets
 

@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.names import hint_for
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
 
 

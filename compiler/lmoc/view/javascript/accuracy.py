@@ -7,9 +7,10 @@ import sys
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
-from lmoc.numerics.integrate.automatic import (
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.steps.automatic import (
     FORGOTTEN,
     LEAST_FACTOR,
     LEAST_UNKNOWN,
@@ -19,9 +20,8 @@ from lmoc.numerics.integrate.automatic import (
     calibrated,
     growth,
 )
-from lmoc.numerics.integrate.modes import EIGENVALUES
-from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.sizes import assumed_sizes
+from lmoc.numerics.steps.modes import EIGENVALUES
+from lmoc.numerics.task.sizes import assumed_sizes
 
 
 def absolute_tolerances(observer: Observer, time: float, x: np.ndarray, rtol: float) -> np.ndarray:
@@ -41,7 +41,7 @@ def absolute_tolerances(observer: Observer, time: float, x: np.ndarray, rtol: fl
 
 
 def refinement(observer: Observer, time: float, x: np.ndarray) -> dict[str, float | None]:
-    """Return how `auto` refines a long run (`integrate/automatic.py`), with the slowest rate at the start, 1/s."""
+    """Return how `auto` refines a long run (`steps/automatic.py`), with the slowest rate at the start, 1/s."""
     plan = observer.plan
     added, power = growth(plan)
     constants = {"trial": TRIAL, "added": added, "power": power, "worthwhile": WORTHWHILE, "forgotten": FORGOTTEN}

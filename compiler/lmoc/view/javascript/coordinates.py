@@ -13,7 +13,7 @@ from lmoc.ir.program import Program
 from lmoc.numerics.coordinates.change import all_unknowns
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import renumber
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 
 
 class Registers(Protocol):

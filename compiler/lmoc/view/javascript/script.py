@@ -15,15 +15,15 @@ from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
 from lmoc.ir.law import SPRUNG
 from lmoc.ir.program import Apply, Program, Step, read, written
-from lmoc.numerics.integrate import dop853_table
-from lmoc.numerics.integrate.base import REQUESTED
+from lmoc.numerics.dop853 import table as dop853_table
 from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
-from lmoc.numerics.options import MOREAU
-from lmoc.numerics.plan import Plan
-from lmoc.numerics.signals import kinks
-from lmoc.numerics.signals.activity import lookout
+from lmoc.numerics.options.options import MOREAU
+from lmoc.numerics.plan import kinks
+from lmoc.numerics.plan.activity import lookout
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import REQUESTED
 from lmoc.numerics.signals.signals import Function, break_times
 from lmoc.numerics.signals.tables import Table
 from lmoc.support.records import dataclass

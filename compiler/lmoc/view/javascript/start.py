@@ -14,9 +14,9 @@ from lmoc.expression.dag import slot
 from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program, Solve, needed_steps
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.numerics.start.start_system import ROUNDOFF
 from lmoc.numerics.start.targets import Targets, targets
 from lmoc.support.records import dataclass

@@ -7,7 +7,7 @@ import numpy as np
 from lmoc.expression.dag import depends_on_time, slots
 from lmoc.ir.program import Apply, Program, Solve, Total, read, walk, written
 from lmoc.lower.chain_rule import partial
-from lmoc.numerics.plan import Plan
+from lmoc.numerics.plan.plan import Plan
 
 
 def varying_registers(plan: Plan) -> np.ndarray:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from lmoc.ir.program import Program, needed_steps
-from lmoc.numerics.evaluate.interpreter import Interpreter
-from lmoc.numerics.evaluate.jacobian import Jacobian
 from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.report.result import Result
 
 MOST_STATES = 60

@@ -1,1 +1,0 @@
-"""Compiled kernels, and SUNDIALS called without Python between the steps."""

@@ -1,0 +1,388 @@
+"""The choice of the integrator while a run goes on, with the reason.
+
+The choice follows from the model, its values and the options: never from the clock, the cache or earlier runs.
+After reduction most mechanisms are not stiff, and DOP853 is fast and accurate (BDF loses energy of undamped motion).
+So it begins. Three things are looked at on the way:
+
+* After some steps it is known how many lie ahead. The errors of steps add up as long as the motion remembers them:
+  what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
+  of the steps is made finer by as much, from the beginning on.
+* Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation; from
+  then on the pieces of the run begin along it.
+* DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
+
+The bounds come from charts of speed against accuracy over the models (`benchmarks/auto.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.ir.program import Solve, walk
+from lmoc.numerics.plan.linearity import is_linear
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import Outcome, Problem, Spent
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.problem.system import System
+from lmoc.numerics.steps.modes import EIGENVALUES, Modes
+from lmoc.numerics.steps.series_rule import is_better
+from lmoc.support.records import dataclass
+
+TRIAL = 40  # steps after which the rest of a run is judged
+CALIBRATED = 0.25  # factor on the tolerance of DOP853 for what is not linear: errors are then as asked for
+NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
+ADDED = 100.0, 1.0  # steps whose errors add up to what a tolerance promises, in linear motion in proportion, …
+# … and in others by this power of their number: an error of the amplitude is one of the frequency, too, and the phase
+# adds it up once more, so that it is between 1 and 2
+DEPHASED = 60.0, 1.5
+_ADDED_SERIES, _DEPHASED_SERIES = (1e4, 1.0), (100.0, 1.5)  # the same along a Taylor series, whose errors are smaller
+WORTHWHILE = 0.5  # factor on the tolerance
+LEAST_FACTOR = 1e-6  # on the tolerance; where the memory of a motion is not known …
+LEAST_UNKNOWN = 0.1  # … this
+FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
+_FINEST = 1e-13  # relative tolerance
+_AGAIN = 4  # times as many steps later it is judged again
+OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
+_LOOKED_AT = 50  # states up to which their modes are looked at in no time, so that a run may begin with a series
+_SHORT = 0.2  # of the steps before: a series whose steps are shorter is at odds with the equations, as where stiff
+_COMPARED = 15  # steps of DOP853 that tell how long those of a series should be
+_SERIES_WORK, _SERIES_WORK_AT = 1.2e5, 1e-4  # steps times rows up to which a series is faster than BDF at a tolerance
+_LOOK = 500  # rows that take as long as a look at a step in Python, for events and closures
+_LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
+_LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
+_WORK = 4e7  # rows evaluated in that time
+_FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
+_TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
+_PERIODS = 5.0  # of an undamped motion over which BDF then keeps the tolerance
+_GIVEN_UP = (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
+
+Integrate = Callable[[Problem, str], Outcome]
+
+
+@dataclass(frozen=True)
+class Used:
+    """The methods used in sequence, the reasons, and the stiff method that goes on behind the next break, if any."""
+
+    solvers: tuple[str, ...]
+    reason: str
+    onward: str = ""
+
+
+def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used]:
+    """Integrate where nothing jumps.
+
+    Parameters
+    ----------
+    integrate : by the name of a method
+    """
+    way = _Way(replace(problem, patience=patience(problem.system)), integrate)
+    reason, factor = "not stiff", 1.0
+    outcome = _begin(way)
+    if outcome.status is Status.TOO_MANY_STEPS and not way.is_exhausted:
+        outcome, finer, factor = _long_way(way)
+        reason += finer
+    if outcome.status not in _GIVEN_UP:
+        return outcome, Used(tuple(way.solvers), reason)
+    name, why = stiff_method(problem, outcome)
+    met = "stiffness" if outcome.status is Status.STIFF else outcome.status.value
+    reason = f"{met} at t = {outcome.time:.4g} s, then {why}"
+    if name == "dop853":  # it follows, whatever that takes
+        way.problem = problem
+        outcome, finer, _ = _long_way(way)
+        return outcome, Used(tuple(way.solvers), reason + finer, "dop853")
+    factor = _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor * _calibration(problem)
+    outcome = way.go(name, factor)
+    return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
+
+
+def _begin(way: _Way) -> Outcome:
+    """Make the first steps: along a Taylor series where the run has paid for one, else with DOP853."""
+    system, first, spent = way.problem.system, TRIAL, way.spent
+    if is_better(system, np.inf if spent.series else spent.steps):
+        spent.series = True
+        if system.n <= _LOOKED_AT:
+            outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
+            if outcome.status not in _GIVEN_UP:
+                return outcome
+        else:  # how long its steps are shall tell whether the series gets on
+            first = _COMPARED
+    return way.go("dop853", _calibration(way.problem), most=first, overrun=OVERRUN if first == TRIAL else 0)
+
+
+def _long_way(way: _Way) -> tuple[Outcome, str, float]:
+    """Go on where many steps lie ahead; also what to say of their tolerance, and the factor on it.
+
+    What lies ahead is judged by the latest steps, and again when there are several times as many: those of a transient
+    tell little of what follows it.
+    """
+    problem, block, begun, made, text, factor, said = way.problem, TRIAL, way.problem.t, 0, "", 1.0, 1.0
+    while True:
+        outcome, steps = way.outcome, way.outcome.counts["steps"]
+        if steps == made:  # all have been rejected
+            return way.go("dop853", factor * _calibration(problem)), text, factor
+        mean, ahead = (outcome.time - begun) / (steps - made), problem.end - outcome.time
+        modes = Modes(problem, outcome)
+        series = _suits_series(way, modes, mean, ahead)
+        stiff = not series and _is_stiff(modes, ahead, problem.patience)
+        if stiff and problem.system.plan.once(is_linear):  # so it is everywhere
+            outcome.status = Status.STIFF
+            return outcome, text, factor
+        # where that may be so here alone, DOP853 notices it, if no finer tolerance keeps its steps short
+        unclear = stiff and ahead > problem.patience * mean
+        factor = 1.0 if unclear else _refinement(problem, modes, mean, series)
+        if factor < 1.0 and block == TRIAL:
+            way.begin_again()
+        begun, made, block = way.outcome.time, steps, block * _AGAIN
+        if not 0.5 < factor / said < 2.0:
+            said, text = factor, _since(way, factor, ahead / mean, series) if factor < 1.0 else ""
+        outcome = _go_on(way, factor, series, block, _SHORT * mean)
+        if outcome.status is not Status.TOO_MANY_STEPS or way.is_exhausted:
+            return outcome, text, factor
+
+
+def _suits_series(way: _Way, modes: Modes, mean: float, ahead: float) -> bool:
+    """Return whether a Taylor series does what lies ahead faster than DOP853 and, where it is stiff, than BDF."""
+    problem, spent = way.problem, way.spent
+    if _is_stiff(modes, ahead, _series_patience(problem)):
+        return False
+    whole = ahead + np.fmax(problem.whole - problem.end, 0.0)  # behind this piece the run goes on
+    if not is_better(problem.system, np.inf if spent.series else spent.steps + whole / mean):
+        return False
+    spent.series = True
+    return True
+
+
+def _since(way: _Way, factor: float, ahead: float, series: bool) -> str:
+    """Say why the tolerance is finer from here on."""
+    rtol = max(way.problem.rtol * factor * (1.0 if series else _calibration(way.problem)), _FINEST)
+    because = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
+    return f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {because}"
+
+
+def _go_on(way: _Way, factor: float, series: bool, most: int, shortest: float) -> Outcome:
+    """Make some steps along a Taylor series or with DOP853, which takes over where the series does not get on."""
+    if series:
+        outcome = way.go("taylor", factor, most=most, overrun=OVERRUN, shortest=shortest)
+        if outcome.status not in _GIVEN_UP:
+            return outcome
+    return way.go("dop853", factor * _calibration(way.problem), most=most, overrun=OVERRUN)
+
+
+class _Way:
+    """A run on its way through several methods.
+
+    Attributes
+    ----------
+    problem : as a whole, with the steps that DOP853 may still need where it finds it stiff
+    outcome : where it stands
+    solvers : used so far
+    spent : by this run so far
+    """
+
+    def __init__(self, problem: Problem, integrate: Integrate) -> None:
+        self.problem, self.integrate = problem, integrate
+        self.outcome = Outcome(problem.t, problem.x, 0)
+        self.solvers: list[str] = []
+        self.spent = problem.spent.setdefault(problem.system.plan, Spent())
+
+    def begin_again(self) -> None:
+        """Go back to the beginning, since the first errors are felt for longest.
+
+        Not where somebody has looked at the steps, or blocks go on from their last solutions, on one of their branches.
+        """
+        problem = self.problem
+        blocks = any(isinstance(s, Solve) and not s.linear for s in walk(problem.system.plan.program))
+        if not problem.needs_steps and problem.correction is None and not blocks:
+            self.outcome = replace(self.outcome, time=problem.t, x=problem.x, reached=0)
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Return whether there have been as many steps as the run is allowed."""
+        counts = self.outcome.counts
+        return counts.get("steps", 0) + counts.get("rejected", 0) >= self.problem.max_steps
+
+    def go(
+        self, name: str, factor: float = 1.0, most: int | None = None, shortest: float = 0.0, overrun: int = 0
+    ) -> Outcome:
+        """Go on with a method from where the last one has stopped.
+
+        Parameters
+        ----------
+        factor : on the tolerances
+        most : steps
+        overrun : steps by which these may be exceeded where so many are expected to reach the end: where fewer lie
+            ahead than a Taylor series needs to pay, and their errors do not add up
+        shortest : s, mean length of steps below which a Taylor series gives up
+        """
+        problem, before = self.problem, self.outcome
+        done, spent = before.reached, problem.system.evaluations
+        left = problem.max_steps - before.counts.get("steps", 0) - before.counts.get("rejected", 0)
+        rtol = max(problem.rtol * factor, min(problem.rtol, _FINEST))
+        later = self.integrate(
+            replace(
+                problem,
+                t=before.time,
+                x=before.x,
+                times=problem.times[done:],
+                rtol=rtol,
+                atol=problem.atol * (rtol / problem.rtol),
+                max_steps=left if most is None else min(most, left),
+                overrun=overrun if most is not None and most + overrun <= left else 0,
+                first_step=before.step if self.solvers[-1:] == [name] else np.inf,
+                shortest=shortest,
+                sink=lambda first, states: problem.sink(first + done, states),
+            ),
+            name,
+        )
+        name = later.solver or name
+        if name == "dop853":
+            self.spent.steps += later.counts.get("steps", 0)
+        later.reached += done
+        if "evaluations" in later.counts and before.counts:  # SUNDIALS counts its own, and the system those of Python
+            later.counts["evaluations"] += spent
+        earlier = before.evaluation or problem.system.description
+        if before.counts and later.evaluation and later.evaluation != earlier:
+            later.evaluation = f"{earlier}, then {later.evaluation}"
+        later.counts = {k: before.counts.get(k, 0) + later.counts.get(k, 0) for k in before.counts | later.counts}
+        if self.solvers[-1:] != [name]:
+            self.solvers.append(name)
+        self.outcome = later
+        return later
+
+
+# ---------------------------------------------------------------------- how errors add up
+
+
+def calibrated(plan: Plan) -> float:
+    """Return the factor on the tolerance of DOP853 for runs in which few errors add up.
+
+    The errors of a linear motion obey its own equations and do not outgrow it: over the models of the notes and the
+    hard scenes they are below 20 times a tolerance of 1e-6 without a factor. Those of other motions may grow.
+    """
+    return 1.0 if plan.once(is_linear) else CALIBRATED
+
+
+def _calibration(problem: Problem) -> float:
+    """Return the same, with which the tolerance is no finer than rounding lets it be."""
+    return max(calibrated(problem.system.plan), min(1.0, NO_FINER / problem.rtol))
+
+
+def growth(plan: Plan) -> tuple[float, float]:
+    """Return how many steps of DOP853 keep the tolerance without a factor, and the power by which errors add up."""
+    return ADDED if plan.once(is_linear) else DEPHASED
+
+
+def _refinement(problem: Problem, modes: Modes, mean: float, series: bool) -> float:
+    """Return the factor on the tolerance with which the run as a whole keeps it.
+
+    Parameters
+    ----------
+    mean : s, the length of the steps
+    series : whether they are those of a Taylor series
+    """
+    linear = problem.system.plan.once(is_linear)
+    added, power = (_ADDED_SERIES if linear else _DEPHASED_SERIES) if series else growth(problem.system.plan)
+    length = problem.end - problem.t
+    if (added * mean / length) ** power >= WORTHWHILE:  # whatever the motion forgets
+        return 1.0
+    if modes.values is None:
+        return max(LEAST_UNKNOWN, min(1.0, added * mean / length) ** power)
+    if modes.memory > 0:
+        length = max(mean, min(length, FORGOTTEN / modes.memory))
+    factor = max(LEAST_FACTOR, min(1.0, added * mean / length) ** power)
+    return factor if factor < WORTHWHILE else 1.0
+
+
+def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
+    """Return the factor on the tolerance of BDF, which loses more in each period that the motion remembers."""
+    jacobian = _jacobian(problem, outcome)
+    if jacobian is None:
+        return _TIGHTER
+    n, length = problem.system.plan.state_count, problem.end - outcome.time
+    values = np.linalg.eigvals(jacobian[:n, :n])
+    with np.errstate(divide="ignore"):
+        memory = np.minimum(length, np.where(values.real < 0, -FORGOTTEN / values.real, np.inf))
+    periods = float((memory * np.abs(values.imag)).max(initial=0.0)) / (2 * np.pi)
+    return _TIGHTER * min(1.0, _PERIODS / max(periods, 1.0))
+
+
+def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
+    """Return the Jacobian at a place, None where it is too large for its eigenvalues or not finite."""
+    if problem.system.n > EIGENVALUES:
+        return None
+    with np.errstate(all="ignore"):
+        jacobian = problem.system.jacobian(outcome.time, outcome.x)
+    return jacobian if np.isfinite(jacobian).all() else None
+
+
+# ---------------------------------------------------------------------- stiffness
+
+
+def patience(system: System) -> float:
+    """Steps that are still cheaper for DOP853 than another method is."""
+    return min(max(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE), system.most_steps)
+
+
+def _series_patience(problem: Problem) -> float:
+    """Return the steps of a Taylor series that are still cheaper than BDF, whose steps are more the finer they are."""
+    looked_at = problem.roots is not None or (problem.guard is not None and problem.compiled_guard is None)
+    rows = problem.system.plan.row_count + (_LOOK if looked_at else 0)
+    return _SERIES_WORK * (problem.rtol / _SERIES_WORK_AT) ** -0.2 / max(5, rows)
+
+
+def _is_stiff(modes: Modes, ahead: float, steps: float) -> bool:
+    """Return whether a mode that decays asks an explicit method for more steps than that.
+
+    The steps so far do not tell, since a transient may have kept them short.
+
+    Parameters
+    ----------
+    ahead : s
+    """
+    return modes.relaxation * ahead > _LIMIT * steps
+
+
+def stiff_method(problem: Problem, outcome: Outcome) -> tuple[str, str]:
+    """Return the method that takes over where DOP853 has given up, and why.
+
+    BDF where the fastest mode decays. Where it swings BDF is not stable, and Radau steps over it if its amplitude is
+    below the tolerance; if not it must be followed, which explicit methods do best.
+    """
+    from lmoc.numerics.sundials import sundials
+
+    system = problem.system
+    if problem.correction is not None:
+        return "radau", "Radau, which goes on from a corrected state without loss"
+    jacobian = _jacobian(problem, outcome)
+    if jacobian is None:
+        if not sundials.available():
+            return "radau", "Radau, because SUNDIALS is not at hand"
+        if system.plan.has_large_blocks:
+            return "ida", "BDF on the index-1 form, whose matrix is sparse"
+        return "cvode", "BDF"
+    values, vectors = np.linalg.eig(jacobian)
+    k = int(np.argmax(np.abs(values)))
+    fastest = values[k]
+    if abs(fastest.imag) <= 3 * abs(fastest.real):
+        why = f"because the fastest mode decays (time constant {1 / max(abs(fastest), 1e-300):.3g} s)"
+        return ("cvode", f"BDF, {why}") if sundials.available() else ("radau", f"Radau, {why}")
+    most = _FOLLOWED * patience(system)
+    followed = outcome.status is Status.STIFF and problem.end - outcome.time < most * outcome.step
+    if followed and _at_work(problem, outcome, values, vectors, k):
+        return "dop853", f"explicit methods again, because the fastest mode is at work ({abs(fastest):.3g} rad/s)"
+    return "radau", f"Radau, because the fastest mode swings ({abs(fastest):.3g} rad/s)"
+
+
+def _at_work(problem: Problem, outcome: Outcome, values: np.ndarray, vectors: np.ndarray, k: int) -> bool:
+    """Return whether the amplitude of mode k is above the tolerances."""
+    rate = np.empty(problem.system.n)
+    problem.system.rhs(outcome.time, outcome.x, rate)
+    try:
+        amplitude = vectors[:, k] * np.linalg.solve(vectors, rate.astype(complex))[k] / values[k]
+    except np.linalg.LinAlgError:
+        return True
+    allowed = problem.atol + problem.rtol * np.abs(outcome.x)
+    return bool((np.abs(amplitude) > allowed).any())

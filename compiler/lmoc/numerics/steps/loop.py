@@ -1,0 +1,262 @@
+"""The loop of every integration: steps, guard, roots, output, progress, deadline, interruption.
+
+A method makes steps and knows values within the last one (`base.Integration`); everything else is here. Where nobody
+looks at the steps, a method that can is left alone from one output time to the next (`base.Unattended`).
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+import numpy as np
+
+from lmoc.numerics.problem.base import Batches, Expired, Integration, Outcome, Problem, Unattended, Watch
+from lmoc.numerics.problem.status import Status, interruption
+from lmoc.numerics.steps.roots import RootFinder
+
+_BATCH = 200_000  # numbers collected before they are handed on
+_LOOK = 32  # steps between two looks at the deadline …
+# … up to so many, by a method that makes them at once, as long as steps times rows are no more than that
+_MANY, _ROWS = 4096, 200_000
+_STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter …
+_PACE = 1e-8  # … by this part of what lies ahead on average
+_HOPELESS = 1e10  # steps still ahead at the pace of the latest `_STALL`, and of those before: a day's work, and more
+_OK = Status.OK  # attributes of an enumeration are slow to look up
+
+
+def integrate(problem: Problem, run: Integration) -> Outcome:
+    """Integrate to the end of a problem, or to where it ends earlier, with a method that has been started on it."""
+    return Loop(problem, run).go()
+
+
+class Loop:
+    """One integration under way."""
+
+    def __init__(self, problem: Problem, run: Integration) -> None:
+        self.problem, self.run = problem, run
+        self.watch = Watch(problem)
+        self.times = problem.times.tolist()
+        self.next = (*self.times[:1], math.inf)[0]  # the first output time ahead
+        self.handed = self.reached = 0  # output times handed on, and reached
+        self.most = max(1, _BATCH // max(1, len(problem.x)))
+        self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
+        self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
+        self.paced = 0, problem.t, False  # the same over `_STALL` steps, and whether these had no end in sight
+        # where it ends within the last step; before that has been looked at, where it has begun: an interruption may
+        # come between a step over a root and the search for it
+        self.place: tuple[float, np.ndarray] | None = None
+
+    def go(self) -> Outcome:
+        run = self.run
+        try:
+            with run:
+                if self.batches is not None:
+                    status = self.go_in_batches(self.batches)
+                else:
+                    watched = self.problem.needs_steps or self.problem.held is not None
+                    unattended = None if watched else run.unattended
+                    status = self.go_stepwise() if unattended is None else self.go_unattended(unattended)
+        except Expired:
+            status = Status.TOO_LONG
+        except KeyboardInterrupt:
+            status = interruption()
+        self.flush()
+        if status in (Status.COLLAPSED, Status.NOT_FINITE) and self.problem.guard is not None:
+            status = self.problem.guard.stuck(status)
+        time, x = self.place or (run.t, run.x.copy())
+        found = None if status is not Status.ROOT else self.finder.which
+        return Outcome(
+            time, x, self.reached, status, run.counts(), run.step_size, run.matrix, run.evaluation, roots=found
+        )
+
+    def go_unattended(self, method: Unattended) -> Status:
+        """Leave the method alone from one output time to the next."""
+        run = self.run
+        for k, t in enumerate((*self.times, self.problem.end)):
+            status = method.advance(t)
+            if status is not Status.OK:
+                return status
+            if k < len(self.times):
+                run.collect_here()
+                self.reached += 1
+                if self.reached - self.handed >= self.most:
+                    self.flush()
+            if self.watch.expired(t):
+                return Status.TOO_LONG
+        return Status.OK
+
+    @property
+    def batches(self) -> Batches | None:
+        """Return what makes many steps at once; None where somebody looks at each of them in Python."""
+        problem = self.problem
+        if problem.roots is not None or problem.held is not None:
+            return None
+        alone = problem.guard is None and problem.correction is None
+        return self.run.batches if alone or problem.compiled_guard is not None else None
+
+    def go_in_batches(self, method: Batches) -> Status:
+        """Have the method make many steps at once, more of them from batch to batch as far as the scene is small."""
+        problem, run, guard = self.problem, self.run, self.problem.compiled_guard
+        largest = min(max(_ROWS // max(1, problem.system.plan.row_count), _LOOK), _MANY)
+        allowed, most, status = problem.max_steps, _LOOK, _OK
+        while run.t < problem.end and status is _OK:
+            left = allowed - run.steps - run.rejected
+            if left <= 0:
+                if allowed > problem.max_steps or not self.is_nearly_there():
+                    return Status.TOO_MANY_STEPS
+                allowed += problem.overrun
+                continue
+            number = min(most, left)
+            hold = None if guard is None else guard.enter(number)
+            if guard is None or hold is not None:
+                status = self.go_several(method, number, hold)
+            if status is Status.DOUBTFUL or (guard is not None and hold is None):
+                status = self.step()
+            if self.watch.expired(run.t):
+                return Status.TOO_LONG
+            halted = self.halted(run.steps + run.rejected)
+            if halted is not _OK:
+                return halted
+            most = min(2 * most, largest)
+        return status
+
+    def go_several(self, method: Batches, most: int, hold: int | None) -> Status:
+        """Have the method make up to so many steps, and see to their output."""
+        problem, run = self.problem, self.run
+        room = self.most - (self.reached - self.handed)
+        status, reached = method.several(problem.times[self.reached :], room, most, hold)
+        if problem.compiled_guard is not None:
+            problem.compiled_guard.leave(run.t, run.x)
+        self.reached += reached
+        self.next = self.times[self.reached] if self.reached < len(self.times) else math.inf
+        if self.reached - self.handed >= self.most:
+            self.flush()
+        if self.next > run.t:
+            return status
+        self.show(run.t)
+        return status if problem.correction is None else self.correct(status)
+
+    def go_stepwise(self) -> Status:
+        problem, run, step = self.problem, self.run, self.step
+        if self.finder is None and problem.guard is None:
+            step = self.step_unwatched
+        end, looked, most = problem.end, 0, problem.max_steps
+        while run.t < end:
+            done = run.steps + run.rejected
+            if done >= most:
+                if most > problem.max_steps or not self.is_nearly_there():
+                    return Status.TOO_MANY_STEPS
+                most += problem.overrun
+            if done >= looked:
+                looked = done + _LOOK
+                if self.watch.expired(run.t):
+                    return Status.TOO_LONG
+                halted = self.halted(done)
+                if halted is not _OK:
+                    return halted
+            status = step()
+            if status is not _OK:
+                return status
+        return Status.OK
+
+    def is_nearly_there(self) -> bool:
+        """Return whether as many more steps as are allowed reach the end if they are as long as those so far."""
+        problem, t = self.problem, self.run.t
+        return self.run.steps * (problem.end - t) < problem.overrun * (t - problem.t)
+
+    def halted(self, done: int) -> Status:
+        """Return why the latest steps have hardly got on: a jump of the equations, a singular position; OK else."""
+        problem, run = self.problem, self.run
+        if done - self.paced[0] >= _STALL:
+            (before, at, seen) = self.paced
+            slow = (done - before) * (problem.end - run.t) > _HOPELESS * (run.t - at)
+            self.paced = done, run.t, slow
+            if slow and seen:
+                return Status.CRAWLING
+        guarded = problem.guard is not None
+        if not (guarded or problem.held) or done - self.judged[0] < (_GUARDED if guarded else _STALL):
+            return _OK
+        (before, at), self.judged = self.judged, (done, run.t)
+        whole = guarded and problem.whole > problem.end  # on a short way to a singular position all steps are short
+        ahead = (problem.whole if whole else problem.end) - problem.t
+        if run.t - at >= (done - before) * _PACE * ahead:
+            return _OK
+        if problem.held is not None and problem.held(run.t, run.x):
+            return Status.CHATTERING
+        status = problem.guard.stuck(Status.CRAWLING) if guarded else _OK
+        return _OK if status is Status.CRAWLING else status
+
+    def step_unwatched(self) -> Status:
+        """One step and its output."""
+        run = self.run
+        run.wanted = self.next
+        status = run.step()
+        if self.next <= run.t and (status is _OK or status is Status.STIFF):
+            self.show(run.t)
+        return status
+
+    def step(self) -> Status:
+        """One step, looked at by whoever is concerned, and its output."""
+        run = self.run
+        run.wanted = -math.inf
+        self.place = start = (run.t, run.x.copy())
+        status = run.step()
+        if status not in (Status.OK, Status.STIFF):
+            self.place = None
+            return status
+        if self.problem.guard is not None:
+            judged = self.judge(start)
+            if judged is not Status.OK:
+                return judged
+        if self.finder is not None:
+            found = self.finder.first(run)
+            if found is not None:
+                self.place = found
+                self.show(found[0])
+                return Status.ROOT
+        self.place = None
+        if self.next <= run.t:
+            self.show(run.t)
+        return status if self.problem.correction is None else self.correct(status)
+
+    def judge(self, start: tuple[float, np.ndarray]) -> Status:
+        """Have the guard judge the last step; where that is rejected, the run ends at the last good place within it."""
+        run, guard, good = self.run, self.problem.guard, start
+        looks = run.looks if self.problem.correction is None else 1
+        for t in np.linspace(start[0], run.t, looks + 1)[1:].tolist():
+            place = (t, run.x) if t == run.t else (t, run.interpolate(np.array([t]))[0])
+            judged = guard(*place)
+            if judged is not Status.OK:
+                self.place = good
+                self.show(good[0])
+                return judged
+            good = place
+        return Status.OK
+
+    def correct(self, status: Status) -> Status:
+        """Move the state as the problem's correction says, and go on from there."""
+        x = self.problem.correction(self.run.t, self.run.x)
+        if x is self.run.x:
+            return status
+        if not np.isfinite(x).all():
+            return Status.SINGULAR
+        self.run.jump(x)
+        return status
+
+    def show(self, until: float) -> None:
+        """Collect the output times in the last step."""
+        last = bisect_right(self.times, until, self.reached)
+        if last > self.reached:
+            self.run.collect(self.problem.times[self.reached : last])
+            self.reached = last
+            self.next = self.times[last] if last < len(self.times) else math.inf
+            if self.reached - self.handed >= self.most:
+                self.flush()
+
+    def flush(self) -> None:
+        """Hand on what has been collected."""
+        states = self.run.collected()
+        first, self.handed = self.handed, self.handed + len(states)
+        if len(states):
+            self.problem.sink(first, states)

@@ -1,0 +1,116 @@
+"""Taylor series: the states as polynomials of high order about the beginning of each step, for smooth scenes.
+
+Order and step after Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order
+Taylor methods, Experimental Mathematics 14 (2005): the order follows from the tolerance, the step from the size of the
+last coefficients. Some of these vanish by symmetry, at a start from rest every second one, so that five are looked at;
+and a step counts only if the polynomial still satisfies the differential equation at its end.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lmoc.lower.recurrences import NoSeries
+from lmoc.lower.series import LENGTH
+from lmoc.numerics.evaluate.taylor_system import TaylorSystem
+from lmoc.numerics.problem.base import Integration, Problem, Properties
+from lmoc.numerics.problem.status import Inapplicable, Status
+
+PROPERTIES = Properties(
+    "taylor", "Taylor series", "Taylor series", "18-26", "18-26", "own",
+    needs="equations without kinks",
+    good_for="smooth scenes over many steps, and many digits",
+)  # fmt: skip
+
+_LEAST, _MOST = 18, 26  # orders; steps of a lower one are hardly cheaper, and there are more of them
+_LOOK = 50  # steps from which their mean length is looked at
+_FAILED = {1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL}  # what a walk in C returns
+_GROWTH = 1.0  # of the order with the logarithm of the tolerance: 1/2 has the least work, more has fewer steps
+
+
+def begin(problem: Problem) -> Taylor:
+    """Return the method at the beginning of a problem.
+
+    Raises
+    ------
+    Inapplicable
+        The scene has no series.
+    """
+    try:
+        system = problem.system.plan.once(TaylorSystem)
+    except NoSeries as error:
+        raise Inapplicable(str(error)) from error
+    system.prepare(*problem.system.given)
+    registers = problem.system.registers
+    if registers is not None:  # the solutions of blocks that the run has begun with
+        own = system.kernel.unknowns
+        system.w[own] = np.where(np.isfinite(registers[own]), registers[own], system.w[own])
+    return Taylor(problem, system)
+
+
+def order_for(rtol: float) -> int:
+    """Return the order that suits a tolerance (after Jorba and Zou, equation 3.7)."""
+    return min(max(math.ceil(1.0 - _GROWTH * math.log(rtol)), _LEAST), _MOST)
+
+
+class Taylor(Integration):
+    """The method at work: the series of the last step, and of the next."""
+
+    looks = 4  # as many in C (``engine/c/taylor.c``)
+
+    def __init__(self, problem: Problem, system: TaylorSystem) -> None:
+        super().__init__(problem)
+        self.system, self.order, self.t = system, order_for(problem.rtol), problem.t
+        n = len(problem.x)
+        self.x = np.array(problem.x, float)
+        self._between, self._series, self._atol = np.zeros(n), np.zeros((2, n, LENGTH)), np.array(problem.atol, float)
+        self._way = way = system.way(problem.end, problem.max_step, problem.rtol)
+        way.atol, way.between, way.x = (a.ctypes.data for a in (self._atol, self._between, self.x))
+        way.q, way.next = (a.ctypes.data for a in self._series)
+        self.jump(problem.x)
+
+    def jump(self, x: np.ndarray) -> None:
+        way = self._way
+        self.x[:] = x
+        self.before = way.before = way.time = self.t
+        self.problem.system.evaluations += 1
+        self.finite = self.system.series(self.t, self.x, self.order, way.next)
+
+    def step(self) -> Status:
+        way = self._way
+        way.most, way.outputs, way.hold = 1, 0, None
+        return self._walked()
+
+    @property
+    def batches(self) -> Taylor:
+        return self
+
+    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+        way, out = self._way, np.empty((min(room, len(times)), len(self.x)))
+        way.most, way.outputs, way.room, way.hold = most, len(times), len(out), hold
+        way.times, way.out = times.ctypes.data, out.ctypes.data
+        status = self._walked()
+        self._collected.append(out[: way.reached])
+        return status, way.reached
+
+    def _walked(self) -> Status:
+        if not self.finite:
+            self._way.reached = 0
+            return Status.NOT_FINITE
+        way, problem = self._way, self.problem
+        found = self.system.walk(way)
+        problem.system.evaluations += way.tries
+        self.steps += way.steps
+        self.rejected += way.tries - way.steps
+        if way.steps:
+            self.before, self.t, self.step_size = way.before, way.time, way.length
+        if found:
+            return _FAILED[found]
+        if self.steps >= _LOOK and self.t - problem.t < self.steps * problem.shortest:
+            return Status.STIFF
+        return Status.OK
+
+    def interpolate(self, times: np.ndarray) -> np.ndarray:
+        return self.system.values(self.order, times - self.before, self._way.q)
