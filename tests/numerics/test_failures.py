@@ -10,7 +10,7 @@ from oracles.by_hand import Scene, oscillator
 import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
-from lmoc.numerics.events.happenings import Happenings
+from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
 from lmoc.numerics.options.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
 from lmoc.numerics.problem import base
 from lmoc.numerics.run.one_piece import PieceSolver
@@ -289,7 +289,7 @@ def test_an_interrupted_run_keeps_what_it_has(solver):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-@pytest.mark.parametrize("place", [(Happenings, "roots"), (Happenings, "after"), (PieceSolver, "_problem")])
+@pytest.mark.parametrize("place", [(HybridDynamics, "roots"), (HybridDynamics, "after"), (PieceSolver, "_problem")])
 def test_a_run_that_is_interrupted_outside_of_the_integration_keeps_what_it_has(place, monkeypatch):
     """Where events follow each other closely, a signal comes at an event more often than between two."""
     scene = lmoc.compile_text("""

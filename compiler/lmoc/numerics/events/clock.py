@@ -6,25 +6,25 @@ import math
 
 import numpy as np
 
-from lmoc.numerics.events.machine import Machine, near_to
+from lmoc.numerics.events.discrete_state import DiscreteState, near_to
 
 
-def next_time(machine: Machine, t: float, include: bool = False) -> float:
+def next_time(discrete: DiscreteState, t: float, include: bool = False) -> float:
     """Return the first time event behind a time; infinity where there is none.
 
     Parameters
     ----------
     include : one at the time itself counts
     """
-    events = machine.layout.events
+    events = discrete.layout.events
     least = t - near_to(t) if include else t + near_to(t)
     found = math.inf
     for s in events.samples:
-        for start, interval in zip(machine.v[s.start].tolist(), machine.v[s.interval].tolist(), strict=True):
+        for start, interval in zip(discrete.v[s.start].tolist(), discrete.v[s.interval].tolist(), strict=True):
             found = min(found, _tick(start, interval, least))
-    for timed in machine.layout.timed:
+    for timed in discrete.layout.timed:
         r = events.relations[timed.relation]
-        slope, offset = machine.line(timed.relation, r.slots)
+        slope, offset = discrete.line(timed.relation, r.slots)
         with np.errstate(all="ignore"):
             if r.op == "floor":
                 level = np.floor(slope * least + offset) + (slope > 0)
@@ -37,14 +37,14 @@ def next_time(machine: Machine, t: float, include: bool = False) -> float:
     return found
 
 
-def ring(machine: Machine, t: float) -> bool:
+def ring(discrete: DiscreteState, t: float) -> bool:
     """Set the variables of `sample` whose instant this is; whether there are any."""
     some = False
-    for s in machine.layout.events.samples:
-        start, interval = machine.v[s.start], machine.v[s.interval]
+    for s in discrete.layout.events.samples:
+        start, interval = discrete.v[s.start], discrete.v[s.interval]
         k = np.round((t - start) / interval)
         due = (k >= 0) & (np.abs(start + k * interval - t) <= near_to(t))
-        machine.v[s.target] = due
+        discrete.v[s.target] = due
         some |= bool(due.any())
     return some
 

@@ -81,7 +81,7 @@ class End(Mapping):
     x : (n,) their values, then those of the quadratures
     values : (flat.count,) every variable of the flat model: on which branch its equations are solved, too
     mode : of the laws; None without laws
-    crossing : what keeps relations that have just changed from changing back by rounding (`numerics.events.machine`)
+    crossing : what keeps relations that have just changed from changing back by rounding (`events.discrete_state`)
     stepping : what steps at this time has yet to do so, such as an input that is set by hand; else that has been done
     """
 

@@ -48,7 +48,7 @@ from lmoc.numerics.task.task import Stretch, Task
 from lmoc.numerics.task.tolerances import Tolerances
 
 if TYPE_CHECKING:
-    from lmoc.numerics.events.happenings import Happenings
+    from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Way
 
@@ -103,8 +103,8 @@ class _Run:
         # the last piece and where it ends, before what the model does at its end
         self.before_terminal: tuple[Piece, np.ndarray] | None = None
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
-        self.happenings: Happenings | None = None
-        self.flood: Flood | None = None  # with happenings
+        self.dynamics: HybridDynamics | None = None
+        self.flood: Flood | None = None  # with events or laws
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
         self.assertions: Assertions | None = None  # as they are watched; None where none are
@@ -132,7 +132,7 @@ class _Run:
             if outcome.status is Status.COORDINATES:
                 outcome = self._with_other_coordinates(outcome)
                 continue
-            if self.happenings is None or outcome.status.failed:
+            if self.dynamics is None or outcome.status.failed:
                 return outcome
             try:
                 x = self._after(outcome)
@@ -154,7 +154,7 @@ class _Run:
     def _joined(self, outcome: Outcome, started: float) -> Trajectory:
         """Return the pieces so far as one trajectory, with statistics and notes."""
         began, lowered = self.task.clock
-        first, happenings = self.pieces[0].observer.plan, self.happenings
+        first, dynamics = self.pieces[0].observer.plan, self.dynamics
         stats = self.solver.cost.stats | {
             "seconds": clock.perf_counter() - began,
             "lower_seconds": lowered - began,
@@ -168,12 +168,12 @@ class _Run:
             self.assertions.tell(outcome.time, self.report)
         note_coordinates(self.pieces, self.changes if "changes" in self.__dict__ else None, self.report)
         notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
-        records = (*self.impacts, *(() if happenings is None else happenings.records))
-        crossing = None if happenings is None else happenings.crossing
+        records = (*self.impacts, *(() if dynamics is None else dynamics.records))
+        crossing = None if dynamics is None else dynamics.crossing
         ended, x = self.before_terminal or (None, outcome.x)
         planned = outcome.time if outcome.status.failed else self.task.span.end
         pieces, begun = tuple(self.pieces), self.begun
-        unbooked = (np.inf, "") if happenings is None else happenings.stepping.unbooked
+        unbooked = (np.inf, "") if dynamics is None else dynamics.stepping.unbooked
         return Trajectory(
             pieces, self.variables, (outcome.time, x), stats, records, notes, crossing, begun, planned, unbooked, ended
         )
@@ -204,13 +204,13 @@ class _Run:
 
     def _start_of_events(self, states: Callable[[np.ndarray], np.ndarray], initial: object) -> np.ndarray:
         """Return the states at the start of a run with events, after what happens there."""
-        from lmoc.numerics.events.happenings import Happenings
+        from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
 
         task, stretch = self.task, self.stretch
         span = task.span.start, task.span.end
-        self.happenings = Happenings(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
-        self.changes.happens = self.happenings.happen_on
-        self.flood = Flood(task.span.end, self.happenings.places, self.report, task.progress)
+        self.dynamics = HybridDynamics(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
+        self.changes.happens = self.dynamics.happen_on
+        self.flood = Flood(task.span.end, self.dynamics.places, self.report, task.progress)
 
         def begun(base: np.ndarray) -> np.ndarray:
             x = states(base)
@@ -219,7 +219,7 @@ class _Run:
 
         going_on = isinstance(initial, End | Place)
         try:
-            x = self.happenings.start(states if going_on else begun, initial)
+            x = self.dynamics.start(states if going_on else begun, initial)
         except Stopped as stopped:
             self.report.error("E0535", f"the start has no solution: {stopped.reason}")
             self.report.check()
@@ -229,7 +229,7 @@ class _Run:
 
     def _begin(self, time: float) -> None:
         """Begin a piece with the values that hold now between events."""
-        old, now = self.stretch, self.happenings
+        old, now = self.stretch, self.dynamics
         observer = Observer(old.plan, self.task.values, now.base(), now.signals)
         self.stretch = Stretch(observer, old.system, time, self.task.span.times, old.reached, self.variables)
         self.stretch.mode, self.stretch.rounding = now.mode, now.rounding
@@ -237,13 +237,13 @@ class _Run:
 
     def _after(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state after what has ended a piece, and begin the next one; None at the end of the run."""
-        stretch, time = self.stretch, self.happenings.instant(outcome)
+        stretch, time = self.stretch, self.dynamics.instant(outcome)
         outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
-            outcome = self.happenings.together(outcome, stretch.system)
+            outcome = self.dynamics.together(outcome, stretch.system)
             solver, failed = self.solver, outcome.status.failed
-            x = None if failed else self.happenings.after(outcome, solver.unresolved, solver.errors)
+            x = None if failed else self.dynamics.after(outcome, solver.unresolved, solver.errors)
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason
             if stopped.status is Status.OK:
@@ -252,11 +252,11 @@ class _Run:
             return None
         if x is None:
             return None
-        self.flood.count(time, self.happenings.records)
+        self.flood.count(time, self.dynamics.records)
         stretch.recorder.take_back(time)
         check_values(stretch, outcome, self.variables is None, self.report)
         self.pieces.append(stretch.piece())
-        if self.happenings.is_over:
+        if self.dynamics.is_over:
             self.before_terminal = self.pieces[-1], outcome.x
         self._begin(time)
         self.stretch.recorder.record_start(self.stretch.begin, x)
@@ -271,7 +271,7 @@ class _Run:
         ----------
         way : bounds the steps after a change of coordinates
         """
-        task, now = self.task, self.happenings
+        task, now = self.task, self.dynamics
         if task.options.solver == MOREAU:
             return self._march(x, begin)
         end = task.span.end if now is None else now.until
@@ -305,7 +305,7 @@ class _Run:
 
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
         """Go to the end by steps of equal length, in which impulses of the laws take the place of events."""
-        old, now = self.stretch, self.happenings
+        old, now = self.stretch, self.dynamics
         observer = Observer(old.plan, self.task.values, now.open, self.task.signals)
         self.stretch = Stretch(observer, old.system, begin, self.task.span.times, old.first, self.variables)
         self.stretch.recorder.record_start(self.stretch.begin, x)
@@ -354,14 +354,14 @@ class _Run:
             self._finish(outcome)
             self.pieces += way.between
             self.stretch = way.stretch
-            if self.happenings is not None:
+            if self.dynamics is not None:
                 self._adopt(way)
             self.stretch.system.prepare(self.stretch.base, self.stretch.observer.signals)
         return self._integrate(way.x, max(outcome.time, self.stretch.begin), way)
 
     def _adopt(self, way: Way) -> None:
         """Have events and laws go on in the coordinates of a new piece."""
-        task, now, made = self.task, self.happenings, way.stretch
+        task, now, made = self.task, self.dynamics, way.stretch
         unknowns = all_unknowns(made.plan)
         base = with_solutions(made.plan.base(task.values, task.signals), unknowns, made.base[unknowns])
         now.adopt(made.plan, base, made.begin, way.x)
@@ -374,7 +374,7 @@ class _Run:
         unknowns = self.stretch.plan.once(block_unknowns)
         registers = registers_at_end(self.stretch.system, outcome) if len(unknowns) else None
         if registers is not None:
-            self.happenings.stand_at(unknowns, registers[unknowns])
+            self.dynamics.stand_at(unknowns, registers[unknowns])
 
     def _watch_loops(self, begin: float, x: np.ndarray) -> None:
         """Have the closures watched, in a formulation where all coordinates of the loops are states."""

@@ -146,7 +146,7 @@ class Simulator:
             report.check()
             signals = {**signals, **time_stepping.recorded(self.reduced.switched)}
         if self.reduced.flat.events is not None:  # they have values of their own, which the run sets
-            from lmoc.numerics.events.hybrid import held
+            from lmoc.numerics.events.event_handler import held
 
             signals = {**signals, **held(self.reduced.flat.events)}
         note_held_ends(signals, self.reduced.flat, np.array([span.start, span.end]), report)

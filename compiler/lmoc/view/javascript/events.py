@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.expression.dag import ONE, ZERO, Expr, if_, slot
 from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program, needed_steps
-from lmoc.numerics.events.hybrid import told_variables
+from lmoc.numerics.events.event_handler import told_variables
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.observe.observer import Observer
@@ -27,7 +27,7 @@ class Places(Protocol):
 
 
 def write_events(observer: Observer, places: Places) -> tuple[Programs, dict[str, Any]]:
-    """Return the programs of the events, and what `machine.js`, `clock.js` and `hybrid.js` read."""
+    """Return the programs of the events, and what `discrete_state.js`, `clock.js` and `event_handler.js` read."""
     return _Events(observer, places).written()
 
 

@@ -1,10 +1,10 @@
 // Time events: the instants at which `sample` is true, and at which relations of time alone change, as `numerics/events/clock.py`.
 
-import { nearTo } from "./machine.js";
+import { nearTo } from "./discrete_state.js";
 
 /** The first time event behind a time, or, where asked for, at the time itself; infinity where there is none. */
-export function nextTime(machine, t, include = false) {
-  const { own, w, scene } = machine;
+export function nextTime(discrete, t, include = false) {
+  const { own, w, scene } = discrete;
   const least = include ? t - nearTo(t) : t + nearTo(t);
   let found = Infinity;
   for (const { start, interval } of own.samples) {
@@ -27,8 +27,8 @@ export function nextTime(machine, t, include = false) {
 }
 
 /** Set the variables of `sample` whose instant this is. */
-export function ring(machine, t) {
-  const { own, w } = machine;
+export function ring(discrete, t) {
+  const { own, w } = discrete;
   for (const { target, start, interval } of own.samples) {
     target.forEach((register, i) => {
       const [begin, length] = [w[start[i]], w[interval[i]]];

@@ -2,7 +2,7 @@
 
 import { makeBlocks, putSolutions, solutionsOf } from "./blocks.js";
 import { curveAt } from "./curve.js";
-import { Happenings } from "./happenings.js";
+import { HybridDynamics } from "./hybrid_dynamics.js";
 
 const LOOKS = 4001; // points at which a switch that is not linear in time is looked at
 const MET = 1e-6; // of the size of a start value: by how much it may be missed
@@ -22,7 +22,7 @@ export class Scene {
     this.blocks = makeBlocks(data.blocks);
     this.functions = make(data.tables, this.blocks);
     this.w = numbers(data.base);
-    this.happenings = null;
+    this.dynamics = null;
     const others = (data.choices ?? []).map((own, k) => new Scene(own, this.functions.choices[k]));
     this.choices = others.length ? [this, ...others] : []; // of coordinates, where the run has changed them
     this.seed();
@@ -135,7 +135,7 @@ export class Scene {
       const slots = new Map(other.data.slots);
       other.put(changed.flatMap(([slot, value]) => (slots.get(slot) >= 0 ? [[slots.get(slot), value]] : [])));
     }
-    this.happenings = null;
+    this.dynamics = null;
     this.missed = undefined;
     if (this.refused() !== "") return new Float64Array(0);
     const states = () => {
@@ -150,8 +150,8 @@ export class Scene {
       return x;
     };
     if (data.laws === null && data.events === null) return states();
-    this.happenings = new Happenings(this);
-    const x = this.happenings.start(states);
+    this.dynamics = new HybridDynamics(this);
+    const x = this.dynamics.start(states);
     this.observe(data.begin, x);
     return x;
   }

@@ -3,7 +3,7 @@
 import { signsOf, turned } from "./blocks.js";
 import { Watch } from "./coordinates.js";
 import { Dop853 } from "./dop853.js";
-import { nearTo } from "./machine.js";
+import { nearTo } from "./discrete_state.js";
 import { Radau } from "./radau.js";
 import { RootFinder } from "./roots.js";
 import { Standing } from "./standing.js";
@@ -57,7 +57,7 @@ class Run {
     const { reached, reason, steps, evaluations } = this;
     const columns = this.columns.map((column) => column.subarray(0, reached));
     const complete = reason === "" && (ended || reached === this.times.length);
-    const { records = [], modes = [] } = scene.happenings ?? {};
+    const { records = [], modes = [] } = scene.dynamics ?? {};
     return { time: this.times.slice(0, reached), columns, complete, reason, events: records, modes, steps, evaluations };
   }
 
@@ -71,14 +71,14 @@ class Run {
   /** Go from event to event. */
   pieces(from) {
     const { times } = this;
-    const { happenings, data } = this.scene;
+    const { dynamics, data } = this.scene;
     let x = from;
     let begin = data.begin;
     this.watched(begin, x);
     for (;;) {
-      const end = happenings?.until ?? data.end;
+      const end = dynamics?.until ?? data.end;
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
-      const roots = happenings?.roots(begin, x) ?? null;
+      const roots = dynamics?.roots(begin, x) ?? null;
       let outcome = this.piece(begin, x, end, roots);
       this.steps++; // a piece may end within its first step, again and again
       if (this.steps > this.mostSteps) this.reason = "it takes too many steps";
@@ -90,8 +90,8 @@ class Run {
         begin = outcome.t;
         continue;
       }
-      if (happenings !== null) outcome = happenings.together(outcome, roots);
-      const behind = happenings === null ? null : happenings.after(outcome);
+      if (dynamics !== null) outcome = dynamics.together(outcome, roots);
+      const behind = dynamics === null ? null : dynamics.after(outcome);
       if (behind === null) {
         while (this.reached < times.length && times[this.reached] <= data.end) this.record(times[this.reached], outcome.x);
         return;
@@ -161,13 +161,13 @@ class Run {
   /** Integrate where nothing jumps; output times up to `until` belong to it. */
   smooth(begin, x, end, until, roots) {
     const { scene, times } = this;
-    const { data, happenings } = scene;
+    const { data, dynamics } = scene;
     const factor = this.finer * calibration(data.refine, data.rtol * this.finer);
     const tolerances = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor) };
-    const maxStep = Math.min(scene.longest(begin, end), happenings?.longestStep ?? Infinity);
+    const maxStep = Math.min(scene.longest(begin, end), dynamics?.longestStep ?? Infinity);
     const finder = roots === null ? null : new RootFinder(roots, begin, x);
     const place = new Float64Array(x.length);
-    const kept = happenings?.kept ?? null;
+    const kept = dynamics?.kept ?? null;
     let trying = data.refine !== null && x.length > 0;
     let method = x.length
       ? new Dop853(data.method, scene, begin, x, end, { ...tolerances, maxStep })

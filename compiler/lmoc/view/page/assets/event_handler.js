@@ -1,7 +1,7 @@
-// The events of a run: when the next one comes, its effect, and its record, as `numerics/events/hybrid.py`.
+// The events of a run: when the next one comes, its effect, and its record, as `numerics/events/event_handler.py`.
 
 import { nextTime, ring } from "./clock.js";
-import { Machine, nearTo } from "./machine.js";
+import { DiscreteState, nearTo } from "./discrete_state.js";
 import { Stopped } from "./stopped.js";
 
 const CHANGES = 12; // of one condition …
@@ -11,11 +11,11 @@ const SHORTLY = 1e-6; // part of the time since the last event
 const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
 const CONTINUOUS = 1e-9; // share of a value by which it may change at an event and still be continuous
 
-export class Hybrid {
+export class EventHandler {
   constructor(scene) {
     const { data } = scene;
     Object.assign(this, { scene, own: data.events, begin: data.begin, end: data.end });
-    this.machine = new Machine(scene);
+    this.discrete = new DiscreteState(scene);
     this.records = [];
     this.next = Infinity;
     this.last = data.begin;
@@ -24,16 +24,16 @@ export class Hybrid {
 
   /** States and discrete values that agree, behind what happens at the start. `states()` finds the states. */
   start(states) {
-    const { machine, begin } = this;
+    const { discrete, begin } = this;
     let x = this.firstStates(states);
-    machine.literal = false;
-    machine.remember();
-    this.next = nextTime(machine, begin, true);
+    discrete.literal = false;
+    discrete.remember();
+    this.next = nextTime(discrete, begin, true);
     return this.next <= begin + nearTo(begin) ? this.event(begin, x, "time") : x;
   }
 
   firstStates(states) {
-    const { machine, own, begin } = this;
+    const { discrete, own, begin } = this;
     const { w, functions } = this.scene;
     this.flag(own.initial, 1);
     own.initialEquations.forEach(({ value, targets }, k) => {
@@ -43,19 +43,19 @@ export class Hybrid {
     let x;
     for (let round = 0, changed = true; changed; round++) {
       if (round === START_ROUNDS) throw new Stopped("no states and discrete values agree at the start");
-      const before = machine.discrete();
+      const before = discrete.all();
       x = states();
-      machine.look(begin, x);
+      discrete.look(begin, x);
       own.before.forEach(([now, past], k) => {
-        if (!own.held[k]) w[past] = machine.value(now);
+        if (!own.held[k]) w[past] = discrete.value(now);
       });
-      machine.assign();
-      changed = machine.discrete().some((v, k) => v !== before[k] && !(Number.isNaN(v) && Number.isNaN(before[k])));
+      discrete.assign();
+      changed = discrete.all().some((v, k) => v !== before[k] && !(Number.isNaN(v) && Number.isNaN(before[k])));
     }
-    x = machine.reinit(begin, x) ?? x;
+    x = discrete.reinit(begin, x) ?? x;
     this.flag(own.initial, 0);
-    machine.remember();
-    machine.solve(begin, x);
+    discrete.remember();
+    discrete.solve(begin, x);
     return x;
   }
 
@@ -74,14 +74,14 @@ export class Hybrid {
 
   /** Do what happens where a piece has ended; the states behind it, null at the end of the run. */
   after(t, x, roots) {
-    const { machine, own } = this;
+    const { discrete, own } = this;
     if (roots !== null) {
       const rounded = [...own.zeros.keys()].filter((k) => own.rounded[k]);
       const above = new Set(rounded.filter((_, i) => roots[own.zeros.length + i]));
       const crossed = [...own.zeros.keys()].filter((k) => roots[k] || above.has(k));
       this.noticeChatter(t, crossed);
       const behind = this.event(t, x, "when", () => this.turn(crossed, above));
-      machine.crossed(crossed);
+      discrete.crossed(crossed);
       return behind === x ? behind : this.leave(t, behind, crossed);
     }
     if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
@@ -91,7 +91,7 @@ export class Hybrid {
 
   /** Let relations change that come to their change so soon that it is at this instant, though not there yet. */
   turn(crossed, above) {
-    for (const k of crossed.filter((one) => !this.machine.differs(one))) this.machine.turn(k, above.has(k));
+    for (const k of crossed.filter((one) => !this.discrete.differs(one))) this.discrete.turn(k, above.has(k));
   }
 
   /** The next time event where it is as near to a time as that, else the time. */
@@ -101,20 +101,20 @@ export class Hybrid {
 
   /** Let conditions at zero change back where the jump of states sends them to the side they came from. */
   leave(t, x, crossed) {
-    const { machine, own, scene } = this;
+    const { discrete, own, scene } = this;
     const since = t - this.last;
     this.last = t;
-    machine.look(t, x);
-    const near = crossed.filter((k) => !own.rounded[k] && Math.abs(machine.zero(k)) < machine.margin[k]);
+    discrete.look(t, x);
+    const near = crossed.filter((k) => !own.rounded[k] && Math.abs(discrete.zero(k)) < discrete.margin[k]);
     if (near.length === 0 || !(since > 0)) return x;
     const rates = new Float64Array(x.length);
     scene.rates(t, x, rates);
     const short = SHORTLY * since;
-    machine.look(t + short, x.map((v, j) => v + short * rates[j]));
-    const ahead = near.map((k) => machine.zero(k));
-    machine.look(t, x);
+    discrete.look(t + short, x.map((v, j) => v + short * rates[j]));
+    const ahead = near.map((k) => discrete.zero(k));
+    discrete.look(t, x);
     const isUp = (k) => scene.w[own.zeroTargets[k]] > 0;
-    const back = near.filter((k, i) => Math.abs(ahead[i]) > machine.margin[k] && ahead[i] > 0 !== isUp(k));
+    const back = near.filter((k, i) => Math.abs(ahead[i]) > discrete.margin[k] && ahead[i] > 0 !== isUp(k));
     if (back.length === 0) return x;
     return this.event(t, x, "when", () => {
       for (const k of back) scene.w[own.zeroTargets[k]] = 1 - scene.w[own.zeroTargets[k]];
@@ -127,21 +127,21 @@ export class Hybrid {
   }
 
   event(t, x, reason, change = () => {}) {
-    const { machine, own, scene } = this;
+    const { discrete, own, scene } = this;
     const told = own.told.map(({ register }) => scene.w[register]);
-    const discrete = machine.discrete();
-    machine.time = t;
+    const held = discrete.all();
+    discrete.time = t;
     const due = t >= this.next - nearTo(t); // also where something else has ended the piece at the same instant
     const instant = due ? this.next : t;
     const kind = due && reason === "when" ? "time" : reason;
-    const happened = machine.event(t, x, () => {
-      if (due) ring(machine, instant);
+    const happened = discrete.event(t, x, () => {
+      if (due) ring(discrete, instant);
       if (kind === "terminal") this.flag(own.terminal, 1);
       change();
     });
-    this.next = nextTime(machine, instant);
+    this.next = nextTime(discrete, instant);
     const lost = this.energy(t, x, happened);
-    this.bookSteps(t, happened.x, discrete);
+    this.bookSteps(t, happened.x, held);
     this.tell(t, kind, happened, told, lost);
     for (const k of happened.broken) {
       if (own.checks[k].error) throw new Stopped(`an assertion does not hold: ${own.checks[k].message} (t = ${t.toPrecision(6)} s)`);
@@ -152,11 +152,11 @@ export class Hybrid {
 
   /** Book what energy the jump of states has cost as heat, what it has brought as work; the loss. */
   energy(t, x, happened) {
-    const { machine, own } = this;
+    const { discrete, own } = this;
     if (happened.x === x || own.stored < 0 || own.work < 0 || own.heat < 0) return 0;
     const stored = (state) => {
-      machine.look(t, state);
-      return machine.value(own.stored);
+      discrete.look(t, state);
+      return discrete.value(own.stored);
     };
     const lost = stored(x) - stored(happened.x);
     if (!Number.isFinite(lost)) return lost;
@@ -165,18 +165,18 @@ export class Hybrid {
   }
 
   /** Book the work of what steps at an instant; where the motion needs the derivative of the step, the run stops. */
-  bookSteps(t, x, discrete) {
-    const { machine, scene } = this;
+  bookSteps(t, x, held) {
+    const { discrete, scene } = this;
     const { registers, moving, stored, names } = this.own.jumps;
     if (registers.length === 0) return;
     const values = () => {
       scene.evaluate(scene.functions.jumps, t, x);
       return [...registers, ...stored].map((register) => scene.w[register]);
     };
-    const now = machine.discrete();
-    machine.put(discrete);
+    const now = discrete.all();
+    discrete.put(held);
     const before = values();
-    machine.put(now);
+    discrete.put(now);
     const after = values();
     const jumped = registers.map((_, k) => {
       return Math.abs(after[k] - before[k]) > CONTINUOUS * Math.max(Math.abs(after[k]), Math.abs(before[k]));

@@ -17,8 +17,8 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as Place
-from lmoc.numerics.events.hybrid import Hybrid, Starter
-from lmoc.numerics.events.machine import located
+from lmoc.numerics.events.discrete_state import located
+from lmoc.numerics.events.event_handler import EventHandler, Starter
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
@@ -40,7 +40,7 @@ _LOOKS = 32  # places on a passage; even, so that none is the singular one in it
 _ROUNDS = 20  # of laws and discrete equations that change each other at one instant
 
 
-class Happenings:
+class HybridDynamics:
     """The events and laws of one run.
 
     Parameters
@@ -67,9 +67,9 @@ class Happenings:
         reduced = plan.reduced
         self.laws = None if reduced.switched is None else LawSwitching(plan, values, self.open, signals)
         self.stepping = Stepping(plan, base, signals, span, report)
-        self.hybrid = None
+        self.handler = None
         if reduced.flat.events is not None:
-            self.hybrid = Hybrid(plan, values, base, signals, span, report, self._step)
+            self.handler = EventHandler(plan, values, base, signals, span, report, self._step)
         self.records: list[Event] = []
         self._reached = span[0]  # s, of the latest instant
         self._law_roots = 0
@@ -82,8 +82,8 @@ class Happenings:
         self.open[unknowns] = solutions
         if self.laws is not None:
             self.laws.gauge.stand_at(unknowns, solutions)
-        if self.hybrid is not None:
-            self.hybrid.machine.base[unknowns] = solutions
+        if self.handler is not None:
+            self.handler.discrete.base[unknowns] = solutions
 
     def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
         """Go on in other coordinates of the same model, in the same mode and with the same discrete values.
@@ -94,8 +94,8 @@ class Happenings:
         t, x : where the run stands
         """
         self.plan, self.open = plan, base.copy()
-        if self.hybrid is not None:
-            self.hybrid.adopt(plan, base, t, x)
+        if self.handler is not None:
+            self.handler.adopt(plan, base, t, x)
         if self.laws is not None:
             before = self.laws
             self.laws = LawSwitching(plan, self.values, self._with_discrete(self.open), self.given)
@@ -128,23 +128,23 @@ class Happenings:
     @property
     def crossing(self) -> np.ndarray | None:
         """Return what keeps relations that have just changed from changing back by rounding."""
-        return None if self.hybrid is None else self.hybrid.machine.crossing
+        return None if self.handler is None else self.handler.discrete.crossing
 
     @property
     def places(self) -> dict[str, Place | None]:
         """Return where the conditions and discrete variables stand by whose text events are recorded."""
-        if self.hybrid is None:
+        if self.handler is None:
             return {}
-        events, flat = self.hybrid.layout.events, self.plan.reduced.flat
+        events, flat = self.handler.layout.events, self.plan.reduced.flat
         own = (b for b in flat.blocks if b.kind == Kind.DISCRETE and not b.protected and b.size)
         declared = {flat.variable_name(b.offset): b.span for b in own}
         return declared | {r.text: r.span for r in events.relations} | {w.text: w.span for w in events.whens}
 
     def _with_discrete(self, base: np.ndarray) -> np.ndarray:
         base = base.copy()
-        if self.hybrid is not None:
-            layout = self.hybrid.layout
-            base[layout.registers] = self.hybrid.machine.v[layout.events.discrete]
+        if self.handler is not None:
+            layout = self.handler.layout
+            base[layout.registers] = self.handler.discrete.v[layout.events.discrete]
         return base
 
     @property
@@ -155,14 +155,14 @@ class Happenings:
     @property
     def until(self) -> float:
         """s, where the present piece ends at the latest."""
-        end = self.span[1] if self.hybrid is None else self.hybrid.until
+        end = self.span[1] if self.handler is None else self.handler.until
         return min(end, self.stepping.next)
 
     @property
     def is_over(self) -> bool:
         """Return whether what the model does at the end of the run has been done."""
-        hybrid = self.hybrid
-        return hybrid is not None and hybrid.is_over
+        handler = self.handler
+        return handler is not None and handler.is_over
 
     def instant(self, outcome: Outcome) -> float:
         """Return when what has ended a piece happens: integrators stop a few digits before a jump of an input."""
@@ -170,8 +170,8 @@ class Happenings:
         exact = self.stepping.instant(t)
         if exact is not None:
             return exact
-        is_root = self.hybrid is not None and outcome.status is Status.ROOT
-        return self.hybrid.instant(t, located(t, self.span[0])) if is_root else t
+        is_root = self.handler is not None and outcome.status is Status.ROOT
+        return self.handler.instant(t, located(t, self.span[0])) if is_root else t
 
     def together(self, outcome: Outcome, system: System) -> Outcome:
         """Return what has ended a piece with all that follows it more closely than the places of roots are known.
@@ -193,7 +193,7 @@ class Happenings:
     @property
     def longest_step(self) -> float:
         """s, so that nothing that depends on time is stepped over."""
-        return np.inf if self.hybrid is None else self.hybrid.longest_step
+        return np.inf if self.handler is None else self.handler.longest_step
 
     def roots(self, t: float, x: np.ndarray) -> Roots | None:
         """Return what ends the piece that begins at a place."""
@@ -201,8 +201,8 @@ class Happenings:
         if self.laws is not None:
             found.append(self.laws.roots(t, x, self.base(), self.signals))
             self._law_roots = len(found[0].signs)
-        if self.hybrid is not None and self.hybrid.layout.zero_count:
-            found.append(self.hybrid.roots)
+        if self.handler is not None and self.handler.layout.zero_count:
+            found.append(self.handler.roots)
         self._roots = found[0] if found else None
         if len(found) == 2:
             signs = np.concatenate([r.signs for r in found])
@@ -258,10 +258,10 @@ class Happenings:
         ------
         Stopped
         """
-        if self.hybrid is None:
+        if self.handler is None:
             x = states(self.open)
         else:
-            x = self.hybrid.start(lambda base: states(base[: self.plan.count]), initial)
+            x = self.handler.start(lambda base: states(base[: self.plan.count]), initial)
             self._collect()
         goes_on = isinstance(initial, End) and not initial.stepping
         if goes_on:
@@ -278,7 +278,7 @@ class Happenings:
         x, events = self.laws.start(self.span[0], x)
         self.records += events
         self._collect()
-        return x if self.hybrid is None else self._settle(self.span[0], x, x)
+        return x if self.handler is None else self._settle(self.span[0], x, x)
 
     def _resume(self, mode: Mode, x: np.ndarray) -> np.ndarray:
         """Return the states with which a run goes on in a mode, behind what steps there; `Stopped` as of `start`."""
@@ -295,7 +295,7 @@ class Happenings:
         behind, events = self.laws.happen(t, behind, np.zeros(count, bool), jumped=True)
         self.records += events
         self._collect()
-        return behind if self.hybrid is None else self._settle(t, x, behind)
+        return behind if self.handler is None else self._settle(t, x, behind)
 
     def after(
         self, outcome: Outcome, unresolved: np.ndarray | float = 0.0, errors: np.ndarray | float = 0.0
@@ -329,14 +329,14 @@ class Happenings:
         elif stepped and self.laws is not None:
             x, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), jumped=True)
             self.records += events
-        if self.hybrid is None:
+        if self.handler is None:
             self._collect()
             return x if root or stepped else None
         self._renew_discrete()
         crossed = outcome.roots[self._law_roots :] if root else None
-        behind = self.hybrid.after(replace(outcome, x=x, roots=crossed))
+        behind = self.handler.after(replace(outcome, x=x, roots=crossed))
         if behind is None and stepped:
-            behind = self.hybrid.settle(t, x)
+            behind = self.handler.settle(t, x)
         self._collect()
         return behind if behind is None or self.laws is None else self._settle(t, x, behind)
 
@@ -357,7 +357,7 @@ class Happenings:
             if not events and mode == self.laws.signals():
                 return before
             self._renew_discrete()
-            x = self.hybrid.settle(t, before)
+            x = self.handler.settle(t, before)
             self._collect()
         raise Stopped(Status.UNSETTLED, f"laws and events change each other again and again at t = {t:g} s")
 
@@ -367,14 +367,14 @@ class Happenings:
 
     def _renew_laws(self) -> None:
         """The laws are judged with the present discrete values."""
-        if self.hybrid is not None:
+        if self.handler is not None:
             self.laws = self.laws.renewed(self._with_discrete(self.open))
             self._law_roots = len(self.laws.mode.closed) + len(self.laws.second)
 
     def _renew_discrete(self) -> None:
         """The discrete equations are judged with the present modes of the laws."""
         base = self.base()
-        self.hybrid.machine.base[: len(base)] = base
+        self.handler.discrete.base[: len(base)] = base
 
     def _input_steps(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return the states after what inputs do at an instant; `Stopped` as of `Stepping`."""
@@ -394,9 +394,9 @@ class Happenings:
             self.laws.undecided.clear()
         self.records += self.stepping.records
         self.stepping.records = []
-        if self.hybrid is not None:
-            self.records += self.hybrid.records
-            self.hybrid.records = []
+        if self.handler is not None:
+            self.records += self.handler.records
+            self.handler.records = []
 
 
 def _listed(names: list[str]) -> str:

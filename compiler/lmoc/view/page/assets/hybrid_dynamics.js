@@ -1,8 +1,8 @@
-// The events and laws of a run, combined, as `numerics/events/happenings.py`: at an instant the laws go first, then the
+// The events and laws of a run, combined, as `numerics/events/hybrid_dynamics.py`: at an instant the laws go first, then the
 // discrete equations, and the laws again where those have changed something that they depend on.
 
-import { Hybrid } from "./hybrid.js";
-import { located } from "./machine.js";
+import { EventHandler } from "./event_handler.js";
+import { located } from "./discrete_state.js";
 import { Stopped } from "./stopped.js";
 import { LawSwitching } from "./switching.js";
 
@@ -10,13 +10,13 @@ const MANY_CHANGES = 500; // of laws within …
 const INSTANT = 1e-10; // … this share of the run are chattering
 const MUTUAL_ROUNDS = 20; // of laws and discrete equations that change each other at one instant
 
-export class Happenings {
+export class HybridDynamics {
   constructor(scene) {
     this.scene = scene;
     const { data } = scene;
     this.laws = data.laws === null ? null : new LawSwitching(scene);
     this.laws?.gauge.hold();
-    this.hybrid = data.events === null ? null : new Hybrid(scene);
+    this.handler = data.events === null ? null : new EventHandler(scene);
     this.span = data.end - data.begin;
     this.records = [];
     this.modes = []; // [since, {law: mode}]
@@ -26,11 +26,11 @@ export class Happenings {
   }
 
   get until() {
-    return this.hybrid === null ? this.scene.data.end : this.hybrid.until;
+    return this.handler === null ? this.scene.data.end : this.handler.until;
   }
 
   get longestStep() {
-    return this.hybrid === null ? Infinity : this.hybrid.longestStep;
+    return this.handler === null ? Infinity : this.handler.longestStep;
   }
 
   /** What moves states onto what is closed, (t, x, share) → x (`LawSwitching.kept`); null where it stays closed by itself. */
@@ -45,7 +45,7 @@ export class Happenings {
     const own = this.laws === null ? null : this.laws.roots(t, x);
     if (own !== null) this.noteMode(t);
     this.lawRoots = own === null ? 0 : own.signs.length;
-    const other = this.hybrid !== null && this.hybrid.own.zeros.length ? this.hybrid.machine.roots() : null;
+    const other = this.handler !== null && this.handler.own.zeros.length ? this.handler.discrete.roots() : null;
     if (own === null || other === null) return own ?? other;
     const value = (time, state) => Float64Array.from([...own.value(time, state), ...other.value(time, state)]);
     return { signs: [...own.signs, ...other.signs], value };
@@ -62,13 +62,13 @@ export class Happenings {
   /** The states at the start, behind what happens there. `states()` finds the states of the model. */
   start(states) {
     const { begin } = this.scene.data;
-    let x = this.hybrid === null ? states() : this.hybrid.start(states);
+    let x = this.handler === null ? states() : this.handler.start(states);
     this.collect();
     if (this.laws === null) return x;
     const [state, events] = this.laws.start(begin, x);
     this.records.push(...events);
     x = state;
-    return this.hybrid === null ? x : this.settle(begin, x, x);
+    return this.handler === null ? x : this.settle(begin, x, x);
   }
 
   /**
@@ -77,7 +77,7 @@ export class Happenings {
    */
   together({ t: ended, x, which }, roots) {
     const { begin } = this.scene.data;
-    const t = this.hybrid === null || which === null ? ended : this.hybrid.instant(ended, located(ended, begin));
+    const t = this.handler === null || which === null ? ended : this.handler.instant(ended, located(ended, begin));
     if (roots === null || x.length === 0 || !(t > this.reached)) return { t, x, which };
     const [rates, ahead] = [new Float64Array(x.length), located(t, begin)];
     this.scene.rates(t, x, rates);
@@ -103,8 +103,8 @@ export class Happenings {
       this.records.push(...events);
       state = behind;
     }
-    if (this.hybrid === null) return which === null ? null : state;
-    const behind = this.hybrid.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
+    if (this.handler === null) return which === null ? null : state;
+    const behind = this.handler.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
     this.collect();
     return behind === null || this.laws === null ? behind : this.settle(t, state, behind);
   }
@@ -121,15 +121,15 @@ export class Happenings {
       this.records.push(...events);
       if (events.length === 0 && mode === JSON.stringify(this.laws.mode)) return state;
       before = state;
-      x = this.hybrid.settle(t, state);
+      x = this.handler.settle(t, state);
       this.collect();
     }
     throw new Stopped(`laws and events change each other again and again at t = ${t.toPrecision(6)} s`);
   }
 
   collect() {
-    if (this.hybrid === null) return;
-    this.records.push(...this.hybrid.records);
-    this.hybrid.records = [];
+    if (this.handler === null) return;
+    this.records.push(...this.handler.records);
+    this.handler.records = [];
   }
 }

@@ -84,7 +84,7 @@ class Happened:
     broken: tuple[tuple[int, int], ...]
 
 
-class Machine:
+class DiscreteState:
     """Values of the discrete variables, and how they change.
 
     Attributes

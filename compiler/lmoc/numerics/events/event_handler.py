@@ -13,8 +13,8 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.source import Span as Place
 from lmoc.numerics.events.clock import next_time, ring
+from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.layout import EventLayout
-from lmoc.numerics.events.machine import Happened, Machine, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.observe.event import Event
@@ -41,12 +41,12 @@ def held(events: Events) -> dict[int, Signal]:
     return {int(v): Constant(0.0) for v in events.discrete}
 
 
-class Hybrid:
+class EventHandler:
     """The events of one run.
 
     Attributes
     ----------
-    machine : the discrete values
+    discrete : the discrete values
     next : s, the next time event
     records : what has happened so far
     """
@@ -63,7 +63,7 @@ class Hybrid:
     ) -> None:
         self.step = step
         self.layout = plan.once(EventLayout)
-        self.machine = Machine(self.layout, values, base, signals, span[0])
+        self.discrete = DiscreteState(self.layout, values, base, signals, span[0])
         self.begin, self.end = span
         self.report = report
         self.records: list[Event] = []
@@ -82,11 +82,11 @@ class Hybrid:
         return int(at[0]) if len(at) else -1
 
     def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
-        """Go on in other coordinates of the same model; parameters as of `Happenings.adopt`."""
+        """Go on in other coordinates of the same model; parameters as of `HybridDynamics.adopt`."""
         self.layout = plan.once(EventLayout)
-        self.machine.adopt(self.layout, base)
-        self.machine.push()
-        self.machine.look(t, x)
+        self.discrete.adopt(self.layout, base)
+        self.discrete.push()
+        self.discrete.look(t, x)
         self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
 
     # ------------------------------------------------------------------------ the start
@@ -98,26 +98,26 @@ class Hybrid:
         ------
         Stopped
         """
-        machine, events = self.machine, self.layout.events
+        discrete, events = self.discrete, self.layout.events
         if isinstance(initial, End):
-            machine.v[events.discrete] = initial.values[events.discrete]
+            discrete.v[events.discrete] = initial.values[events.discrete]
             self._flag(events.terminal, 0.0)
             if initial.crossing is not None:
-                machine.crossing = initial.crossing
-            machine.push()
-            x = states(machine.base)
+                discrete.crossing = initial.crossing
+            discrete.push()
+            x = states(discrete.base)
         else:
             for name, value in initial.items():
                 variables = self.layout.flat.find(name)
                 if self.layout.flat.kind[variables[0]] == Kind.DISCRETE:
-                    machine.v[variables] = value
-            machine.remember()
-            machine.early = self._moving_relations()
+                    discrete.v[variables] = value
+            discrete.remember()
+            discrete.early = self._moving_relations()
             x = self._first(states)
-        machine.literal = False
-        machine.remember()
+        discrete.literal = False
+        discrete.remember()
         done = isinstance(initial, End) and abs(initial.time - self.begin) <= near_to(self.begin)
-        self.next = next_time(machine, self.begin, include=not done)
+        self.next = next_time(discrete, self.begin, include=not done)
         if self.next <= self.begin + near_to(self.begin):
             return self._event(self.begin, x, "time")
         return x
@@ -134,49 +134,49 @@ class Hybrid:
         return frozenset(k for k, depends in found if depends[jets].any())
 
     def _first(self, states: Starter) -> np.ndarray:
-        machine, events = self.machine, self.layout.events
+        discrete, events = self.discrete, self.layout.events
         moving, past = events.before[:, ~np.isin(events.before[0], events.discrete)]
         self._flag(events.initial, 1.0)
         self._initial_equations()
         for _ in range(_ROUNDS):
-            before = machine.v[events.discrete].copy()
-            machine.push()
-            x = states(machine.base)
+            before = discrete.v[events.discrete].copy()
+            discrete.push()
+            x = states(discrete.base)
             if self.report.errors:
                 return x
-            machine.margin[:] = 0.0  # nothing has crossed zero yet: what is exactly zero is that
-            machine.look(self.begin, x)
-            machine.v[past] = machine.v[moving]
-            machine.assign()
-            changed = differ(before, machine.v[events.discrete])
+            discrete.margin[:] = 0.0  # nothing has crossed zero yet: what is exactly zero is that
+            discrete.look(self.begin, x)
+            discrete.v[past] = discrete.v[moving]
+            discrete.assign()
+            changed = differ(before, discrete.v[events.discrete])
             if not changed.any():
                 break
         else:
             raise self._unsettled(Unsettled(events.discrete[changed]), self.begin)
-        moved = self._guarded(lambda: machine._reinit(self.begin, x), self.begin)
+        moved = self._guarded(lambda: discrete._reinit(self.begin, x), self.begin)
         self._flag(events.initial, 0.0)
-        machine.remember()
+        discrete.remember()
         x = x if moved is None else moved
-        self._guarded(lambda: machine.solve(self.begin, x), self.begin)
+        self._guarded(lambda: discrete.solve(self.begin, x), self.begin)
         return x
 
     def _initial_equations(self) -> None:
         """Discrete variables with an equation at the start have that value, and have had it."""
-        machine, events = self.machine, self.layout.events
+        discrete, events = self.discrete, self.layout.events
         now = dict(zip(*events.before[::-1].tolist(), strict=True)) if events.before.size else {}
         before = {v: k for k, v in now.items()}
         for e in events.start:
             left = e.left.op == "slot" and self.layout.flat.kind[e.slots[0, e.left.value[0]]] == Kind.DISCRETE
             side, value = (e.left, e.right) if left else (e.right, e.left)
             target = e.slots[:, side.value[0]]
-            found = machine.values(value, e.slots)
+            found = discrete.values(value, e.slots)
             for variable, number in zip(target.tolist(), found.tolist(), strict=True):
                 for one in {variable, now.get(variable, variable), before.get(variable, variable)}:
-                    machine.v[one] = number
+                    discrete.v[one] = number
 
     def _flag(self, variable: int, value: float) -> None:
         if variable >= 0:
-            self.machine.v[variable] = value
+            self.discrete.v[variable] = value
 
     # ------------------------------------------------------------------------- the way
 
@@ -190,13 +190,13 @@ class Hybrid:
         """Return what ends the present piece earlier."""
         if not self.layout.zero_count:
             return None
-        return Roots(self.machine.roots, self.machine.signs())
+        return Roots(self.discrete.roots, self.discrete.signs())
 
     @property
     def is_over(self) -> bool:
         """Return whether ``terminal()`` has been true."""
         terminal = self.layout.events.terminal
-        return terminal >= 0 and self.machine.v[terminal] != 0
+        return terminal >= 0 and self.discrete.v[terminal] != 0
 
     @property
     def longest_step(self) -> float:
@@ -204,7 +204,7 @@ class Hybrid:
         layout = self.layout
         if not layout.looks_at_time:
             return np.inf
-        rates = [np.abs(self.machine.values(*one)).max(initial=0.0) for one in layout.rates_of_phase]
+        rates = [np.abs(self.discrete.values(*one)).max(initial=0.0) for one in layout.rates_of_phase]
         return min([(self.end - self.begin) / _LOOKS, *(_PHASE / rate for rate in rates if rate > 0)])
 
     def after(self, outcome: Outcome) -> np.ndarray | None:
@@ -219,11 +219,11 @@ class Hybrid:
             crossed, upwards = self._crossed(outcome.roots)
             self._notice_chatter(t, crossed)
             behind = self._event(t, x, "when", lambda: self._turn(crossed, upwards))
-            self.machine.crossed(crossed)
+            self.discrete.crossed(crossed)
             return behind if behind is x else self._leave(t, behind, crossed)
         if t >= self.next - near_to(t):
             return self._event(t, x, "time")
-        if self.layout.events.terminal >= 0 and self.machine.v[self.layout.events.terminal] == 0:
+        if self.layout.events.terminal >= 0 and self.discrete.v[self.layout.events.terminal] == 0:
             return self._event(t, x, "terminal")
         return None
 
@@ -236,8 +236,8 @@ class Hybrid:
 
     def _turn(self, crossed: np.ndarray, upwards: np.ndarray) -> None:
         """Let relations change that come to their change so soon that it is at this instant, though not there yet."""
-        early = ~self.machine.differs(crossed)
-        self.machine.turn(crossed[early], upwards[early])
+        early = ~self.discrete.differs(crossed)
+        self.discrete.turn(crossed[early], upwards[early])
 
     def instant(self, t: float, near: float) -> float:
         """Return the next time event where it is as near to a time as that, else the time."""
@@ -248,25 +248,25 @@ class Hybrid:
 
         A ball that has just been turned at h = 0 has left ``h <= 0`` at once, without an event of its own.
         """
-        machine, layout = self.machine, self.layout
+        discrete, layout = self.discrete, self.layout
         since = t - self._last
         self._last = t
-        machine.push()
-        machine.look(t, x)
-        near = crossed[~layout.rounded[crossed] & (np.abs(machine.zero[crossed]) < machine.margin[crossed])]
+        discrete.push()
+        discrete.look(t, x)
+        near = crossed[~layout.rounded[crossed] & (np.abs(discrete.zero[crossed]) < discrete.margin[crossed])]
         if not len(near) or not since > 0:
             return x
-        layout.rates.prepare(machine.base, machine.signals)
+        layout.rates.prepare(discrete.base, discrete.signals)
         short = _SHORTLY * since
         ahead = layout.zeros(t + short, x + short * layout.rates(t, x))[near]
-        now = machine.v[layout.zero_target[near]] > 0
-        back = near[(np.abs(ahead) > machine.margin[near]) & ((ahead > 0) != now)]
+        now = discrete.v[layout.zero_target[near]] > 0
+        back = near[(np.abs(ahead) > discrete.margin[near]) & ((ahead > 0) != now)]
         if not len(back):
             return x
 
         def turn() -> None:
             targets = layout.zero_target[back]
-            machine.v[targets] = 1.0 - machine.v[targets]
+            discrete.v[targets] = 1.0 - discrete.v[targets]
 
         return self._event(t, x, "when", turn)
 
@@ -275,26 +275,26 @@ class Hybrid:
         return self._event(t, x, "when")
 
     def _event(self, t: float, x: np.ndarray, kind: str, change: Callable[[], None] | None = None) -> np.ndarray:
-        machine, events = self.machine, self.layout.events
-        held, base = machine.v[self._told].copy(), machine.base.copy()
-        machine.time = t
+        discrete, events = self.discrete, self.layout.events
+        held, base = discrete.v[self._told].copy(), discrete.base.copy()
+        discrete.time = t
         due = t >= self.next - near_to(t)  # also where something else has ended the piece at the same instant
         kind = "time" if due and kind == "when" else kind
         instant = self.next if due else t
 
         def begin() -> None:
             if due:
-                ring(machine, instant)
+                ring(discrete, instant)
             if kind == "terminal":
                 self._flag(events.terminal, 1.0)
             if change is not None:
                 change()
 
-        happened = self._guarded(lambda: machine.event(t, x, begin), t)
-        self.next = next_time(machine, instant)
+        happened = self._guarded(lambda: discrete.event(t, x, begin), t)
+        self.next = next_time(discrete, instant)
         lost = self._energy(t, x, happened)
         count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
-        behind = self.step(t, happened.x, base[:count], machine.base[:count])
+        behind = self.step(t, happened.x, base[:count], discrete.base[:count])
         self._tell(t, kind, happened, held, lost)
         self._judge(t, happened)
         self._warn_of_lost(t)
@@ -306,12 +306,12 @@ class Hybrid:
         """Book what energy the jump of states has cost as heat, what it has brought as work; return the loss."""
         if happened.x is x or self._lost < 0 or self._work < 0:
             return 0.0
-        layout, machine = self.layout, self.machine
+        layout, discrete = self.layout, self.discrete
         k = np.flatnonzero(layout.seen == layout.flat.find("ledger.stored")[0])
         if not len(k):
             return 0.0
         before, after = (float(layout.values(t, one)[k[0]]) for one in (x, happened.x))
-        machine.look(t, happened.x)
+        discrete.look(t, happened.x)
         lost = before - after
         if np.isfinite(lost):
             happened.x[self._lost if lost > 0 else self._work] += abs(lost)
@@ -345,7 +345,7 @@ class Hybrid:
             text = when.text if len(when.active) == 1 else f"{when.text} [{row + 1}]"
             self.records.append(Event(t, name, "when" if kind == "terminal" else kind, "", text, 0.0, lost))
             lost = 0.0
-        now = self.machine.v[self._told]
+        now = self.discrete.v[self._told]
         for k in np.flatnonzero(held != now).tolist():
             variable, before, after = int(self._told[k]), held[k], now[k]
             block = flat.block_at(variable)
@@ -366,11 +366,11 @@ class Hybrid:
     def _warn_of_lost(self, t: float) -> None:
         """Warn of a discrete variable that has no finite value, once in a run."""
         discrete = self.layout.events.discrete
-        lost = discrete[~np.isfinite(self.machine.v[discrete])]
+        lost = discrete[~np.isfinite(self.discrete.v[discrete])]
         if not len(lost) or self.report.says(Subject.NOT_FINITE):
             return
         first, flat = int(lost[0]), self.layout.flat
-        message = f"{flat.variable_name(first)} has no finite value ({self.machine.v[first]:g}) at t = {t:g} s"
+        message = f"{flat.variable_name(first)} has no finite value ({self.discrete.v[first]:g}) at t = {t:g} s"
         self.report.warning("W0537", message, flat.block_at(first).span, subject=Subject.NOT_FINITE)
 
     def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-// The discrete side of a run: values of discrete variables, and the iteration at an event, as `numerics/events/machine.py`.
+// The discrete side of a run: values of discrete variables, and the iteration at an event, as `numerics/events/discrete_state.py`.
 //
 // All variables stand in the registers of the scene: the discrete ones, and the continuous ones as last looked at.
 
@@ -20,7 +20,7 @@ function decide(op, zero) {
   return Number(op === "gt" ? zero > 0 : zero >= 0);
 }
 
-export class Machine {
+export class DiscreteState {
   constructor(scene) {
     this.scene = scene;
     this.own = scene.data.events;
@@ -47,11 +47,11 @@ export class Machine {
     return this.scene.w[this.own.zeros[k]];
   }
 
-  discrete() {
+  all() {
     return this.own.discrete.map((register) => this.w[register]);
   }
 
-  /** Put back the values of `discrete()`. */
+  /** Put back the values of `all()`. */
   put(values) {
     this.scene.blocks.changes++;
     this.own.discrete.forEach((register, k) => (this.w[register] = values[k]));
@@ -110,9 +110,9 @@ export class Machine {
   solve(t, x) {
     for (let round = 0; round < MOST_ROUNDS; round++) {
       this.look(t, x);
-      const before = this.discrete();
+      const before = this.all();
       this.assign();
-      if (!this.discrete().some((v, k) => differs(v, before[k]))) return;
+      if (!this.all().some((v, k) => differs(v, before[k]))) return;
     }
     throw new Stopped(`no values satisfy all equations at t = ${t.toPrecision(6)} s`);
   }
