@@ -63,18 +63,18 @@ def test_it_loads_alone_plays_and_scrubs(suspension):
 def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
     dae, html = suspension
     seen = open_page(html, FACTS + """
-      const slider = [...document.querySelectorAll(".slider")].find((r) => r.textContent.startsWith("k2"));
+      const slider = [...document.querySelectorAll(".slider")].find((r) => r.dataset.name === "k2");
       $("time").value = "2"; $("time").dispatchEvent(new Event("input"));
       const before = value("q2");
       $("keep").click();
       const entry = slider.querySelector("input[type=number]");
-      entry.value = "40000"; entry.dispatchEvent(new Event("change"));
+      entry.value = "40000"; entry.dispatchEvent(new Event("change")); await idle();
       const after = value("q2"), hash = location.hash;
       const range = slider.querySelector("input[type=range]");
-      range.value = "-1"; range.dispatchEvent(new Event("input")); range.dispatchEvent(new Event("change"));
+      range.value = "-1"; range.dispatchEvent(new Event("input")); range.dispatchEvent(new Event("change")); await idle();
       const soft = [entry.value, value("q2")];
       const kept = [...document.querySelectorAll(".legend")].some((l) => l.textContent.includes("kept"));
-      $("reset").click();
+      $("reset").click(); await idle();
       return { before, after, hash, soft, kept, again: value("q2"), trouble: $("trouble").textContent };
     """)  # fmt: skip
     found = seen.answer
@@ -93,10 +93,10 @@ def test_an_address_holds_the_state(suspension):
     _, html = suspension
     seen = open_page(html, FACTS + """
       location.hash = "#t=0.5&set=k2:40000,nonsense:1&against=&show=body.v,nothing&forces=1&speed=2";
-      await frames(3);
+      await frames(3); await idle();
       const arrows = document.querySelectorAll("#stage .arrows path").length;
       return { chips: [...document.querySelectorAll(".chips code")].map((c) => c.textContent), arrows,
-               moved: [...document.querySelectorAll(".slider.moved code")].map((c) => c.textContent),
+               moved: [...document.querySelectorAll("#sliders .moved")].map((r) => r.dataset.name),
                forces: $("forces").checked, speed: $("speed").value, hash: location.hash };
     """)  # fmt: skip
     found = seen.answer
@@ -127,11 +127,11 @@ def test_other_scenes_move_without_a_complaint(file):
 def test_a_slider_changes_the_events():
     dae = lmoc.compile(MODELS / "laws" / "h34_slack_string.lmo")
     seen = open_page(dae.view().html, FACTS + """
-      const slider = [...document.querySelectorAll(".slider")].find((r) => r.textContent.startsWith("mass.m"));
+      const slider = [...document.querySelectorAll(".slider")].find((r) => r.dataset.name === "mass.m");
       const entry = slider.querySelector("input[type=number]");
       const times = () => [...document.querySelectorAll("#events button")].map((b) => Number(b.textContent));
       const before = times();
-      entry.value = String(1.4 * Number(entry.value)); entry.dispatchEvent(new Event("change"));
+      entry.value = String(1.4 * Number(entry.value)); entry.dispatchEvent(new Event("change")); await idle();
       document.querySelector("#events button").click();
       const title = document.querySelector("#events summary").textContent, modes = $("modes").textContent;
       return { before, after: times(), value: Number(entry.value), now: $("now").textContent, modes, title };

@@ -51,6 +51,15 @@ class StateSelect(IntEnum):
     always = 4
 
 
+@dataclass(frozen=True)
+class Slider:
+    """What the declaration of a parameter says of its slider; None where it does not say it."""
+
+    min: float | None = None
+    max: float | None = None
+    step: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """A declared name: the variables ``offset … offset+size-1``, in row-major order of all dimensions of its path.
@@ -74,6 +83,7 @@ class Block:
     state_select: StateSelect = StateSelect.default
     part: int = 0  # index into FlatDAE.parts
     span: Span | None = None
+    slider: Slider | None = None  # of a parameter that matters first
 
     @property
     def dims(self) -> tuple[int, ...]:

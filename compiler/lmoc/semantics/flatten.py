@@ -38,6 +38,7 @@ from lmoc.semantics.events.whens import mark
 from lmoc.semantics.instances.declarations import declare, settle_computed, settle_from_start
 from lmoc.semantics.instances.elaboration import Elaboration
 from lmoc.semantics.instances.experiment import experiment_of
+from lmoc.semantics.instances.slider import sliders_of
 from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
 from lmoc.semantics.nodes.class_check import check_classes
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
@@ -121,7 +122,8 @@ class _Flattening:
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
         assembler = Assembler(literals)
-        blocks = make_blocks(layout) + ([literals] if literals else [])
+        sliders = sliders_of(model, layout.variables, layout.instances)
+        blocks = make_blocks(layout, sliders) + ([literals] if literals else [])
         kinds = np.repeat(np.array([b.kind for b in blocks], np.uint8), [b.size for b in blocks])
         groups = assembler.groups(self.drafts.groups)
         groups += self._connections(kinds)

@@ -191,6 +191,13 @@ SEMANTICS: dict[str, Entry] = {
         "`Polygon`, `Rectangle`, `Ellipse` and `Text` with numbers as coordinates. What is wrong there matters to\n"
         "nothing but the picture, which shows a box with the part's name.",
     ),
+    "W0248": Entry(
+        "a slider that cannot be used",
+        "`parameter Real k = 40 annotation(Slider(min = 10, max = 90, step = 5))` gives a parameter a place among the\n"
+        "first sliders of the page that `lmoc view` writes. It is of type Real; the ends of its range are finite, the\n"
+        "smaller one first, and the step is no longer than the range. What is wrong there matters to nothing but the\n"
+        "page, where the parameter has its place and range as if nothing had been said.",
+    ),
     "E0246": Entry(
         "ambiguous import",
         "Two `import P.*` bring elements of the same name, and the class uses that name (13.2.1.1): which one is\n"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.text import number_text
-from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part
+from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part, Slider
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.classes.looks import Looks
@@ -65,12 +65,12 @@ def lay_out(root: Instance) -> VariableLayout:
     return VariableLayout(variables, instances, offset)
 
 
-def make_blocks(layout: VariableLayout) -> list[Block]:
-    """The table of variables."""
+def make_blocks(layout: VariableLayout, sliders: Mapping[Variable, Slider]) -> list[Block]:
+    """The table of variables; `sliders` are those that their declarations ask for."""
     return [
         Block(
             v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.description, v.flow, v.connector, v.output,
-            _protected(v), v.final, v.structural, v.state_select, v.parent.owner.part, v.span,
+            _protected(v), v.final, v.structural, v.state_select, v.parent.owner.part, v.span, sliders.get(v),
         )
         for v in layout.variables
     ]  # fmt: skip

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from lmoc.ir.look import PLAIN, SYMBOLS, Drawn, Look
 from lmoc.messages.diagnostics import Report, nearest
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.classes.vendor import vendor_entry
+from lmoc.semantics.classes.vendor import entry_of, vendor_entry
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
@@ -58,11 +58,11 @@ class Looks:
 
 
 def _drawing(annotation: tree.Modification) -> Iterator[Drawn]:
-    icon = _entry(annotation, "Icon")
+    icon = entry_of(annotation, "Icon")
     if icon is None or icon.modification is None:
         return
-    system = _entry(icon.modification, "coordinateSystem")
-    extent = _entry(system.modification, "extent") if system is not None and system.modification else None
+    system = entry_of(icon.modification, "coordinateSystem")
+    extent = entry_of(system.modification, "extent") if system is not None and system.modification else None
     (x0, y0), (x1, y1) = _points(extent.modification.value) if extent is not None else ((-100, -100), (100, 100))
     if x0 == x1 or y0 == y1:
         raise Wrong("W0247", "the coordinates of the icon have no extent", extent.span)
@@ -70,7 +70,7 @@ def _drawing(annotation: tree.Modification) -> Iterator[Drawn]:
     def scaled(points: tuple[Corner, ...]) -> tuple[Corner, ...]:
         return tuple((2 * (x - x0) / (x1 - x0) - 1, 2 * (y - y0) / (y1 - y0) - 1) for x, y in points)
 
-    graphics = _entry(icon.modification, "graphics")
+    graphics = entry_of(icon.modification, "graphics")
     value = graphics.modification.value if graphics is not None and graphics.modification else None
     if value is None:
         return
@@ -79,14 +79,6 @@ def _drawing(annotation: tree.Modification) -> Iterator[Drawn]:
     for item in value.items:
         if not (isinstance(item, tree.Call) and str(item.function) == "Bitmap"):  # a file, which a picture does without
             yield _drawn(item, scaled)
-
-
-def _entry(modification: tree.Modification, name: str) -> tree.ElementModification | None:
-    """The entry of that name in an annotation."""
-    for argument in modification.arguments:
-        if isinstance(argument, tree.ElementModification) and argument.name == (name,):
-            return argument
-    return None
 
 
 def _drawn(item: tree.Expression, scaled) -> Drawn:

@@ -1,4 +1,4 @@
-"""Annotations of lmoc's own: ``annotation(__lmoc(name = value))``."""
+"""Entries of annotations, and those of lmoc's own: ``annotation(__lmoc(name = value))``."""
 
 from __future__ import annotations
 
@@ -12,4 +12,12 @@ def vendor_entry(annotation: tree.Modification | None, name: str) -> tree.Expres
             for entry in vendor.modification.arguments:
                 if getattr(entry, "name", None) == (name,) and entry.modification is not None:
                     return entry.modification.value
+    return None
+
+
+def entry_of(annotation: tree.Modification | None, name: str) -> tree.ElementModification | None:
+    """Return the entry of that name in an annotation, None where there is none."""
+    for argument in annotation.arguments if annotation else ():
+        if isinstance(argument, tree.ElementModification) and argument.name == (name,):
+            return argument
     return None

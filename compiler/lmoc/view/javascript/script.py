@@ -213,6 +213,7 @@ class _Scene:
             "watched": watched,
             "seeds": seeds(self.observer, self.time, self.x),
             "states": plan.states.tolist(),
+            "names": [plan.reduced.register_name(int(r)) for r in plan.states],
             "derivatives": plan.derivatives.tolist(),
             "x": _numbers(x),
             "held": start.held,

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.ir.flat import Kind
+from lmoc.ir.flat import Slider as Declared
 from lmoc.numerics.observe.observer import Observer
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
 _TRIED = (1.29, 0.77)  # times the value, at which the assumptions of the reduction are looked at: each costs a while
 _TRIED_OF_ZERO = (0.29, -0.83)
+NOTHING_SAID = Declared()
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,9 @@ class Slider:
     slot : where the script keeps its value
     alike : slots of the other elements of an array that have it from the same `each`
     fixed : why it cannot be changed in the page; "" where it can
+    group : the part that it belongs to, "" for the model itself
+    first : its declaration asks for a place among the first
+    least, most, step : of its range, where the declaration says it
     """
 
     name: str
@@ -33,10 +38,17 @@ class Slider:
     text: str
     fixed: str = ""
     alike: tuple[int, ...] = ()
+    group: str = ""
+    first: bool = False
+    least: float | None = None
+    most: float | None = None
+    step: float | None = None
 
 
 def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slider]:
-    """Return independent parameters in the order of the model, those that are zero behind the others.
+    """Return independent parameters: those whose declaration asks for it, then the model's own, then those of its parts.
+
+    Among each of these they stand in the order of the model, those that are zero behind the others.
 
     Parameters
     ----------
@@ -45,9 +57,13 @@ def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slid
     """
     flat, values = observer.flat, observer.values
     found: list[Slider] = []
-    variables = independent(observer)[0]
     together = _together(observer)
-    for variable in variables[np.argsort(values[variables] == 0, kind="stable")].tolist():
+
+    def place(variable: int) -> tuple[bool, bool, bool]:
+        block = flat.block_at(variable)
+        return block.slider is None, len(block.path) > 1, bool(values[variable] == 0)
+
+    for variable in sorted(independent(observer)[0].tolist(), key=place):
         if len(found) == most:
             break
         own = together.get(variable, (variable,))
@@ -61,7 +77,12 @@ def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slid
         why = "it shapes the model" if block.structural else _why_fixed(observer, own)
         value = float(values[variable])
         alike = tuple(int(s) for s in slots[list(own[1:])])
-        found.append(Slider(name, variable, int(slots[variable]), value, block.unit, block.description, why, alike))
+        asked = block.slider or NOTHING_SAID
+        group = ".".join(word for word, _ in block.path[:-1])
+        found.append(Slider(
+            name, variable, int(slots[variable]), value, block.unit, block.description, why, alike, group,
+            block.slider is not None, asked.min, asked.max, asked.step,
+        ))  # fmt: skip
     return found
 
 

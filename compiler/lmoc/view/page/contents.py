@@ -26,6 +26,7 @@ from lmoc.symbolic.styles import unit_text
 from lmoc.view.javascript.script import NotWritten, Script, write_script
 from lmoc.view.javascript.sliders import sliders
 from lmoc.view.page.modes import modes_data
+from lmoc.view.page.parts import parts_data
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
 
@@ -93,6 +94,7 @@ def contents(run: Result, title: str) -> Contents:
         "check": table.check(script),
         "checkTimes": table.check_times.tolist(),
         "sizes": table.sizes(),
+        "parts": parts_data(run, [] if picture is None else [item.part for item in picture.items if item.part]),
         "script": _script_data(run, script, reason),
     }
     return Contents(data, "null" if script is None else _function(script), missing)
@@ -351,7 +353,7 @@ def _script(run: Result) -> tuple[Script | None, str]:
 
 def _script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:
     if script is None:
-        return {"reason": reason, "parameters": [], "held": []}
+        return {"reason": reason, "parameters": [], "held": [], "names": []}
     found = sliders(run.trajectory.observer, script.slots, MOST_SLIDERS)
     order = sorted(found, key=lambda s: bool(s.fixed))
     parameters = [asdict(s) | {"unit": _unit(s.unit)} for s in order]

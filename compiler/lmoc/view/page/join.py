@@ -8,7 +8,7 @@ from importlib.resources import files
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async |)function|class|const)", re.MULTILINE)
-_NAME = re.compile(r"^(?:async )?(?:function\*?|class|const|let) +(\{[^}]*\}|\w+)", re.MULTILINE)
+_NAME = re.compile(r"^(?:async )?(?:function\*?|class|const|let) +(\{[^}]*\}|[\w$]+)", re.MULTILINE)
 
 
 @cache
@@ -31,7 +31,7 @@ def joined(name: str) -> str:
     owner: dict[str, str] = {}
     for module, text in parts.items():
         for found in _NAME.finditer(text):
-            for own in re.findall(r"\w+", found[1]):
+            for own in re.findall(r"[\w$]+", found[1]):
                 if own in owner:
                     raise ValueError(f"{own} is a name of {owner[own]} and of {module}")
                 owner[own] = module

@@ -53,7 +53,8 @@ class Page:
             "uplot-version": UPLOT,
             "licence": escape(asset("uplot-LICENSE.txt")),
             "data": json_text(found),
-            "script": joined("main.js") + joined("elementary.js"),
+            "script": joined("main.js"),
+            "worker": joined("worker.js") + joined("elementary.js"),
             "make": found.make,
         })  # fmt: skip
 

@@ -1,6 +1,6 @@
 // The state of the page as the fragment of its address, to be shared: #t=1.5&set=spring.k:60&show=mass.q
 
-/** The fragment of {t, speed, set, against, show, forces}; what is as at the beginning is left out. */
+/** The fragment of {t, speed, set, init, against, show, over, part, forces}; what is as at the beginning is left out. */
 export function write(state) {
   const parts = [];
   const add = (key, value) => parts.push(`${key}=${value}`);
@@ -8,24 +8,36 @@ export function write(state) {
   if (state.t) add("t", Number(state.t.toPrecision(6)));
   if (state.speed !== 1) add("speed", state.speed);
   if (Object.keys(state.set).length) add("set", values(state.set));
-  if (state.against !== null) add("against", values(state.against));
+  if (Object.keys(state.init).length) add("init", values(state.init));
+  if (state.against !== null) {
+    add("against", values(state.against.set));
+    if (Object.keys(state.against.init).length) add("from", values(state.against.init));
+  }
   if (state.show !== null) add("show", state.show.map(encodeURIComponent).join(","));
+  if (state.over) add("over", encodeURIComponent(state.over));
+  if (state.part) add("part", encodeURIComponent(state.part));
   if (state.forces) add("forces", 1);
   return parts.join("&");
 }
 
 /** The state of a fragment; whatever is not understood is left as at the beginning. */
 export function read(fragment) {
-  const state = { t: 0, speed: 1, set: {}, against: null, show: null, forces: false };
+  const state = { t: 0, speed: 1, set: {}, init: {}, against: null, show: null, over: "", part: "", forces: false };
+  let from = {};
   for (const part of fragment.replace(/^#/, "").split("&")) {
     const [key, value = ""] = part.split("=", 2);
     if (key === "t" && Number.isFinite(Number(value))) state.t = Number(value);
     if (key === "speed" && Number(value) > 0) state.speed = Number(value);
     if (key === "set") state.set = values(value);
-    if (key === "against") state.against = values(value);
+    if (key === "init") state.init = values(value);
+    if (key === "against") state.against = { set: values(value), init: {} };
+    if (key === "from") from = values(value);
+    if (key === "over") state.over = decoded(value);
+    if (key === "part") state.part = decoded(value);
     if (key === "show") state.show = value.split(",").map(decoded).filter(Boolean);
     if (key === "forces") state.forces = value === "1";
   }
+  if (state.against !== null) state.against.init = from;
   return state;
 }
 

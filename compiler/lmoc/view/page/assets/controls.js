@@ -2,6 +2,7 @@
 
 const REACH = 5; // a slider goes from a fifth of the value to five times it
 const STEPS = 200;
+const MOST_OPEN = 8; // sliders that are seen at first
 
 export function format(value) {
   if (!Number.isFinite(value)) return "–";
@@ -21,26 +22,58 @@ export function positionOf(base, value) {
   return Number.isFinite(raw) ? Math.min(Math.max(raw, -1), 1) : -1;
 }
 
+/** What the range of a parameter is made of, and how a value is read from it: as its declaration says, or around it. */
+export function rangeOf({ value, least, most, step }) {
+  if (least === null || least === undefined) {
+    const limits = { min: -1, max: 1, step: 1 / STEPS };
+    return { limits, valueAt: (position) => valueAt(value, position), positionOf: (v) => positionOf(value, v) };
+  }
+  const limits = { min: least, max: most, step: step ?? (most - least) / STEPS };
+  return { limits, valueAt: (position) => Number(position.toPrecision(12)), positionOf: (v) => v };
+}
+
+/** Parameters in groups, [title, open, parameters]: those that matter first, the model's own, then part by part. */
+export function grouped(parameters) {
+  const groups = new Map();
+  for (const parameter of parameters) {
+    const title = parameter.first ? "first" : parameter.group;
+    if (!groups.has(title)) groups.set(title, []);
+    groups.get(title).push(parameter);
+  }
+  let seen = 0;
+  return [...groups].map(([title, members]) => {
+    const open = seen === 0 || (title !== "first" && !groups.has("first") && seen + members.length <= MOST_OPEN);
+    seen += members.length;
+    return [{ first: "Parameters", "": groups.has("first") ? "More parameters" : "Parameters" }[title] ?? title, open, members];
+  });
+}
+
 /** The sliders. `changed(final)` is called while one is moved, and finally. */
 export class Sliders {
   constructor(host, parameters, changed) {
-    Object.assign(this, { parameters, changed, values: {}, rows: new Map() });
-    for (const parameter of parameters) host.append(this.row(parameter));
+    Object.assign(this, { changed, values: {}, rows: new Map() });
+    for (const [title, open, members] of grouped(parameters)) {
+      const group = Object.assign(document.createElement("details"), { className: "group", open });
+      group.append(Object.assign(document.createElement("summary"), { textContent: title }), ...members.map((p) => this.row(p)));
+      host.append(group);
+    }
   }
 
   row(parameter) {
-    const { name, value, unit, text, fixed } = parameter;
+    const { name, unit, text, fixed, first, group } = parameter;
     const row = Object.assign(document.createElement("div"), { className: fixed ? "slider fixed" : "slider" });
     const label = document.createElement("label");
-    label.append(Object.assign(document.createElement("code"), { textContent: name }));
-    if (text) label.title = text;
-    const range = Object.assign(document.createElement("input"), { type: "range", min: -1, max: 1, step: 1 / STEPS });
+    const shown = !first && group && name.startsWith(`${group}.`) ? name.slice(group.length + 1) : name;
+    label.append(Object.assign(document.createElement("code"), { textContent: shown }));
+    label.title = text || name;
+    const reading = rangeOf(parameter);
+    const range = Object.assign(document.createElement("input"), { type: "range", ...reading.limits });
     const entry = Object.assign(document.createElement("input"), { type: "number", step: "any" });
     const wide = unit ? ` in ${unit}` : "";
     range.setAttribute("aria-label", `${name}${wide}`);
     entry.setAttribute("aria-label", `${name}${wide}, as a number`);
     range.disabled = entry.disabled = Boolean(fixed);
-    range.addEventListener("input", () => this.set(name, valueAt(value, Number(range.value)), false));
+    range.addEventListener("input", () => this.set(name, reading.valueAt(Number(range.value)), false));
     range.addEventListener("change", () => this.changed(true));
     entry.addEventListener("change", () => {
       if (entry.value.trim() !== "" && Number.isFinite(Number(entry.value))) this.set(name, Number(entry.value), true);
@@ -48,8 +81,10 @@ export class Sliders {
     });
     label.append(range);
     row.append(label, entry, Object.assign(document.createElement("span"), { className: "unit", textContent: unit }));
+    if (first && text) row.append(Object.assign(document.createElement("small"), { textContent: text }));
     if (fixed) row.append(Object.assign(document.createElement("small"), { textContent: `not to be changed here: ${fixed}` }));
-    this.rows.set(name, { range, entry, parameter, row });
+    row.dataset.name = name;
+    this.rows.set(name, { range, reading, entry, parameter, row });
     this.write(name);
     return row;
   }
@@ -75,12 +110,47 @@ export class Sliders {
   }
 
   write(name) {
-    const { range, entry, parameter, row } = this.rows.get(name);
+    const { range, reading, entry, parameter, row } = this.rows.get(name);
     const value = this.values[name] ?? parameter.value;
-    range.value = String(positionOf(parameter.value, value));
+    range.value = String(reading.positionOf(value));
     range.setAttribute("aria-valuetext", `${format(value)} ${parameter.unit}`);
     entry.value = format(value);
     row.classList.toggle("moved", name in this.values);
+  }
+}
+
+/** The states at the start as fields, what the hand does in the picture. `changed()` is called where one has been set. */
+export class Starts {
+  constructor(host, names, unitOf, changed) {
+    Object.assign(this, { values: {}, own: {}, entries: new Map() });
+    const group = Object.assign(document.createElement("details"), { className: "group starts" });
+    group.append(Object.assign(document.createElement("summary"), { textContent: "Start" }));
+    for (const name of names) {
+      const row = Object.assign(document.createElement("div"), { className: "slider" });
+      const label = Object.assign(document.createElement("code"), { textContent: name });
+      const entry = Object.assign(document.createElement("input"), { type: "number", step: "any" });
+      entry.setAttribute("aria-label", `${name} at the start`);
+      entry.addEventListener("change", () => {
+        if (entry.value.trim() === "" || !Number.isFinite(Number(entry.value))) delete this.values[name];
+        else this.values[name] = Number(entry.value);
+        changed();
+      });
+      const unit = Object.assign(document.createElement("span"), { className: "unit", textContent: unitOf(name) });
+      row.append(label, document.createElement("span"), entry, unit);
+      group.append(row);
+      this.entries.set(name, entry);
+    }
+    host.append(group);
+    group.hidden = names.length === 0;
+  }
+
+  /** Take over values {name: value}; states that are not named are `answer`'s. */
+  put(values, answer) {
+    this.values = Object.fromEntries(Object.entries(values).filter(([name]) => this.entries.has(name)));
+    for (const [name, entry] of this.entries) {
+      entry.value = format(this.values[name] ?? answer.of(name)[0]);
+      entry.closest(".slider").classList.toggle("moved", name in this.values);
+    }
   }
 }
 

@@ -35,6 +35,13 @@ function row(kind, texts) {
   return found;
 }
 
+/** What an event is, in words. */
+export function eventText({ time, name, kind, before, after, impulse, energy_lost: lost, note }) {
+  const modes = [before, after].filter(Boolean).join(" → ");
+  const told = [modes, note, impulse ? `impulse ${format(impulse)}` : "", lost ? `${format(lost)} J lost` : ""].filter(Boolean);
+  return `t = ${Number((time ?? NaN).toPrecision(6))} s, ${name}: ${kind}${told.length ? ` (${told.join(", ")})` : ""}`;
+}
+
 /** The modes of laws at a time, in words; of many laws those in the commonest mode are counted. */
 export function modesText(answer, t) {
   const now = answer.modesAt(t);

@@ -1,75 +1,81 @@
 // The page: one state, and everything that shows it.
 
 import { read, write } from "./address.js";
-import { difference, givenAnswer } from "./answer.js";
-import { Chooser, format, Sliders } from "./controls.js";
-import { modesText, showEvents } from "./events.js";
-import { Motion, movers, Stage } from "./picture.js";
+import { givenAnswer } from "./answer.js";
+import { Card, tableRow } from "./card.js";
+import { Chooser, format, Sliders, Starts } from "./controls.js";
+import { $ } from "./dom.js";
+import { Engine, revived } from "./engine.js";
+import { eventText, modesText, showEvents } from "./events.js";
+import { listenToHand } from "./hand.js";
 import { ModeMotion } from "./modes.js";
+import { Motion, movers } from "./motion.js";
+import { Stage } from "./picture.js";
 import { Player, SPEEDS } from "./player.js";
 import { Plots } from "./plots.js";
-import { Repeater } from "./repeat.js";
 
 const AGREES = 1e-6; // of the largest value of the same unit …
 const ADD_UP = 50; // … or this many times the tolerance: the errors of two runs
-const SLOW = 60; // ms that a simulation may take while a slider is moved
 const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
-const $ = (id) => document.getElementById(id);
 
-/** Open the page. `make` returns the functions of the script, null where there is none. */
-export function open(data, make) {
-  return new Page(data, make);
+/** Open the page. `worker` is the script of its own simulation. */
+export function open(data, worker) {
+  return new Page(data, worker);
 }
 
 class Page {
-  constructor(data, make) {
+  constructor(data, worker) {
     this.data = data;
     const units = new Map(data.variables.map((v) => [v.name, v.unit]));
     this.unitOf = (name) => units.get(name) ?? "";
     this.given = this.answer = givenAnswer(data);
-    this.against = null; // {values, answer} that is kept for comparison
+    this.against = null; // {set, init, answer} of the run that is recorded
+    this.init = {}; // states at the start that the hand has given
+    this.dragged = null; // {item, vertex, …} of what the hand holds
     this.forces = false;
-    this.motion = this.swing = null;
+    this.serial = 0;
+    this.engine = this.sliders = this.starts = this.motion = this.swing = null;
     const { time } = this.given;
+    this.times = time;
     this.player = new Player(time[0] ?? 0, time[time.length - 1] ?? 0, (t) => this.show(t), () => this.writePlayer());
     const around = { seek: (t) => this.player.seek(t) };
     this.plots = new Plots($("plots"), around);
-    const state = read(location.hash);
     const names = data.variables.map((v) => v.name);
+    const state = read(location.hash);
     this.chooser = new Chooser($("chooser"), names, state.show?.filter((n) => names.includes(n)) ?? data.shown, () => this.draw());
-    this.makeRepeater(make);
+    this.card = new Card(data.parts, names, this.unitOf, around, (name) => this.choose(name));
     this.makePicture();
     this.listen();
     this.put(state);
+    this.makeEngine(worker, state);
   }
 
   // ---------------------------------------------------------------- making
 
-  makeRepeater(make) {
-    const { script } = this.data;
-    this.repeater = null;
-    this.sliders = null;
+  async makeEngine(worker, state) {
+    const { script, variables, picture, check, sizes, complete, checkTimes } = this.data;
     if (script.reason) {
-      $("repeat").textContent = `The sliders are missing: ${script.reason}.`;
+      $("hint").textContent = `The sliders are missing: ${script.reason}.`;
       return;
     }
-    const repeater = new Repeater(script, make, this.data, () => performance.now());
-    const again = repeater.run(this.data.checkTimes, {});
-    if (again.reason && this.data.complete) {
-      $("repeat").textContent = `The sliders are missing: repeated in this page, the run does not reach its end (${again.reason}).`;
+    const engine = new Engine(worker, { script, variables, picture }, (is) => document.body.toggleAttribute("data-busy", is));
+    const { reason, missed, times } = await engine.ask("repeat", { times: checkTimes, check, sizes, complete, given: this.given.time });
+    if (reason && complete) {
+      $("hint").textContent = `The sliders are missing: repeated in this page, the run does not reach its end (${reason}).`;
       return;
     }
-    this.repeater = repeater;
-    this.times = repeater.timesOf(this.given.time);
-    const missed = difference(again, this.data.check, this.data.sizes, this.unitOf, this.data.complete);
+    Object.assign(this, { engine, times });
     const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
     $("repeat").textContent = `Computed again by this page, the run ${text}.`;
-    $("repeat").classList.toggle("warning", !(missed <= Math.max(AGREES, ADD_UP * script.rtol)));
     $("repeat").dataset.difference = String(missed);
-    this.sliders = new Sliders($("sliders"), script.parameters, (final) => this.changed(final));
-    $("parameters").hidden = script.parameters.length === 0;
+    if (!(missed <= Math.max(AGREES, ADD_UP * script.rtol))) $("hint").append($("repeat")), $("repeat").classList.add("warning");
     if (script.held.length) $("held").textContent = `The start of ${script.held.join(", ")} stays as it is in this run.`;
+    this.sliders = new Sliders($("sliders"), script.parameters, () => this.simulate());
+    this.starts = new Starts($("sliders"), script.names.filter((n) => this.given.has(n) && !n.startsWith("ledger.")), this.unitOf, () => this.started(this.starts.values));
+    $("parameters").hidden = false;
+    for (const { item, group } of this.stage?.parts ?? []) group.classList.toggle("takes", canBeTaken(item));
+    await this.putRuns(state);
   }
 
   makePicture() {
@@ -85,10 +91,19 @@ class Page {
     $("swinging").hidden = swinging.modes.length === 0;
     $("mode").append(new Option("the run", ""), ...swinging.modes.map(({ label }, k) => new Option(`mode ${k + 1}: ${label}`, k)));
     $("mode").addEventListener("change", () => this.draw());
+    listenToHand(this.stage, {
+      wanted: (item) => item.part !== "" || canBeTaken(item),
+      pick: (k) => this.choose(picture.items[k].part === this.card.part ? "" : picture.items[k].part),
+      take: (k, place) => this.take(k, place),
+      move: (place) => this.move(place),
+      drop: () => this.drop(),
+    });
   }
 
   listen() {
     $("play").addEventListener("click", () => this.player.toggle());
+    $("before").addEventListener("click", () => this.toEvent(-1));
+    $("after").addEventListener("click", () => this.toEvent(1));
     $("time").addEventListener("input", () => this.player.seek(Number($("time").value)));
     $("speed").addEventListener("change", () => {
       this.player.speed = Number($("speed").value);
@@ -96,13 +111,16 @@ class Page {
     });
     $("loop").addEventListener("change", () => (this.player.loop = $("loop").checked));
     $("forces").addEventListener("change", () => this.setForces($("forces").checked));
-    $("reset").addEventListener("click", () => this.sliders?.setAll({}));
+    $("reset").addEventListener("click", () => this.reset());
     $("keep").addEventListener("click", () => this.keep());
     $("share").addEventListener("click", () => this.share());
     document.addEventListener("keydown", (event) => this.key(event));
     addEventListener("resize", () => this.plots.fit());
     addEventListener("hashchange", () => {
-      if (location.hash.slice(1) !== this.fragment()) this.put(read(location.hash));
+      if (location.hash.slice(1) === this.fragment()) return;
+      const state = read(location.hash);
+      this.put(state);
+      this.putRuns(state);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     for (const speed of SPEEDS) $("speed").append(new Option(`${speed}×`, String(speed)));
@@ -110,13 +128,15 @@ class Page {
   }
 
   key(event) {
-    if (event.target.closest?.("input, select, textarea, button") || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.closest?.("input, select, textarea, button, summary") || event.ctrlKey || event.metaKey || event.altKey) return;
     const { player } = this;
     const step = (player.end - player.begin) / STEP;
     const actions = {
       " ": () => player.toggle(),
       ArrowLeft: () => player.seek(player.t - step),
       ArrowRight: () => player.seek(player.t + step),
+      ",": () => this.toEvent(-1),
+      ".": () => this.toEvent(1),
       Home: () => player.seek(player.begin),
       End: () => player.seek(player.end),
       "+": () => player.faster(1),
@@ -131,42 +151,76 @@ class Page {
 
   // ---------------------------------------------------------------- the state
 
-  /** Take over a state read from the address. */
+  /** Take over of a state read from the address what needs no run. */
   put(state) {
     if (state.show !== null) this.chooser.put(state.show);
     this.player.speed = state.speed;
     this.player.t = this.player.begin + state.t;
     this.forces = state.forces && !$("forces").disabled;
     $("forces").checked = this.forces;
-    this.against = null;
-    if (state.against !== null && this.repeater !== null) {
-      this.against = { values: state.against, answer: this.repeater.run(this.times, state.against) };
-    }
-    if (this.sliders !== null) this.sliders.setAll(state.set);
-    else this.draw();
+    this.card.choose(state.part, this.answer, null);
+    this.stage?.choose(this.card.part);
+    this.draw();
     this.player.seek(this.player.t);
     this.writePlayer();
   }
 
-  changed(final) {
-    if (!final && this.repeater.spent > SLOW) return;
-    this.simulate();
-    if (final) this.remember();
+  /** … and what does. */
+  async putRuns({ set, init, against, t }) {
+    if (this.engine === null) return;
+    const { times } = this;
+    this.against = null;
+    if (against !== null) {
+      const found = await this.engine.ask("run", { times, values: against.set, initial: against.init });
+      if (found !== null) this.against = { ...against, answer: revived(found) };
+    }
+    this.init = init;
+    this.sliders.setAll(set);
+    await this.simulate();
+    this.player.seek(this.player.begin + t);
   }
 
-  simulate() {
-    const moved = Object.keys(this.sliders.values).length > 0;
-    this.answer = moved ? this.repeater.run(this.times, this.sliders.values) : this.given;
+  /** Run with the values of the sliders, and from the start that was given. */
+  async simulate() {
+    const { sliders, init, times, given } = this;
+    const values = { ...sliders.values };
+    const moved = Object.keys(values).length + Object.keys(init).length > 0;
+    const serial = ++this.serial;
+    const found = moved ? await this.engine.ask("run", { times, values, initial: init }) : given;
+    if (found === null || serial !== this.serial) return; // a later one has taken its place
+    this.answer = moved ? revived(found) : given;
     this.player.end = this.answer.time.at(-1) ?? this.player.end;
     $("time").max = String(this.player.end);
     $("trouble").textContent = moved && this.answer.reason ? `With these values: ${this.answer.reason}.` : "";
     $("reset").disabled = !moved;
+    this.starts.put(init, this.answer);
     this.draw();
+    this.remember();
+  }
+
+  /** Begin with other states. */
+  started(init) {
+    this.init = { ...init };
+    return this.simulate();
+  }
+
+  reset() {
+    this.init = {};
+    this.sliders?.setAll({});
   }
 
   keep() {
-    this.against = this.against === null ? { values: { ...this.sliders?.values }, answer: this.answer } : null;
+    const { sliders, init, answer } = this;
+    this.against = this.against === null ? { set: { ...sliders?.values }, init: { ...init }, answer } : null;
     this.draw();
+    this.remember();
+  }
+
+  choose(part) {
+    this.card.choose(part, this.answer, this.against?.answer ?? null);
+    this.card.show(this.player.t);
+    this.stage?.choose(this.card.part);
+    if (this.card.part) $("card").scrollIntoView({ block: "nearest" });
     this.remember();
   }
 
@@ -181,15 +235,27 @@ class Page {
     this.player.loop = $("loop").checked = on;
   }
 
+  /** Go to the next event in a direction, and say what happens there. */
+  toEvent(way) {
+    const { player, answer } = this;
+    const own = answer.events.filter((e) => e.time !== null && (e.time - player.t) * way > 1e-12 * Math.abs(player.t));
+    const next = way > 0 ? own[0] : own.at(-1);
+    if (player.playing) player.pause();
+    player.seek(next?.time ?? (way > 0 ? player.end : player.begin));
+  }
+
   fragment() {
-    const { player, chooser, data, against, forces } = this;
+    const { player, chooser, data, against, forces, init, card } = this;
     const same = chooser.shown.join() === data.shown.join();
     return write({
       t: player.t - player.begin,
       speed: player.speed,
       set: this.sliders?.values ?? {},
-      against: against?.values ?? null,
+      init,
+      against,
       show: same ? null : chooser.shown,
+      over: "",
+      part: card.part,
       forces,
     });
   }
@@ -210,20 +276,56 @@ class Page {
     setTimeout(() => ($("share").textContent = "Share"), 2000);
   }
 
+  // ---------------------------------------------------------------- the hand
+
+  /** Take an item at a place of the picture; whether it can be taken. */
+  take(k, place) {
+    const { player, engine, motion, swing } = this;
+    const item = this.data.picture.items[k];
+    if (engine === null || swing !== null || !canBeTaken(item)) return false;
+    if (player.playing) player.pause();
+    player.seek(player.begin);
+    const vertex = motion.vertex(item, place, this.places(player.begin));
+    const { names, references, extremes } = motion;
+    this.dragged = { item: k, vertex, motion: { names, references, extremes } };
+    this.stage.parts[k].group.classList.add("held");
+    return true;
+  }
+
+  async move(to) {
+    const { dragged, engine } = this;
+    const found = await engine.ask("reach", { ...dragged, to, values: { ...this.sliders.values }, initial: this.init });
+    if (found === null || this.dragged === null) return;
+    this.init = found.initial;
+    const here = revived(found);
+    this.stage.show(this.motion, here.reader(this.movers)(this.player.begin));
+    this.starts.put(this.init, here);
+  }
+
+  drop() {
+    this.stage.parts[this.dragged.item].group.classList.remove("held");
+    this.dragged = null;
+    this.simulate();
+  }
+
   // ---------------------------------------------------------------- showing
 
   /** Draw everything that depends on the answer. */
   draw() {
     const { data, answer, against } = this;
-    this.plots.draw(this.chooser.shown, answer, against?.answer ?? null, this.unitOf);
+    const other = against?.answer ?? null;
+    this.plots.draw(this.chooser.shown, answer, other, this.unitOf);
     if (data.energy !== null && answer.time.length > 1) {
       this.plots.drawEnergy(answer, data.energy, answer === this.given ? data.energy.text : balance(answer, data.energy));
     }
     showEvents($("events"), answer.events, (t) => this.player.seek(t));
+    for (const id of ["before", "after"]) $(id).hidden = answer.events.length === 0;
     $("keep").setAttribute("aria-pressed", String(against !== null));
-    $("keep").textContent = against === null ? "Compare with these" : "Compare no more";
+    $("keep").textContent = against === null ? "Record this run" : "Forget the recorded run";
     if (data.picture !== null) this.motion = this.newMotion();
     this.values = answer.reader(this.chooser.shown);
+    this.otherValues = other?.reader(this.chooser.shown) ?? null;
+    this.card.choose(this.card.part, answer, other);
     this.show(this.player.t);
   }
 
@@ -231,6 +333,7 @@ class Page {
     const { answer, against, movers: names, data } = this;
     const columns = names.map((name) => answer.of(name));
     this.places = answer.reader(names);
+    this.otherPlaces = against?.answer.reader(names) ?? null;
     const first = columns.map((c) => c[0] ?? NaN);
     const { swinging } = data;
     const mode = $("mode").value === "" ? null : swinging.modes[Number($("mode").value)];
@@ -260,16 +363,21 @@ class Page {
     $("now").textContent = `t = ${t.toFixed(3)} s`;
     if (this.motion !== null) {
       const values = this.swing === null ? this.places(t) : this.swing.at(t);
-      this.stage.show(this.motion, values);
+      this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);
       this.showForces(t, values);
     }
     this.plots.show(t);
+    this.card.show(t);
     this.writeValues(t);
-    this.writeModes(t);
+    $("modes").textContent = modesText(this.answer, t);
+    const event = this.answer.events.findLast((e) => e.time === t);
+    $("happened").textContent = event === undefined ? "" : eventText(event);
   }
 
   showForces(t, values) {
-    if (!this.forces || this.swing !== null || !(this.largestForce > 0)) {
+    const shown = this.forces && this.swing === null && this.largestForce > 0;
+    $("scale").textContent = shown ? `(longest ${format(this.largestForce)} N)` : "";
+    if (!shown) {
       this.stage.showForces(this.motion, values, null, 1);
       return;
     }
@@ -278,30 +386,21 @@ class Page {
     this.stage.showForces(this.motion, values, of, this.largestForce);
   }
 
-  /** The values as text, beside the plots. */
+  /** The values as text, those of the recorded run beside them. */
   writeValues(t) {
     const body = $("values");
     const names = this.chooser.shown;
-    if (body.children.length !== names.length || this.shownNames !== names) {
+    if (this.shownNames !== names) {
       this.shownNames = names;
-      body.replaceChildren(
-        ...names.map((name) => {
-          const row = document.createElement("tr");
-          const head = Object.assign(document.createElement("th"), { scope: "row" });
-          head.append(Object.assign(document.createElement("code"), { textContent: name }));
-          row.append(head, document.createElement("td"), document.createElement("td"));
-          row.lastChild.textContent = this.unitOf(name);
-          return row;
-        }),
-      );
+      body.replaceChildren(...names.map((name) => tableRow([name, "", this.unitOf(name), ""])));
     }
     if (this.values === undefined) return;
     const values = this.values(t);
-    for (let k = 0; k < names.length; k++) body.children[k].children[1].textContent = format(values[k]);
-  }
-
-  writeModes(t) {
-    $("modes").textContent = modesText(this.answer, t);
+    const others = this.otherValues?.(t);
+    for (let k = 0; k < names.length; k++) {
+      body.children[k].children[1].textContent = format(values[k]);
+      body.children[k].children[3].textContent = others ? `recorded ${format(others[k])}` : "";
+    }
   }
 
   writePlayer() {
@@ -312,6 +411,11 @@ class Page {
     $("loop").checked = player.loop;
     if (!player.playing) this.remember();
   }
+}
+
+/** Whether an item goes or turns with the motion. */
+function canBeTaken(item) {
+  return item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || Boolean(item.variables.angle);
 }
 
 function widen([low, high], value) {

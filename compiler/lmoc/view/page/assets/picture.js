@@ -1,111 +1,21 @@
 // The moving picture: SVG made from the description of the compiler, its items placed for the values of variables.
-//
-// The description and what moves it are explained in `view/scene/picture.py`.
 
+import { place } from "./motion.js";
 import { hasRim, Rim } from "./rim.js";
-import { hasSlack, lengthening, sagging } from "./sag.js";
+import { hasSlack, sagging } from "./sag.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const ARROW = 56; // px, the longest arrow of a force
 const EDGE = 8; // px around what moves
+const LARGEST = 2.4; // screen px of a px of the picture
 const LARGER = 1.8; // most by which texts are enlarged in a picture that needs more room
+const REACHES = [0, 5, 10, 16]; // px around a finger, where items are looked for
 const FARTHEST = 3; // of the picture: how far it is extended for what moves
 
 export function svgElement(name, attributes = {}) {
   const element = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
   return element;
-}
-
-/** Names of the variables that move a picture. */
-export function movers(picture) {
-  const names = new Set();
-  for (const item of picture.items) {
-    for (const end of item.ends) for (const move of end.moves) names.add(move.variable);
-    if (item.turn.variable) names.add(item.turn.variable);
-    if (hasRim(item)) names.add(item.variables.angle);
-    if (hasSlack(item)) names.add(item.variables.slack ?? item.variables.stretch);
-  }
-  return [...names];
-}
-
-/** Where a vertex (f, x, y) of an item's frame is. */
-export function place(frame, [f, x, y]) {
-  const along = f * frame.length + x;
-  return [frame.x + along * frame.cos - y * frame.sin, frame.y + along * frame.sin + y * frame.cos];
-}
-
-/**
- * The moves of a picture: `frames(values)` gives the frame of each item for values in the order of `names`.
- *
- * Moves of one group have one scale, such that none goes further than the room that the picture leaves.
- */
-export class Motion {
-  constructor(picture, names, references, extremes) {
-    this.picture = picture;
-    this.index = new Map(names.map((name, k) => [name, k]));
-    this.references = references;
-    this.scales = groupScales(picture, this.index, references, extremes);
-  }
-
-  value(name, values) {
-    return values[this.index.get(name)];
-  }
-
-  change(move, values) {
-    const k = this.index.get(move.variable);
-    const away = values[k] - (move.reference ?? this.references[k]);
-    const scale = move.group === "" ? 1 : (this.scales.get(move.group) ?? 0);
-    return Number.isFinite(away) ? scale * away : 0;
-  }
-
-  /** The pixels by which the string that an item shows is longer than the way between its ends. */
-  slack(item, values) {
-    const move = item.ends.flatMap((end) => end.moves)[0];
-    const scale = move === undefined || move.group !== "" ? this.scales.get(move?.group ?? "line") : Math.hypot(move.dx, move.dy);
-    return (scale ?? 0) * lengthening(item, (name) => this.value(name, values));
-  }
-
-  end(end, values) {
-    let { x, y } = end;
-    for (const move of end.moves) {
-      const shift = this.change(move, values);
-      x += move.dx * shift;
-      y += move.dy * shift;
-    }
-    return [x, y];
-  }
-
-  frame(item, values) {
-    const [x, y] = this.end(item.ends[0], values);
-    if (item.ends.length === 1) {
-      const { angle, variable, factor, reference } = item.turn;
-      const k = this.index.get(variable);
-      const turned = variable ? values[k] - (reference ?? this.references[k]) : 0;
-      const now = angle + factor * (Number.isFinite(turned) ? turned : 0);
-      return { x, y, length: 0, cos: Math.cos(now), sin: -Math.sin(now) };
-    }
-    const [x2, y2] = this.end(item.ends[1], values);
-    const now = Math.atan2(y2 - y, x2 - x);
-    return { x, y, length: Math.hypot(x2 - x, y2 - y), cos: Math.cos(now), sin: Math.sin(now) };
-  }
-}
-
-function groupScales(picture, index, references, extremes) {
-  const most = new Map();
-  for (const item of picture.items) {
-    for (const end of item.ends) {
-      for (const move of end.moves) {
-        if (move.group === "") continue;
-        const k = index.get(move.variable);
-        const zero = move.reference ?? references[k];
-        const [low, high] = extremes[k];
-        const way = Math.max(Math.abs(high - zero), Math.abs(low - zero)) * Math.hypot(move.dx, move.dy);
-        if (Number.isFinite(way)) most.set(move.group, Math.max(most.get(move.group) ?? 0, way));
-      }
-    }
-  }
-  return new Map([...most].map(([group, way]) => [group, way > 0 ? (picture.room[group] ?? 40) / way : 0]));
 }
 
 /** Pieces of a text with their level: "q_{1}" is q on the line and 1 below it. */
@@ -121,25 +31,53 @@ export function runsOf(text) {
   return runs;
 }
 
-/** A picture in the page. */
+/** A picture in the page; behind it, faintly, that of another run. */
 export class Stage {
   constructor(picture, host, label) {
     this.picture = picture;
     const { width, height } = picture;
     this.svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
-    this.svg.style.maxWidth = `${Math.round(1.6 * width)}px`;
-    this.parts = [];
-    for (const item of picture.items) {
-      const group = svgElement("g", { class: `item ${/^[\w-]+$/.test(item.symbol) ? item.symbol : ""}` });
-      if (item.part) group.append(Object.assign(svgElement("title"), { textContent: item.part }));
-      const shapes = item.shapes.map((shape) => shapeElement(shape));
-      group.append(...shapes);
-      this.svg.append(group);
-      this.parts.push({ item, shapes, rim: hasRim(item) ? new Rim(item, group, svgElement) : null });
-    }
+    this.ghost = svgElement("g", { class: "ghost", "aria-hidden": "true" });
     this.arrows = svgElement("g", { class: "arrows", "aria-hidden": "true" });
-    this.svg.append(this.arrows);
+    this.hand = svgElement("path", { class: "line force hand", "stroke-width": 2, "stroke-dasharray": "5 3" });
+    const front = svgElement("g");
+    this.svg.append(this.ghost, front, this.arrows, this.hand);
+    this.parts = picture.items.map((item, k) => this.made(item, k, front));
+    this.ghosts = [];
     host.append(this.svg);
+  }
+
+  made(item, k, host) {
+    const group = svgElement("g", { class: `item ${/^[\w-]+$/.test(item.symbol) ? item.symbol : ""}` });
+    group.dataset.item = String(k);
+    if (item.part) group.append(Object.assign(svgElement("title"), { textContent: item.part }));
+    const shapes = item.shapes.map((shape) => shapeElement(shape));
+    group.append(...shapes);
+    host.append(group);
+    return { item, group, shapes, rim: hasRim(item) ? new Rim(item, group, svgElement) : null };
+  }
+
+  /** The number of the item under a place on the screen, or beside it; -1 where there is none. `wanted(item)` says which count. */
+  itemAt(x, y, wanted) {
+    for (const radius of REACHES) {
+      for (let k = 0; k < (radius ? 8 : 1); k++) {
+        const [dx, dy] = [radius * Math.cos((k * Math.PI) / 4), radius * Math.sin((k * Math.PI) / 4)];
+        const group = document.elementFromPoint(x + dx, y + dy)?.closest?.("#stage .item");
+        if (group && wanted(this.picture.items[group.dataset.item])) return Number(group.dataset.item);
+      }
+    }
+    return -1;
+  }
+
+  /** A place on the screen, in the picture. */
+  inside(x, y) {
+    const { x: px, y: py } = new DOMPoint(x, y).matrixTransform(this.svg.getScreenCTM().inverse());
+    return [px, py];
+  }
+
+  /** Mark the items of a part; "" for none. */
+  choose(part) {
+    for (const { item, group } of this.parts) group.classList.toggle("chosen", part !== "" && item.part === part);
   }
 
   /** Leave room for a motion: `values(k)` are those of the variables at the k-th of `count` instants. */
@@ -158,7 +96,7 @@ export class Stage {
     const [left, top] = [Math.max(box[0], -most), Math.max(box[1], -most)];
     const [right, bottom] = [Math.min(box[2], width + most), Math.min(box[3], height + most)];
     this.svg.setAttribute("viewBox", [left, top, right - left, bottom - top].map((v) => v.toFixed(1)).join(" "));
-    this.svg.style.maxWidth = `${Math.round(1.6 * (right - left))}px`;
+    this.svg.style.maxWidth = `${Math.round(LARGEST * (right - left))}px`;
     this.enlargeTexts(Math.min(LARGER, Math.max((right - left) / width, (bottom - top) / height)));
   }
 
@@ -171,15 +109,17 @@ export class Stage {
     }
   }
 
-  /** Place everything for the values of the variables of a motion. */
-  show(motion, values) {
-    for (const { item, shapes, rim } of this.parts) {
-      const frame = motion.frame(item, values);
-      rim?.show(motion.value(item.variables.angle, values), (vertex) => place(frame, vertex));
-      for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
-      const curve = hasSlack(item) && item.ends.length === 2 ? sagging(frame, motion.slack(item, values)) : "";
-      if (curve !== "") shapes[0].setAttribute("d", curve);
-    }
+  /** Place everything for the values of the variables of a motion, and of another one; null where there is none. */
+  show(motion, values, other = null) {
+    showParts(this.parts, motion, values);
+    if (other !== null && this.ghosts.length === 0) this.ghosts = this.picture.items.map((item, k) => this.made(item, k, this.ghost));
+    this.ghost.style.display = other === null ? "none" : "";
+    if (other !== null) showParts(this.ghosts, motion, other);
+  }
+
+  /** Draw the spring between the hand and what it holds; null where it holds nothing. */
+  showHand(from, to) {
+    this.hand.setAttribute("d", from === null ? "" : `M${[from, to].map((p) => p.map((v) => v.toFixed(2)).join(" ")).join("L")}`);
   }
 
   /** Draw the forces in parts with two ends: `force(item)` is a tension, `largest` the one of the longest arrow. */
@@ -193,6 +133,16 @@ export class Stage {
       const length = (ARROW * tension) / largest;
       this.arrows.append(arrow(place(frame, [0, 0, 0]), frame, length), arrow(place(frame, [1, 0, 0]), frame, -length));
     }
+  }
+}
+
+function showParts(parts, motion, values) {
+  for (const { item, shapes, rim } of parts) {
+    const frame = motion.frame(item, values);
+    rim?.show(motion.value(item.variables.angle, values), (vertex) => place(frame, vertex));
+    for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
+    const curve = hasSlack(item) && item.ends.length === 2 ? sagging(frame, motion.slack(item, values)) : "";
+    if (curve !== "") shapes[0].setAttribute("d", curve);
   }
 }
 

@@ -1,6 +1,6 @@
 // The clock of the page: play, pause, scrub, speed, loop.
 
-export const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
+export const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 4];
 
 export class Player {
   /** `show(t)` is called with each new time, `changed()` when it begins or ends to play. */

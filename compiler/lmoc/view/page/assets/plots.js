@@ -1,6 +1,7 @@
 // Plots over time by uPlot: one panel a unit, the energy as a stacked band, a cursor tied to the picture.
 
-const HEIGHT = 190;
+const HEIGHTS = [110, 190]; // px, the least and the most
+const AROUND = 62; // px of a title and a legend
 const COLOURS = 7; // --c0 … --c6 of the style
 const DASHES = [[], [6, 4], [2, 3], [8, 3, 2, 3]];
 
@@ -9,7 +10,7 @@ function style(name) {
 }
 
 /** The range of an axis: a curve that stays at zero lies in the middle. */
-function rangeOf(_, low, high) {
+function rangeAround(_, low, high) {
   return low === 0 && high === 0 ? [-1, 1] : uPlot.rangeNum(low ?? 0, high ?? 1, 0.1, true);
 }
 
@@ -33,6 +34,12 @@ export function byUnit(names, unitOf) {
   return [...panels];
 }
 
+/** The height with which a plot fits into what scrolls around it. */
+function heightIn(host) {
+  const room = host.closest("section")?.clientHeight ?? HEIGHTS[1];
+  return Math.min(HEIGHTS[1], Math.max(HEIGHTS[0], room - AROUND));
+}
+
 /** A plot with the line of the current time. `seek(t)` is called where it is pressed or dragged. */
 class Panel {
   constructor(host, options, data, { events, seek, describe }) {
@@ -43,10 +50,10 @@ class Panel {
     this.plot = new uPlot(
       {
         width: Math.max(200, host.clientWidth),
-        height: HEIGHT,
+        height: heightIn(host),
         legend: { show: false },
         cursor: { drag: { x: false, y: false }, points: { show: false } },
-        scales: { x: { time: false }, y: { range: rangeOf }, ...(options.scales ?? {}) },
+        scales: { x: { time: false }, y: { range: rangeAround }, ...(options.scales ?? {}) },
         axes: [{ ...axis, size: 30 }, { ...axis, size: 62 }],
         series: [{}, ...options.series],
         bands: options.bands ?? [],
@@ -75,7 +82,7 @@ class Panel {
   }
 
   fit() {
-    this.plot.setSize({ width: Math.max(200, this.host.clientWidth), height: HEIGHT });
+    this.plot.setSize({ width: Math.max(200, this.host.clientWidth), height: heightIn(this.host) });
   }
 }
 

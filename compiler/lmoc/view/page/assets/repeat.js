@@ -28,25 +28,33 @@ export class Repeater {
     return Float64Array.from([...given, ...Array.from({ length: more }, (_, k) => last + ((k + 1) * (end - last)) / more)]);
   }
 
-  /** The answer at `times` for parameter values by name, {name: value}; those not named are the model's. */
-  run(times, values) {
-    const changed = [];
-    for (const [name, value] of Object.entries(values)) {
+  /** [[slot, value], …] of parameter values by name; those not named are the model's. */
+  slotsOf(values) {
+    return Object.entries(values).flatMap(([name, value]) => {
       const parameter = this.parameters.get(name);
-      if (parameter === undefined || parameter.fixed || !Number.isFinite(value)) continue;
-      for (const slot of [parameter.slot, ...parameter.alike]) changed.push([slot, value]);
-    }
+      if (parameter === undefined || parameter.fixed || !Number.isFinite(value)) return [];
+      return [parameter.slot, ...parameter.alike].map((slot) => [slot, value]);
+    });
+  }
+
+  /** The answer at `times` for parameter values and states at the start, both {name: value}. */
+  run(times, values, initial = {}) {
     const began = this.now();
-    const limits = { deadline: began + LIMIT, now: this.now };
-    const run = simulate(this.scene, changed, times, this.registers, limits);
+    const limits = { deadline: began + LIMIT, now: this.now, initial };
+    const run = simulate(this.scene, this.slotsOf(values), times, this.registers, limits);
     this.spent = this.now() - began;
+    return this.answer(run.time, run.columns, run);
+  }
+
+  /** The values of all variables, from those of the registers. */
+  answer(time, registers, run = {}) {
     const place = new Map(this.registers.map((register, k) => [register, k]));
     const columns = new Map();
     for (const { name, register, value, undetermined } of this.variables) {
-      if (register !== undefined) columns.set(name, run.columns[place.get(register)]);
+      if (register !== undefined) columns.set(name, registers[place.get(register)]);
       else if (undetermined) columns.set(name, NaN);
       else if (value !== undefined) columns.set(name, value ?? NaN);
     }
-    return new Answer(run.time, columns, run);
+    return new Answer(time, columns, run);
   }
 }

@@ -17,6 +17,13 @@ export function hasRim(item) {
   return item.symbol === "disk" && item.turn.variable === "" && Boolean(item.variables.angle);
 }
 
+/** How far the front of a rim has gone at an angle, in the picture. */
+export function frontShift(item, angle) {
+  const [xs, ys] = [1, 2].map((k) => item.shapes[0].vertices.map((v) => v[k]));
+  const [width, height] = [xs, ys].map((all) => Math.max(...all) - Math.min(...all));
+  return width > height ? [(angle * width) / 2, 0] : [0, (-angle * height) / 2];
+}
+
 /** The lines of one disk; `make(name, attributes)` makes SVG elements. */
 export class Rim {
   constructor(item, group, make) {

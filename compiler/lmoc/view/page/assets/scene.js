@@ -127,8 +127,8 @@ export class Scene {
     return states;
   }
 
-  /** The states at the start for parameter values `changed`, [[slot, value], …]. */
-  start(changed) {
+  /** The states at the start for parameter values `changed`, [[slot, value], …], where `initial`, {state: value}, is given. */
+  start(changed, initial = {}) {
     const { data, functions, w, blocks } = this;
     this.put(changed);
     for (const other of this.choices.slice(1)) {
@@ -143,9 +143,10 @@ export class Scene {
       this.sample(data.begin);
       blocks.patient = true;
       functions.start(w, data.begin);
-      const x = Float64Array.from(data.states, (register) => w[register]);
+      const x = Float64Array.from(data.states, (register, j) => initial[data.names[j]] ?? w[register]);
       this.observe(data.begin, x);
       blocks.patient = false;
+      if (Object.keys(initial).length) return x;
       this.missed = data.met.find(([is, wanted]) => Math.abs(w[is] - w[wanted]) > MET * Math.max(1, Math.abs(w[wanted])));
       return x;
     };

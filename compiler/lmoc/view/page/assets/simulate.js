@@ -27,8 +27,8 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
 }
 
 class Run {
-  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000 }) {
-    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, watch: null, tried: new Set() });
+  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {} }) {
+    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, watch: null, tried: new Set() });
     this.registers = [wanted]; // of each choice of coordinates
     for (const other of scene.choices.slice(1)) {
       const observed = new Map(other.data.observed);
@@ -44,7 +44,7 @@ class Run {
     const { scene } = this;
     let ended = false;
     try {
-      const x = scene.start(changed);
+      const x = scene.start(changed, this.initial);
       this.reason = scene.refused();
       if (this.reason === "" && x.some((v) => !Number.isFinite(v))) this.reason = "there is no start with these values";
       this.signs = signsOf(scene.blocks);

@@ -1,0 +1,69 @@
+// A start that is reached by the hand: the states at which a point of the picture is nearest to a place.
+
+import { leastSquares } from "./matrix.js";
+
+const REACHING_ROUNDS = 12; // of Gauss and Newton
+const ASIDE = 1e-6; // of a state and 1, for differences
+const NEAR_ENOUGH = 1e-3; // px
+const RANK = 1e-9; // of the largest singular value: a point that cannot go that way stays
+const FIRM = 1e4; // weight of a gap against pixels
+const SHORTENED = 12;
+const MISSED_GAP = 1e-9; // by which a gap may be missed
+
+/**
+ * States near `x` at which `point(w)`, [x, y] in pixels, is as near to a place `to` as gaps of laws allow.
+ *
+ * Only states that the point depends on change, as little as possible; what is constrained is constrained within the
+ * equations, so that it stays so.
+ */
+export function reach(scene, x, point, to) {
+  const { begin, laws } = scene.data;
+  const gaps = (laws?.gap ?? []).filter((register) => register >= 0);
+  scene.happenings?.laws?.gauge.hold(); // positions alone count, whatever is closed
+  const measure = (state) => {
+    const w = scene.observe(begin, state);
+    const [px, py] = point(w);
+    return { miss: [to[0] - px, to[1] - py], gap: gaps.map((register) => w[register]) };
+  };
+  const first = measure(x);
+  const least = first.gap.map((gap) => Math.min(gap, 0) - MISSED_GAP);
+  const allowed = ({ gap }) => gap.every((g, k) => g >= least[k]);
+  let [state, now] = [Float64Array.from(x), first];
+  for (let round = 0; round < REACHING_ROUNDS && distance(now.miss) > NEAR_ENOUGH; round++) {
+    const step = direction(measure, state, now);
+    let better = null;
+    for (let k = 0, share = 1; k < SHORTENED && better === null; k++, share /= 2) {
+      const next = state.map((v, j) => v + share * step[j]);
+      const there = measure(next);
+      if (allowed(there) && distance(there.miss) < distance(now.miss)) better = [next, there];
+    }
+    if (better === null) break;
+    const gained = distance(now.miss) - distance(better[1].miss);
+    [state, now] = better;
+    if (gained < NEAR_ENOUGH) break;
+  }
+  return state;
+}
+
+const distance = ([a, b]) => Math.hypot(a, b);
+
+/** The step of least squares: towards the place, and along those gaps that it would close. */
+function direction(measure, x, now) {
+  const columns = Array.from(x, (v, j) => {
+    const h = ASIDE * Math.max(1, Math.abs(v));
+    const aside = measure(x.map((u, i) => (i === j ? u + h : u)));
+    return { point: aside.miss.map((m, k) => (now.miss[k] - m) / h), gap: aside.gap.map((g, k) => (g - now.gap[k]) / h) };
+  });
+  let closing = [];
+  for (;;) {
+    const rows = [0, 1].map((k) => columns.map((c) => c.point[k]));
+    for (const k of closing) rows.push(columns.map((c) => FIRM * c.gap[k]));
+    const step = leastSquares(rows, [...now.miss, ...closing.map((k) => -FIRM * Math.max(now.gap[k], 0))], RANK);
+    const passed = now.gap.flatMap((gap, k) => {
+      const change = columns.reduce((sum, c, j) => sum + c.gap[k] * step[j], 0);
+      return gap + change < -MISSED_GAP && !closing.includes(k) ? [k] : [];
+    });
+    if (passed.length === 0) return step;
+    closing = [...closing, ...passed];
+  }
+}
