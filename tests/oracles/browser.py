@@ -75,7 +75,8 @@ def open_page(html: str, script: str, size: tuple[int, int] = (1200, 900), dark:
 
     Parameters
     ----------
-    script : JavaScript that may await and returns something for JSON; `frames(n)` waits for n frames, `idle()` for the end of simulations
+    script : JavaScript that may await and returns something for JSON; `frames(n)` waits for n frames, `idle()` for the
+        end of simulations
     size : px, of the page
     """
     own = browser()
@@ -85,7 +86,8 @@ def open_page(html: str, script: str, size: tuple[int, int] = (1200, 900), dark:
     body = f"""
     const done = arguments[0];
     const frames = async (n) => {{ for (let k = 0; k < n; k++) await new Promise(requestAnimationFrame); }};
-    const idle = async () => {{ do await frames(2); while (document.body.hasAttribute("data-busy")); await frames(1); }};
+    const busy = () => document.body.hasAttribute("data-busy");
+    const idle = async () => {{ do await frames(2); while (busy()); await frames(1); }};
     (async () => {{ await idle(); {script} }})().then((a) => done({{ a }}), (e) => done({{ e: String(e.stack ?? e) }}));
     """
     with tempfile.TemporaryDirectory() as folder:

@@ -71,7 +71,8 @@ def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
       entry.value = "40000"; entry.dispatchEvent(new Event("change")); await idle();
       const after = value("q2"), hash = location.hash;
       const range = slider.querySelector("input[type=range]");
-      range.value = "-1"; range.dispatchEvent(new Event("input")); range.dispatchEvent(new Event("change")); await idle();
+      range.value = "-1"; range.dispatchEvent(new Event("input")); range.dispatchEvent(new Event("change"));
+      await idle();
       const soft = [entry.value, value("q2")];
       const kept = [...document.querySelectorAll(".legend")].some((l) => l.textContent.includes("kept"));
       $("reset").click(); await idle();
@@ -104,11 +105,182 @@ def test_an_address_holds_the_state(suspension):
     assert found["chips"] == ["body.v"] and found["moved"] == ["k2"] and found["forces"] and found["arrows"] >= 2
 
 
-def test_on_a_phone_nothing_is_wider_than_the_screen(suspension):
+@pytest.mark.parametrize("size", [(360, 640), (360, 740), (768, 1024), (740, 360), (1280, 720), (1920, 1080)], ids=str)
+def test_picture_plots_and_sliders_are_on_one_screen(suspension, size):
+    """Whatever is scrolled, the picture stays, with a plot and the first slider beside or under it."""
     _, html = suspension
-    script = FACTS + "return [document.documentElement.scrollWidth, innerWidth, difference];"
-    found = open_page(html, script, size=(500, 900)).answer  # chromium has no narrower window
-    assert found[0] <= found[1]
+    seen = open_page(html, FACTS + """
+      const boxes = () => ["#stage svg", "#play", "#plots canvas", ".slider input"].map((s) => {
+        const { left, top, right, bottom, width, height } = document.querySelector(s).getBoundingClientRect();
+        return { left, top, right, bottom, width, height };
+      });
+      const first = boxes();
+      $("panel").scrollTop = 1e6; $("curves").scrollTop = 1e6; scrollTo(0, 1e6); await frames(3);
+      const { scrollWidth, scrollHeight } = document.documentElement;
+      return { first, picture: boxes()[0], scrollWidth, scrollHeight, innerWidth, innerHeight };
+    """, size=size)  # fmt: skip
+    found = seen.answer
+    assert seen.console == []
+    assert found["innerWidth"] == size[0] == found["scrollWidth"] and found["innerHeight"] == found["scrollHeight"]
+    picture, play, plot, slider = found["first"]
+    assert found["picture"] == picture and picture["width"] * picture["height"] > 0.12 * size[0] * size[1]
+    for box in (picture, play, slider):
+        assert box["left"] >= 0 and box["top"] >= 0 and box["right"] <= size[0] + 1 and box["bottom"] <= size[1] + 1
+    assert plot["top"] + 60 <= size[1] and plot["right"] <= size[0] + 1
+
+
+DRAG = """
+  const middle = (b) => [b.left + b.width / 2, b.top + b.height / 2];
+  const box = (selector) => document.querySelector(selector).getBoundingClientRect();
+  const drag = async (selector, dx, dy, at = [0.5, 0.5]) => {
+    const svg = document.querySelector("#stage svg"), b = box(selector);
+    svg.setPointerCapture = () => {};
+    const [x, y] = [b.left + at[0] * b.width, b.top + at[1] * b.height];
+    const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, {
+      bubbles: true, clientX: x + k * dx, clientY: y + k * dy, button: 0, buttons: 1, pointerId: 1 }));
+    send("pointerdown", 0);
+    for (let k = 1; k <= 8; k++) { send("pointermove", k / 8); await frames(1); }
+    await idle();
+    const now = box(selector);
+    send("pointerup", 1);
+    await idle();
+    return [now.left + at[0] * now.width - x, now.top + at[1] * now.height - y];
+  };
+  const address = () => Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+  const init = () => Object.fromEntries((address().init ?? "").split(",").filter(Boolean).map((p) => {
+    const [name, value] = p.split(":");
+    return [name, Number(value)];
+  }));
+"""
+
+
+def test_what_is_dragged_is_where_the_run_begins_and_python_gives_the_same(suspension):
+    dae, html = suspension
+    seen = open_page(html, FACTS + DRAG + """
+      const gone = await drag("#stage .mass path", 0, -24);
+      const begun = init();
+      $("time").value = "1"; $("time").dispatchEvent(new Event("input"));
+      const field = document.querySelector(".starts .moved input").value;
+      return { gone, init: begun, values: [value("q1"), value("q2")], field };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and np.allclose(found["gone"], [0, -24], atol=0.5)
+    assert list(found["init"]) == ["wheel.q"] and float(found["field"]) == pytest.approx(found["init"]["wheel.q"], 1e-4)
+    run = dae.simulate(initial=found["init"], times=[0, 1])
+    assert run["wheel.q"][0] == found["init"]["wheel.q"] != dae.simulate(times=[0, 1])["wheel.q"][0]
+    assert np.allclose(found["values"], [run["q1"][-1], run["q2"][-1]], rtol=1e-4)
+
+
+def test_constraints_hold_while_a_mechanism_is_dragged():
+    """The crank of a four-bar is taken along: the loop stays closed, and what is pulled out of reach stays in reach."""
+    dae = lmoc.compile(MODELS / "hard" / "h03_four_bar.lmo")
+    seen = open_page(dae.simulate(points=50).view().html, FACTS + DRAG + """
+      const gone = await drag("#stage .link path", 12, 9, [0.9, 0.2]);
+      const begun = init();
+      await drag("#stage .link path", 4000, 0, [0.9, 0.2]);
+      return { gone, init: begun, far: init(), trouble: $("trouble").textContent };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["trouble"] == "" and found["init"]
+    assert any(abs(v) > 1 for v in found["gone"])
+    for init in (found["init"], found["far"]):
+        run = dae.simulate(initial=init, stop=0.5, points=20)
+        assert run.complete
+        assert all(run[name][0] == pytest.approx(value, abs=1e-9) for name, value in init.items())
+
+
+def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
+    dae = lmoc.compile_text("""
+    model M
+      Fixed wall;
+      Cable string(L = 1);
+      Mass body(m = 1, q(start = 0.6, fixed = true), v(start = 0, fixed = true));
+      Spring spring(k = 3);
+      Fixed other;
+    equation
+      connect(wall.flange, string.a); connect(string.b, body.flange);
+      connect(body.flange, spring.a); connect(spring.b, other.flange);
+      annotation(experiment(StopTime = 3));
+    end M;""")
+    seen = open_page(dae.simulate().view().html, FACTS + DRAG + """
+      await drag("#stage .mass path", 900, 0);
+      const far = init();
+      await drag("#stage .mass path", -30, 0);
+      return { far, back: init(), trouble: $("trouble").textContent };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["trouble"] == ""
+    assert found["far"]["body.q"] == pytest.approx(1, abs=1e-6) and found["back"]["body.q"] < 1
+
+
+def test_events_are_walked_through_and_a_part_shows_its_equation():
+    run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate()
+    seen = open_page(run.view().html, FACTS + """
+      const told = [];
+      for (let k = 0; k < 2; k++) {
+        $("after").click();
+        told.push([Number($("time").value), $("happened").textContent]);
+      }
+      $("before").click();
+      const back = Number($("time").value);
+      const { left, top, width, height } = document.querySelector("#stage .spring path").getBoundingClientRect();
+      const at = { bubbles: true, clientX: left + width / 2, clientY: top + height / 2, button: 0, pointerId: 1 };
+      const svg = document.querySelector("#stage svg");
+      svg.setPointerCapture = () => {};
+      svg.dispatchEvent(new PointerEvent("pointerdown", at)); svg.dispatchEvent(new PointerEvent("pointerup", at));
+      await frames(2);
+      const rows = [...$("part-values").rows].map((r) => [r.cells[0].textContent, Number(r.cells[1].textContent)]);
+      const equations = $("part-equations").textContent;
+      return { told, back, part: $("part").value, equations, rows: Object.fromEntries(rows),
+               curves: document.querySelectorAll("#part-plots canvas").length, hash: location.hash,
+               chosen: document.querySelectorAll("#stage .item.chosen").length };
+    """)  # fmt: skip
+    found = seen.answer
+    first, second = run.events[:2]
+    assert seen.console == []
+    assert [t for t, _ in found["told"]] == [pytest.approx(e.time, abs=1e-12) for e in (first, second)]
+    assert first.name in found["told"][0][1] and "taut" in found["told"][0][1] and found["back"] == found["told"][0][0]
+    assert found["part"] == "spring" and "f = k*extension" in found["equations"] and "part=spring" in found["hash"]
+    k, f, extension = run["spring.k"], found["rows"]["f"], found["rows"]["extension"]
+    assert f == pytest.approx(float(np.ravel(k)[0]) * extension, rel=1e-3)
+    assert found["curves"] >= 1 and found["chosen"] >= 1
+
+
+SLIDERS = """
+model M
+  parameter Real a = 2 "not asked for";
+  parameter Real k(unit = "N/m") = 40 "stiffness" annotation(Slider(min = 10, max = 90, step = 5));
+  output Real q = m[3].q;
+  Fixed wall;
+  Mass m[3](each m = 1.5, q(start = {0.1, 0.2, 0.3}, each fixed = true));
+  Spring s[3](each k = k*a);
+equation
+  connect(wall.flange, s[1].a);
+  for i in 1:2 loop connect(m[i].flange, s[i + 1].a); end for;
+  for i in 1:3 loop connect(s[i].b, m[i].flange); end for;
+  annotation(experiment(StopTime = 1));
+end M;
+"""
+
+
+def test_sliders_that_the_model_asks_for_come_first_with_their_range():
+    dae = lmoc.compile_text(SLIDERS)
+    seen = open_page(dae.simulate().view().html, FACTS + """
+      const rows = [...document.querySelectorAll(".slider[data-name]")].map((r) => r.dataset.name);
+      const range = document.querySelector(".slider input[type=range]");
+      const limits = [range.min, range.max, range.step, range.value].map(Number);
+      range.value = "75"; range.dispatchEvent(new Event("input")); await idle();
+      $("time").value = "0.7"; $("time").dispatchEvent(new Event("input"));
+      const title = (group) => group.querySelector("summary").textContent;
+      const groups = [...document.querySelectorAll(".group")].map((g) => [title(g), g.open]);
+      const entry = document.querySelector(".slider input[type=number]").value;
+      return { rows, limits, q: value("q"), groups, entry };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["limits"] == [10, 90, 5, 40] and found["entry"] == "75"
+    assert found["rows"][:2] == ["k", "a"] and found["rows"].count("m.m") == 1 and "m[1].m" not in found["rows"]
+    assert found["groups"][0] == ["Parameters", True] and found["groups"][1] == ["More parameters", False]
+    assert found["q"] == pytest.approx(dae.simulate(parameters={"k": 75}, times=[0, 0.7])["q"][-1], rel=1e-3)
 
 
 @pytest.mark.parametrize("file", ["planar/slider_crank", "laws/h06_bungee", "notes/s3_1_cubic_spring"])

@@ -1,4 +1,4 @@
-"""Sliders: ``parameter Real k = 40 annotation(Slider(min = 10, max = 90, step = 5))``, those that a page shows first."""
+"""Sliders that a page shows first: ``parameter Real k = 40 annotation(Slider(min = 10, max = 90, step = 5))``."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Slider:
 
 
 def sliders(observer: Observer, slots: np.ndarray, most: int = 100) -> list[Slider]:
-    """Return independent parameters: those whose declaration asks for it, then the model's own, then those of its parts.
+    """Return independent parameters: those whose declaration asks for it, the model's own, those of its parts.
 
     Among each of these they stand in the order of the model, those that are zero behind the others.
 

@@ -1,4 +1,4 @@
-"""What a page says of the parts in its picture: their class, their description, and their equations as they are written."""
+"""What a page says of the parts in its picture: class, description, and equations as they are written."""
 
 from __future__ import annotations
 

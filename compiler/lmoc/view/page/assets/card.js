@@ -58,12 +58,13 @@ export class Card {
   }
 }
 
-/** The variables of a part that say most: what changes, ports behind its own. */
+/** The variables of a part that say most: what changes, of its ports where nothing of its own does. */
 function curvesOf(names, answer) {
   const moving = names.filter((name) => {
     const values = answer.of(name);
     return values.some((v) => Math.abs(v - values[0]) > 1e-12 * Math.abs(values[0]));
   });
   const depth = (name) => name.split(".").length;
-  return moving.sort((a, b) => depth(a) - depth(b)).slice(0, MOST_CURVES);
+  const least = Math.min(...moving.map(depth));
+  return moving.filter((name) => depth(name) === least).slice(0, MOST_CURVES);
 }
