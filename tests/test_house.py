@@ -192,7 +192,7 @@ CASADI = {
 }
 KERNELS = {  # who makes kernels of tapes; everybody else asks these
     "lmoc.engine.kernel",
-    "lmoc.numerics.coordinates.bounds",
+    "lmoc.numerics.coordinates.bounds_kernel",
     "lmoc.numerics.coordinates.entries",
     "lmoc.numerics.evaluate.engine_system",
     "lmoc.numerics.evaluate.function",

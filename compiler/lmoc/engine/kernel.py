@@ -58,8 +58,8 @@ class Call(ctypes.Structure):
     ]
 
 
-class Hold(ctypes.Structure):
-    """The functions that judge and correct steps made in C (``lmoc_hold`` in ``c/engine.h``)."""
+class StepHook(ctypes.Structure):
+    """The functions that judge and correct steps made in C (``lmoc_step_hook`` in ``c/engine.h``)."""
 
     _fields_ = [*[(name, ctypes.c_void_p) for name in ("own", "look", "land", "keep")], ("pieces", ctypes.c_int64)]
 

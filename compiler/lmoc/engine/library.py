@@ -30,7 +30,7 @@ _FUNCTIONS = {
     "lmoc_look": (_INT, [_POINTER, _REAL, _POINTER, _INT]),
     "lmoc_land_many": (_INT, [_POINTER, _COUNT, _POINTER, _POINTER]),
     "lmoc_keep": (None, [_POINTER]),
-    "lmoc_certificate": (None, [_POINTER, _REAL, _POINTER, _POINTER]),
+    "lmoc_condition_bounds": (None, [_POINTER, _REAL, _POINTER, _POINTER]),
     "lmoc_recurrences": (ctypes.c_char_p, []),
     "lmoc_taylor_series": (_INT, [_POINTER, _REAL, _POINTER, _POINTER]),
     "lmoc_taylor_walk": (_INT, [_POINTER, _POINTER]),

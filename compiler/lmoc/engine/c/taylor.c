@@ -78,21 +78,21 @@ typedef struct {
   const double *times;               /* output times ahead … */
   double *out;                       /* … and the states at them, as far as there is room */
   int64_t outputs, reached, room;
-  const lmoc_hold *hold;             /* or 0 */
+  const lmoc_step_hook *hook;             /* or 0 */
 } way;
 
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
 static int keeps(const taylor *y, const way *s, double h, double reached, const double *x) {
-  const lmoc_hold *hold = s->hold;
-  const int64_t least = hold->land ? 1 : LOOKS;
-  for (int64_t pieces = least; pieces <= (hold->pieces < least ? least : hold->pieces); pieces *= 2) {
+  const lmoc_step_hook *hook = s->hook;
+  const int64_t least = hook->land ? 1 : LOOKS;
+  for (int64_t pieces = least; pieces <= (hook->pieces < least ? least : hook->pieces); pieces *= 2) {
     int lost = 0;
     for (int64_t i = 1; i < pieces && !lost; i++) {
       const double part = h * (double)i / (double)pieces;
       value(y->call->n, y->order, part, s->next, s->between);
-      lost = hold->look(hold->own, s->time + part, s->between, i == 1);
+      lost = hook->look(hook->own, s->time + part, s->between, i == 1);
     }
-    if (!lost && !hold->look(hold->own, reached, x, pieces == 1)) return 1;
+    if (!lost && !hook->look(hook->own, reached, x, pieces == 1)) return 1;
   }
   return 0;
 }
@@ -108,8 +108,8 @@ static int step(const taylor *y, way *s) {
     s->length = h;
     if (h <= 8e-16 * fabs(reached) || h < 1e-300) return LMOC_SHORT;
     value(n, y->order, h, s->next, s->x);
-    if (s->hold && s->hold->land && s->hold->land(s->hold->own, reached, s->x)) return LMOC_DOUBTFUL;
-    if (s->hold && !keeps(y, s, h, reached, s->x)) return LMOC_DOUBTFUL;
+    if (s->hook && s->hook->land && s->hook->land(s->hook->own, reached, s->x)) return LMOC_DOUBTFUL;
+    if (s->hook && !keeps(y, s, h, reached, s->x)) return LMOC_DOUBTFUL;
     const int lost = lmoc_taylor_series(y, reached, s->x, s->q);
     if (!lost && defect(n, y->order, h, s->rtol, s->atol, s->next, s->q) <= ALLOWED) {
       double *last = s->next;
@@ -150,7 +150,7 @@ int lmoc_taylor_walk(const taylor *y, way *s) {
     found = step(y, s);
     if (found) break;
     lmoc_mark(y->call);
-    if (s->hold) s->hold->keep(s->hold->own);
+    if (s->hook) s->hook->keep(s->hook->own);
     s->steps++;
     if (!output(y, s)) break;
   }

@@ -35,7 +35,7 @@ static int gets_on(lmoc_steps *s) {
 /* Try steps until one is accurate enough: its end, or 0 with the reason in `found` where there is none. */
 static double attempt(lmoc_steps *s, int *found) {
   const lmoc_rules *r = s->rules;
-  const double wanted = s->hold ? -INFINITY : s->reached < s->outputs ? s->times[s->reached] : INFINITY;
+  const double wanted = s->hook ? -INFINITY : s->reached < s->outputs ? s->times[s->reached] : INFINITY;
   double h = fmin(s->step_size, s->max_step), result[2];
   if (!gets_on(s)) {
     *found = LMOC_LOST;
@@ -77,14 +77,14 @@ static double attempt(lmoc_steps *s, int *found) {
 
 /* Whether the step just tried is certainly good. */
 static int is_certain(lmoc_steps *s, double reached) {
-  const lmoc_hold *hold = s->hold;
-  if (!hold) return 1;
-  if (hold->look(hold->own, reached, s->x_new, 1)) return 0;
-  if (hold->land) {
+  const lmoc_step_hook *hook = s->hook;
+  if (!hook) return 1;
+  if (hook->look(hook->own, reached, s->x_new, 1)) return 0;
+  if (hook->land) {
     memcpy(s->landed, s->x_new, s->call->n * sizeof(double));
-    if (hold->land(hold->own, reached, s->landed)) return 0;
+    if (hook->land(hook->own, reached, s->landed)) return 0;
   }
-  hold->keep(hold->own);
+  hook->keep(hook->own);
   return 1;
 }
 
@@ -166,7 +166,7 @@ static int output(lmoc_steps *s) {
 /* Stand at the end of the last step, or at where it has been moved. */
 static void go_on(lmoc_steps *s) {
   const int64_t n = s->call->n;
-  const int moved = s->hold && s->hold->land;
+  const int moved = s->hook && s->hook->land;
   s->pending = 0;
   memcpy(s->x, moved ? s->landed : s->x_new, n * sizeof(double));
   if (!moved) {

@@ -28,7 +28,7 @@ typedef struct {
   const double *times;                                /* output times ahead … */
   double *out;                                        /* … and the states at them, as far as there is room */
   int64_t outputs, reached, room;
-  const lmoc_hold *hold;                              /* or 0 */
+  const lmoc_step_hook *hook;                         /* or 0 */
 } lmoc_steps;
 
 /* Steps with their output: as many as allowed, until the end, or until there is no room for output, and the last step

@@ -342,13 +342,13 @@ static int smooth(fmu *f, double end) {
     scale[i] = atol[i] + f->now.rtol*fabs(f->x[i]);
   }
   if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, scale, x_new, last);
-  const lmoc_hold hold = {f, look, 0, keep, 0};
+  const lmoc_step_hook hook = {f, look, 0, keep, 0};
   const double wished = f->now.wish;
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
                   .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = wished,
                   .grow = m->rules.grow, .cuts_since = f->now.time, .rtol = f->now.rtol, .end = end,
-                  .max_step = INFINITY, .patience = INFINITY, .most = INT64_MAX, .hold = &hold};
+                  .max_step = INFINITY, .patience = INFINITY, .most = INT64_MAX, .hook = &hook};
   const int status = lmoc_dop853_walk(&s);
   f->now.time = s.t;
   f->now.wish = s.steps == 1 && !s.rejected && s.length < wished ? wished : s.step_size; /* cut at the end: no shorter */

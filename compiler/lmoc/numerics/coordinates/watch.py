@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.bounds import NEIGHBOURS, UNEXPLAINED
-from lmoc.numerics.coordinates.certificate import Certifier, Scales, recipe_of
+from lmoc.numerics.coordinates.bounds_kernel import NEIGHBOURS, UNEXPLAINED
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
+from lmoc.numerics.coordinates.condition_bounds import ConditionBounds, Scales, parts_of
 from lmoc.numerics.coordinates.entries import entries_of
 from lmoc.numerics.coordinates.equilibration import Equilibration
-from lmoc.numerics.coordinates.judge import Judged
 from lmoc.numerics.coordinates.passage import Passage
 from lmoc.numerics.coordinates.place import Place
+from lmoc.numerics.coordinates.step_check import CheckLimits
 from lmoc.numerics.coordinates.tableau import (
     SHARE,
     exchanged,
@@ -80,8 +80,8 @@ class CoordinateWatch:
         self.accepted: Place
         self.last: Place
         self.lost_rank, self.singular = False, np.inf
-        self._recipe = recipe_of(system, self._registers)
-        self._certifier: Certifier | None = None
+        self._parts = parts_of(system, self._registers)
+        self._condition: ConditionBounds | None = None
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
@@ -104,8 +104,8 @@ class CoordinateWatch:
     @property
     def sizes(self) -> np.ndarray:
         """Return the largest magnitude that each entry of the constraint matrix has had."""
-        told = self._certifier is not None and self._certifier.place is not None
-        return self._certifier.sizes(self._sizes.size) if told else self._sizes.size
+        told = self._condition is not None and self._condition.place is not None
+        return self._condition.sizes(self._sizes.size) if told else self._sizes.size
 
     def begin(self, t: float, x: np.ndarray) -> Status:
         """Judge the place where the piece begins; its coordinates are compared with what they are there."""
@@ -122,7 +122,7 @@ class CoordinateWatch:
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
-        self._find_certifier()
+        self._make_condition()
         self.last = place = self._look(t, x)
         self.lost_rank = False
         if self._is_certain(place):
@@ -142,21 +142,21 @@ class CoordinateWatch:
 
     def enter(self, most: int) -> int | None:
         """Return what judges up to `most` steps in C; None where the next is to be judged here."""
-        self._find_certifier()
-        if self._certifier is None or self._sizes.scales is None:
+        self._make_condition()
+        if self._condition is None or self._sizes.scales is None:
             return None
-        self._begin_certifier()
-        judged = Judged(self.limit, _SURE, *self._sizes.scales, self.barred)
-        return self._certifier.enter(judged, self.unknowns, most)
+        self._begin_condition()
+        limits = CheckLimits(self.limit, _SURE, *self._sizes.scales, self.barred)
+        return self._condition.enter(limits, self.unknowns, most)
 
     def leave(self, t: float, x: np.ndarray) -> None:
         """Take the steps judged in C for accepted."""
-        places, scales = self._certifier.left()
+        places, scales = self._condition.left()
         if scales is not None:
-            self._sizes.size = self._certifier.sizes(self._sizes.size)
+            self._sizes.size = self._condition.sizes(self._sizes.size)
             self._sizes.take(scales)
         self._places += places
-        self.accepted = self.last = self._certifier.stand(places, self._sizes.factor, self._sizes.ranges)
+        self.accepted = self.last = self._condition.stand(places, self._sizes.factor, self._sizes.ranges)
         self.lost_rank = False
 
     def stuck(self, status: Status) -> Status:
@@ -185,8 +185,8 @@ class CoordinateWatch:
     def bar(self, refused: Collection[int]) -> None:
         """Take note of flat variables that cannot be states."""
         self.barred = self.barred | np.isin(self.constraints.variable[self.constraints.watched], list(refused))
-        if self._certifier is not None and self._certifier.place is not None:
-            self._sizes.size, self._certifier.place = self.sizes, None
+        if self._condition is not None and self._condition.place is not None:
+            self._sizes.size, self._condition.place = self.sizes, None
 
     @property
     def passed_a_singular_place(self) -> bool:
@@ -250,7 +250,7 @@ class CoordinateWatch:
     def _accept(self, place: Place) -> None:
         self.accepted = place
         if self._bounds is not None:
-            self._certifier.go_on(place)
+            self._condition.go_on(place)
         self.system.mark()
         self._places.append((place.t, place.x, place.solutions))
 
@@ -264,27 +264,27 @@ class CoordinateWatch:
 
     def _look(self, t: float, x: np.ndarray) -> Place:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
-        certifier, sizes, self._bounds = self._certifier, self._sizes, None
+        condition, sizes, self._bounds = self._condition, self._sizes, None
         solutions, coordinates, own = np.zeros(0), np.zeros(0), self.constraints
-        if certifier is None or sizes.scales is None:
+        if condition is None or sizes.scales is None:
             matrix = self._matrix(t, x)
             sizes.grow(np.abs(matrix))
             even, found = sizes.scaled(matrix), tableau(matrix, own.watched, sizes.ranges)
             least = self._least(even)
             self._recent = even, least, sizes.scales
         else:
-            self._begin_certifier()
-            bounds = certifier(t, x)
+            self._begin_condition()
+            bounds = condition(t, x)
             if bounds[-1] > 0.0:
                 self._rescale()
-                self._begin_certifier()
-                bounds = certifier(t, x)
-            matrix, found = certifier.found()
+                self._begin_condition()
+                bounds = condition(t, x)
+            matrix, found = condition.found()
             if bounds[-1] <= 0.0:
                 self._bounds, even, least = bounds, matrix * sizes.factor, bounds[2]
             else:  # some have no value
-                sizes.replace(certifier.sizes(sizes.size))
-                certifier.place = None
+                sizes.replace(condition.sizes(sizes.size))
+                condition.place = None
                 even, least = sizes.scaled(matrix), 0.0
                 found = scaled(found.plain, found.sign, own.watched, sizes.ranges)
             if not least > _SURE:
@@ -295,17 +295,17 @@ class CoordinateWatch:
             coordinates = self.system.registers[self._registers]
         return Place(t, x.copy(), matrix, found, even, least, solutions, coordinates)
 
-    def _find_certifier(self) -> None:
-        if self._certifier is None and self._recipe is not None:
-            self._certifier = Certifier(self.system, self._recipe, self._registers, self._recipe.evaluation())
+    def _make_condition(self) -> None:
+        if self._condition is None and self._parts is not None:
+            self._condition = ConditionBounds(self.system, self._parts, self._registers, self._parts.evaluation())
 
-    def _begin_certifier(self) -> None:
-        """Have the certifier stand at the last place accepted."""
-        if self._certifier.place is not self.accepted:
+    def _begin_condition(self) -> None:
+        """Have the bounds begin at the last place accepted."""
+        if self._condition.place is not self.accepted:
             own = self._sizes
             short = NEIGHBOURS * own.scales[1][self.constraints.watched]
             scales = Scales(own.factor, own.size, own.bound, own.ranges, self.barred, short)
-            self._certifier.begin(self.accepted, scales)
+            self._condition.begin(self.accepted, scales)
 
     def _rescale(self) -> None:
         """Compare entries in the sizes to which they have grown, at the last place accepted as well.
@@ -314,7 +314,7 @@ class CoordinateWatch:
         """
         sizes, place = self._sizes, self.accepted
         rows, columns = sizes.scales
-        sizes.replace(self._certifier.sizes(sizes.size))
+        sizes.replace(self._condition.sizes(sizes.size))
         now = sizes.factors()
         shrunk = float((now[0] / rows).min() * (now[1] / columns).min())
         found = scaled(place.found.plain, place.found.sign, self.constraints.watched, sizes.ranges)

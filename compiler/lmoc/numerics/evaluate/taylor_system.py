@@ -43,7 +43,7 @@ class Way(ctypes.Structure):
         ("times", ctypes.c_void_p),
         ("out", ctypes.c_void_p),
         *[(name, ctypes.c_int64) for name in ("outputs", "reached", "room")],
-        ("hold", ctypes.c_void_p),
+        ("hook", ctypes.c_void_p),
     ]
 
 

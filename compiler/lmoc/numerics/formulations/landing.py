@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from lmoc.engine.kernel import Hold, Kernel
+from lmoc.engine.kernel import Kernel, StepHook
 from lmoc.engine.library import address, library
 from lmoc.lower.blocks import derivatives_tape
 from lmoc.lower.tape import Tape
@@ -72,7 +72,7 @@ class Landing:
 
     Attributes
     ----------
-    address : of what steps in C call (``lmoc_hold`` in ``engine/c/engine.h``)
+    address : of what steps in C call (``lmoc_step_hook`` in ``engine/c/engine.h``)
     """
 
     def __init__(self, plan: Plan, base: np.ndarray, scale: np.ndarray) -> None:
@@ -85,12 +85,12 @@ class Landing:
             self._at(np.ascontiguousarray(scale, float)), stages,
         )  # fmt: skip
         reference = ctypes.cast(ctypes.pointer(self._closures), ctypes.c_void_p)
-        self._hold = Hold(reference, *map(address, ("lmoc_look", "lmoc_land", "lmoc_keep")), _PIECES)
+        self._hook = StepHook(reference, *map(address, ("lmoc_look", "lmoc_land", "lmoc_keep")), _PIECES)
         engine = library()
         self._look, self._many, self._keep = (
             partial(f, reference) for f in (engine.lmoc_look, engine.lmoc_land_many, engine.lmoc_keep)
         )
-        self.address = ctypes.addressof(self._hold)
+        self.address = ctypes.addressof(self._hook)
 
     @property
     def residuals(self) -> tuple[float, float]:

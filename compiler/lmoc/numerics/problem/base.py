@@ -125,7 +125,7 @@ class CompiledGuard(Protocol):
     """Guard and correction in C, for many steps at once."""
 
     def enter(self, most: int) -> int | None:
-        """Return the address of an ``lmoc_hold`` (``engine/c/engine.h``) for up to `most` steps from here.
+        """Return the address of an ``lmoc_step_hook`` (``engine/c/engine.h``) for up to `most` steps from here.
 
         None where the next step has to be judged in Python.
         """
@@ -245,14 +245,14 @@ class Unattended(Protocol):
 class Batches(Protocol):
     """The ability of a method to make many steps with their output without Python between them."""
 
-    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+    def several(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
         """Make up to `most` steps; keep the states at those of `times` that they reach, as far as there is room.
 
         Where there is none for all that the last step has reached, `Integration.interpolate` tells the others.
 
         Parameters
         ----------
-        hold : address of the ``lmoc_hold`` that looks at each step, None for none
+        hook : address of the ``lmoc_step_hook`` that looks at each step, None for none
 
         Returns
         -------

@@ -46,8 +46,8 @@ class Walker(Protocol):
         Parameters
         ----------
         kept : the numbers that `Dop853` keeps between steps, by their names; they are brought up to date
-        given : end, max_step, patience, most (steps and rejected ones together), hold (address of the ``lmoc_hold``
-            that looks at each step, None for none)
+        given : end, max_step, patience, most (steps and rejected ones together), hook (address of the
+            ``lmoc_step_hook`` that looks at each step, None for none)
         times, out : (k,) output times ahead, (room, n) the states at the first of them
         """
 

@@ -159,12 +159,12 @@ class Dop853(Integration):
     def batches(self) -> Dop853 | None:
         return None if self.stepper.walker is None else self
 
-    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+    def several(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
         if not self.finite:
             return Status.NOT_FINITE, 0
         kept = {name: getattr(self, name) for name in _KEPT}
         given = {"end": self.end, "max_step": self.max_step, "patience": self.problem.patience,
-                 "most": most, "hold": hold}  # fmt: skip
+                 "most": most, "hook": hook}  # fmt: skip
         out = np.empty((min(room, len(times)), len(self.stepper.x)))
         made = self.stepper.walker.walk(kept, given, times, out)
         for name, value in kept.items():

@@ -108,10 +108,10 @@ class Loop:
                 allowed += problem.overrun
                 continue
             number = min(most, left)
-            hold = None if guard is None else guard.enter(number)
-            if guard is None or hold is not None:
-                status = self.go_several(method, number, hold)
-            if status is Status.DOUBTFUL or (guard is not None and hold is None):
+            hook = None if guard is None else guard.enter(number)
+            if guard is None or hook is not None:
+                status = self.go_several(method, number, hook)
+            if status is Status.DOUBTFUL or (guard is not None and hook is None):
                 status = self.step()
             if self.watch.expired(run.t):
                 return Status.TOO_LONG
@@ -121,11 +121,11 @@ class Loop:
             most = min(2 * most, largest)
         return status
 
-    def go_several(self, method: Batches, most: int, hold: int | None) -> Status:
+    def go_several(self, method: Batches, most: int, hook: int | None) -> Status:
         """Have the method make up to so many steps, and see to their output."""
         problem, run = self.problem, self.run
         room = self.most - (self.reached - self.handed)
-        status, reached = method.several(problem.times[self.reached :], room, most, hold)
+        status, reached = method.several(problem.times[self.reached :], room, most, hook)
         if problem.compiled_guard is not None:
             problem.compiled_guard.leave(run.t, run.x)
         self.reached += reached

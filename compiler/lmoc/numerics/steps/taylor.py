@@ -80,16 +80,16 @@ class Taylor(Integration):
 
     def step(self) -> Status:
         way = self._way
-        way.most, way.outputs, way.hold = 1, 0, None
+        way.most, way.outputs, way.hook = 1, 0, None
         return self._walked()
 
     @property
     def batches(self) -> Taylor:
         return self
 
-    def several(self, times: np.ndarray, room: int, most: int, hold: int | None) -> tuple[Status, int]:
+    def several(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
         way, out = self._way, np.empty((min(room, len(times)), len(self.x)))
-        way.most, way.outputs, way.room, way.hold = most, len(times), len(out), hold
+        way.most, way.outputs, way.room, way.hook = most, len(times), len(out), hook
         way.times, way.out = times.ctypes.data, out.ctypes.data
         status = self._walked()
         self._collected.append(out[: way.reached])

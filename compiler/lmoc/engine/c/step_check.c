@@ -1,15 +1,15 @@
-/* Steps judged by their certificate, without Python in between (``lmoc_hold``); those that are certainly good are put on
+/* Steps checked by bounds, without Python in between (``lmoc_step_hook``); those that are certainly good are put on
    record. Where a bound does not hold, `coordinates/watch.py` has to look at the step. */
 
 #include "engine.h"
 
-/* The bounds of one plan. What is given and what is found stand one behind the other as in `certificate_layout.Layout`;
+/* The bounds of one plan. What is given and what is found stand one behind the other as in `bounds_layout.BoundsLayout`;
    matrices are (rows, columns), tableaus (watched, states). */
 typedef struct {
   double *w;                              /* registers from which the entries follow … */
   const lmoc_tape *tape;
   int64_t rows, columns, count, states, entries, watched, told, squarings, again;
-  double unexplained, grown, neighbours, normal, rounding; /* as in `certificate.py` and `tableau.py` */
+  double unexplained, grown, neighbours, normal, rounding; /* as in `condition_bounds.py` and `tableau.py` */
   const int32_t *entry, *target;          /* … their registers, and to which place each of them is added */
   const int32_t *place, *row;             /* places in the matrix; the rows that are watched */
   double *work;                           /* 2*rows*columns + 2*rows*rows + 5*columns + 5*rows + count */
@@ -99,7 +99,7 @@ static double unexplained_way(const bounds_of *c, const double *table, const dou
 }
 
 /* The bounds for a step, from what is given into what is found. */
-void lmoc_certificate(const bounds_of *c, double time, const double *given, double *now) {
+void lmoc_condition_bounds(const bounds_of *c, double time, const double *given, double *now) {
   const int64_t count = c->count, columns = c->columns, table_size = c->watched*c->states;
   const double *table = given + count, *before = table + table_size, *after = before + c->told, *factor = after + c->told,
                *size = factor + count, *bound = size + count, *scale = bound + count, *brief = scale + table_size;
@@ -148,7 +148,7 @@ typedef struct {
   int64_t rescaled;                       /* how often these have been made anew */
   double *places;                         /* (room, 1 + n + solved_count) times, states, solutions */
   int64_t count, room;
-} judge;
+} step_check;
 
 /* The squared factors of rows and columns for squared entries (Sinkhorn's iteration): `equilibrated` in
    `coordinates/tableau.py`. */
@@ -172,7 +172,7 @@ static void equilibrate(const bounds_of *c, const double *square, const double *
 
 /* Factors of rows and columns for the sizes to which entries have grown, and what follows from them in `watch.py`. The
    smallest singular value shrinks by no more than both together. */
-static void rescale(judge *s) {
+static void rescale(step_check *s) {
   const bounds_of *c = s->by;
   const int64_t rows = c->rows, columns = c->columns, count = c->count, table_size = c->watched*c->states;
   double *factor = s->given + count + table_size + 2*c->told, *size = factor + count, *bound = size + count,
@@ -215,8 +215,8 @@ static void rescale(judge *s) {
 }
 
 /* 0 where the step to a place is certainly good. Written so that what is no number is not. */
-int lmoc_judge_look(void *own, double time, const double *x, int first) {
-  judge *s = own;
+int lmoc_step_check_look(void *own, double time, const double *x, int first) {
+  step_check *s = own;
   const bounds_of *c = s->by;
   const int64_t count = c->count, table_size = c->watched*c->states;
   double *after = s->given + count + table_size + c->told, *size = after + c->told + count;
@@ -225,11 +225,11 @@ int lmoc_judge_look(void *own, double time, const double *x, int first) {
   if (s->count == s->room || s->evaluate(s->call, time, x)) return 1;
   for (int64_t k = 0; k < c->told; k++) after[k] = s->registers[s->told[k]];
   for (int64_t k = 0; k < s->read_count; k++) c->w[s->reads[k]] = s->registers[s->reads[k]];
-  lmoc_certificate(c, time, s->given, s->found);
+  lmoc_condition_bounds(c, time, s->given, s->found);
   memcpy(size, larger, count * sizeof(double));
   if (bounds[5] > 0) {
     rescale(s);
-    lmoc_certificate(c, time, s->given, s->found);
+    lmoc_condition_bounds(c, time, s->given, s->found);
   }
   if (!(bounds[0] <= s->limit && bounds[1] == s->sign && bounds[2] > s->sure && bounds[4] <= 0 && bounds[5] <= 0
         && bounds[3] <= s->share * (s->least + bounds[2]))) return 1;
@@ -241,8 +241,8 @@ int lmoc_judge_look(void *own, double time, const double *x, int first) {
 }
 
 /* Go on from the end of the step looked at last. */
-void lmoc_judge_keep(void *own) {
-  judge *s = own;
+void lmoc_step_check_keep(void *own) {
+  step_check *s = own;
   const bounds_of *c = s->by;
   const int64_t known = c->count + c->watched*c->states;
   double *before = s->given + known;

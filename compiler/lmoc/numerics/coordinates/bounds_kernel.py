@@ -1,4 +1,4 @@
-"""The bounds of `certificate` by the engine (``engine/c/judge.c``)."""
+"""The bounds of `condition_bounds` by the engine (``engine/c/step_check.c``)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.engine.kernel import Kernel
 from lmoc.engine.library import library
-from lmoc.numerics.coordinates.certificate_layout import Layout
+from lmoc.numerics.coordinates.bounds_layout import BoundsLayout
 from lmoc.numerics.coordinates.entries import constraints_tape
 from lmoc.numerics.coordinates.equilibration import GROWN
 from lmoc.numerics.coordinates.tableau import AGAIN, NORMAL, ROUNDING
@@ -22,7 +22,7 @@ _SQUARINGS = 2  # of the inverse, with which the bound of the smallest singular 
 
 
 class _Bounds(ctypes.Structure):
-    """``bounds_of`` in ``engine/c/judge.c``."""
+    """``bounds_of`` in ``engine/c/step_check.c``."""
 
     _fields_ = [
         *[(name, ctypes.c_void_p) for name in ("w", "tape")],
@@ -33,16 +33,16 @@ class _Bounds(ctypes.Structure):
     ]
 
 
-class Bounds:
+class BoundsKernel:
     """The bounds of one system.
 
     Attributes
     ----------
-    given, results : as in `Layout`
+    given, results : as in `BoundsLayout`
     addresses : of the function's first argument, of what is given and of what is found
     """
 
-    def __init__(self, plan: Plan, layout: Layout) -> None:
+    def __init__(self, plan: Plan, layout: BoundsLayout) -> None:
         own, (watched, states) = plan.reduced.constraints, layout.table
         rows, columns, count = own.rows, len(own.variable), len(layout.places)
         self._kernel = kernel = Kernel(plan.once(constraints_tape))
@@ -57,7 +57,7 @@ class Bounds:
         )  # fmt: skip
         self._held = tables, work, given, results
         self.addresses = ctypes.addressof(self._bounds), given.ctypes.data, results.ctypes.data
-        self._run = library().lmoc_certificate
+        self._run = library().lmoc_condition_bounds
 
     def __call__(self, t: float, known: np.ndarray, reads: np.ndarray) -> None:
         """Compute what is found.

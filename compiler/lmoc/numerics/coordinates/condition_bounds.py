@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.coordinates.bounds import Bounds
-from lmoc.numerics.coordinates.certificate_layout import Layout
+from lmoc.numerics.coordinates.bounds_kernel import BoundsKernel
+from lmoc.numerics.coordinates.bounds_layout import BoundsLayout
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, reads_of_entries
-from lmoc.numerics.coordinates.judge import Judge, Judged, Step
 from lmoc.numerics.coordinates.place import Place
+from lmoc.numerics.coordinates.step_check import CheckLimits, Step, StepCheck
 from lmoc.numerics.coordinates.tableau import Tableau
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.system import System
@@ -48,24 +48,24 @@ class Scales:
     short: np.ndarray
 
 
-class Recipe:
-    """The parts of which certifiers of a plan are made.
+class ConditionParts:
+    """What bounds of a plan are made of.
 
     Attributes
     ----------
     reads : registers
-    layout : Layout
+    layout : BoundsLayout
     """
 
-    def __init__(self, plan: Plan, reads: np.ndarray, layout: Layout) -> None:
+    def __init__(self, plan: Plan, reads: np.ndarray, layout: BoundsLayout) -> None:
         self.reads, self.layout, self._plan = reads, layout, plan
 
-    def evaluation(self) -> Bounds:
+    def evaluation(self) -> BoundsKernel:
         """Return what computes the bounds of one system."""
-        return Bounds(self._plan, self.layout)
+        return BoundsKernel(self._plan, self.layout)
 
 
-class Certifier:
+class ConditionBounds:
     """Computes the bounds of one system, for one step after the other.
 
     Attributes
@@ -75,16 +75,16 @@ class Certifier:
 
     place: Place | None
 
-    def __init__(self, system: System, recipe: Recipe, registers: np.ndarray, evaluation: Bounds) -> None:
+    def __init__(self, system: System, parts: ConditionParts, registers: np.ndarray, evaluation: BoundsKernel) -> None:
         own = system.plan.reduced.constraints
         self.system, self.own = system, own
         self.place = None
         self._evaluation, self._given, self._results = evaluation, evaluation.given, evaluation.results
-        self._places, self._reads, self._registers = recipe.layout.places, recipe.reads, registers
-        self._shape, self._table = (own.rows, len(own.variable)), recipe.layout.table
+        self._places, self._reads, self._registers = parts.layout.places, parts.reads, registers
+        self._shape, self._table = (own.rows, len(own.variable)), parts.layout.table
         self._out = np.empty(system.n)
         self._ratio: np.ndarray
-        self._judge: Judge | None = None
+        self._check: StepCheck | None = None
 
     def begin(self, place: Place, scales: Scales) -> None:
         """Stand at a place, and judge in these sizes from now on."""
@@ -135,7 +135,7 @@ class Certifier:
         matrix[:], table[:] = self._results[:2]
         before[:] = after
 
-    def enter(self, judged: Judged, unknowns: np.ndarray, most: int) -> int | None:
+    def enter(self, limits: CheckLimits, unknowns: np.ndarray, most: int) -> int | None:
         """Return what judges up to `most` steps in C from where it stands; None where C does not evaluate the system.
 
         Parameters
@@ -145,15 +145,15 @@ class Certifier:
         system = self.system.in_c()
         if system is None:
             return None
-        if self._judge is None or self._judge.system != system:
+        if self._check is None or self._check.system != system:
             registers = self._reads, self._registers, unknowns
-            self._judge = Judge(self._evaluation, system, self.system.n, *registers)
-        self._judge.enter(self.place, judged, most)
-        return self._judge.address
+            self._check = StepCheck(self._evaluation, system, self.system.n, *registers)
+        self._check.enter(self.place, limits, most)
+        return self._check.address
 
     def left(self) -> tuple[list[Step], tuple[np.ndarray, np.ndarray] | None]:
         """Return the ends of the steps judged in C, and the factors of rows and columns where these are others now."""
-        return self._judge.places(), self._judge.scales()
+        return self._check.places(), self._check.scales()
 
     def stand(self, places: list[Step], factor: np.ndarray, ranges: np.ndarray) -> Place:
         """Stand at the last of the places to which steps judged in C have led, if there is one; returns it.
@@ -166,7 +166,7 @@ class Certifier:
         t, x, solutions = places[-1] if places else (last.t, last.x, last.solutions)
         self._measure(ranges)
         matrix, found = self._of(self._given[0], self._given[1], last.found.sign)
-        least, coordinates = self._judge.least, self._given[2].copy()
+        least, coordinates = self._check.least, self._given[2].copy()
         self.place = Place(t, x, matrix, found, matrix * factor, least, solutions, coordinates)
         return self.place
 
@@ -177,8 +177,8 @@ class Certifier:
         return size
 
 
-def recipe_of(system: System, registers: np.ndarray) -> Recipe | None:
-    """Return how certifiers of a system are made; None where there are too many constraints, or registers are not kept.
+def parts_of(system: System, registers: np.ndarray) -> ConditionParts | None:
+    """Return what bounds of a system are made of; None where there are too many constraints, or registers are not kept.
 
     Parameters
     ----------
@@ -191,18 +191,18 @@ def recipe_of(system: System, registers: np.ndarray) -> Recipe | None:
     return plan.once(_with_coordinates if len(registers) else _without_coordinates)
 
 
-def _with_coordinates(plan: Plan) -> Recipe | None:
+def _with_coordinates(plan: Plan) -> ConditionParts | None:
     own = plan.reduced.constraints.variable
     known = np.isin(plan.reduced.register_of[own], plan.once(at_hand)).all()
-    return _recipe(plan, len(own)) if known else None
+    return _parts(plan, len(own)) if known else None
 
 
-def _without_coordinates(plan: Plan) -> Recipe | None:
-    return _recipe(plan, 0)
+def _without_coordinates(plan: Plan) -> ConditionParts | None:
+    return _parts(plan, 0)
 
 
-def _recipe(plan: Plan, told: int) -> Recipe | None:
+def _parts(plan: Plan, told: int) -> ConditionParts | None:
     reads = reads_of_entries(plan)
     if reads is None or not np.isin(reads, plan.once(at_hand)).all():
         return None
-    return Recipe(plan, reads, Layout(plan.reduced.constraints, told))
+    return ConditionParts(plan, reads, BoundsLayout(plan.reduced.constraints, told))

@@ -14,7 +14,7 @@ SCENES = ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slid
 
 
 def certified_looks(scene: str, monkeypatch) -> list[tuple]:
-    """Run a scene; what has been seen at the end of each step that a certifier has looked at."""
+    """Run a scene; what has been seen at the end of each step whose bounds have been looked at."""
     seen: list[tuple] = []
     judge = watch.CoordinateWatch._is_certain
 
@@ -86,7 +86,7 @@ def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(option
 def test_a_certified_run_is_the_one_that_is_looked_at_in_full(scene, monkeypatch):
     dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
     run = dae.simulate(points=50, rtol=1e-7, solver="dop853")
-    monkeypatch.setattr(watch, "recipe_of", lambda *_: None)
+    monkeypatch.setattr(watch, "parts_of", lambda *_: None)
     other = dae.simulate(points=50, rtol=1e-7, solver="dop853")
     assert run.coordinates == other.coordinates
     for name in dae.states:

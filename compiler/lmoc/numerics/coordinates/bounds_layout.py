@@ -1,4 +1,4 @@
-"""The order of the arrays that a certificate reads and fills."""
+"""The order of the arrays that bounds read and fill."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.ir.reduced import Constraints
 
 
-class Layout:
+class BoundsLayout:
     """The constraints at both ends of a step, as arrays one after the other.
 
     Attributes
