@@ -187,8 +187,8 @@ CASADI = {
     "lmoc.numerics.evaluate.casadi_system",
     "lmoc.numerics.evaluate.functions",
     "lmoc.numerics.steps.casadi_run",
-    "lmoc.numerics.laws.open_scene",
-    "lmoc.numerics.laws.updated",
+    "lmoc.numerics.laws.free_dynamics",
+    "lmoc.numerics.laws.delassus_update",
 }
 KERNELS = {  # who makes kernels of tapes; everybody else asks these
     "lmoc.engine.kernel",

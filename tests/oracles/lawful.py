@@ -5,7 +5,7 @@ from oracles.flattening import flat
 
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.laws.instant import Gauge
+from lmoc.numerics.laws.instant import ContactKinematics
 from lmoc.numerics.plan.plan import build_plan
 from lmoc.numerics.signals.signals import Constant, bind_signals
 from lmoc.structure.laws.reduce import reduce_with_laws
@@ -19,7 +19,7 @@ def reduced_of(text: str) -> Reduced:
     return reduced
 
 
-def gauge_of(text: str) -> Gauge:
+def kinematics_of(text: str) -> ContactKinematics:
     """Return what evaluates the laws of a scene, with its default parameters and signals."""
     reduced, report = reduced_of(text), Report()
     form, values = reduced.switched, reduced.flat.parameter_values()
@@ -28,13 +28,13 @@ def gauge_of(text: str) -> Gauge:
     signals |= {int(v): Constant(0.0) for v in held}
     plan = build_plan(reduced, signals, True, report)
     report.check()
-    return Gauge(plan, values, plan.base(values, signals), signals)
+    return ContactKinematics(plan, values, plan.base(values, signals), signals)
 
 
-def state(gauge: Gauge, **values: float) -> np.ndarray:
+def state(kinematics: ContactKinematics, **values: float) -> np.ndarray:
     """Return a state vector, by names with ``_`` for dots; the others are zero."""
-    names = gauge.plan.reduced.state_names
-    x = np.zeros(len(gauge.plan.states))
+    names = kinematics.plan.reduced.state_names
+    x = np.zeros(len(kinematics.plan.states))
     for name, value in values.items():
         x[names.index(name.replace("_", "."))] = value
     return x

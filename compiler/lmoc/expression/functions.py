@@ -96,7 +96,7 @@ class Function:
         return self.spelling or self.name
 
     @property
-    def losable(self) -> bool:
+    def may_give_nan(self) -> bool:
         """Return whether finite arguments of moderate size may give no finite value."""
         return self.domain is not None or self.divides or self.overflows
 

@@ -33,7 +33,7 @@ class LawKind(Enum):
 
 
 NONE = -1  # in place of a variable that a law does not have
-SPRUNG = -1  # in place of a relative degree: the velocity feels the rate of the force, for there are springs alone
+JENKINS = -1  # in place of a relative degree: the velocity feels the rate of the force, for there are springs alone
 COMPLEMENTARY = frozenset({LawKind.UNILATERAL, LawKind.ONE_WAY})
 
 
@@ -103,7 +103,7 @@ class Switched:
     gap : variables; NONE for laws between a force and a velocity
     level : variables y
     closed, push, direction : variables, inputs; direction is NONE for complementarities
-    degree : how often the position behind the motion is differentiated in y: 0, 1 or 2; or SPRUNG
+    degree : how often the position behind the motion is differentiated in y: 0, 1 or 2; or JENKINS
     """
 
     laws: tuple[Laws, ...]

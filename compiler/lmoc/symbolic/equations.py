@@ -317,9 +317,9 @@ def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOf
     reduced : with all these coordinates as states
     values : (flat.count,) parameter values in force
     """
-    from lmoc.symbolic.closed import derive_closed
+    from lmoc.symbolic.lagrange_first_kind import derive_first_kind
 
-    found = derive_closed(reduced, values)
+    found = derive_first_kind(reduced, values)
     if found is None or max(r.count_ops() for r in found.motion.residuals) > MOST_OPERATIONS:
         return None
     motion, outline = found.motion, found.outline

@@ -23,8 +23,8 @@ import numpy as np
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.support.records import dataclass
-from lmoc.symbolic.closed import Closed, derive_closed, numbered
 from lmoc.symbolic.elimination import MOST_TERMS, Row, eliminate
+from lmoc.symbolic.lagrange_first_kind import FirstKind, derive_first_kind, numbered
 from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.loops_at_rest import LoopsAtRest
 from lmoc.symbolic.numeric import linearize_numerically, variable
@@ -62,7 +62,7 @@ def linearize_loops(
     ModelError
         E0660: not at rest, or the scene has no equations in all coordinates that could be read.
     """
-    loops = derive_closed(released, prepared.values)
+    loops = derive_first_kind(released, prepared.values)
     if loops is None:
         raise no_symbols(
             "the closed loops of this scene have no linear model in symbols: masses and forces are not all in parts",
@@ -100,7 +100,7 @@ def _numbers_at_rest(
     return states | {q: float(v) for q, v in zip(dependent, model.output_values, strict=True)}
 
 
-def _expressions(loops: Closed, outputs: Sequence[str]) -> dict[str, sympy.Expr]:
+def _expressions(loops: FirstKind, outputs: Sequence[str]) -> dict[str, sympy.Expr]:
     """Return the outputs in the states of all coordinates."""
     interpreter = loops.interpreter
     places = {name: variable(interpreter.reduced, name) for name in outputs}
@@ -123,7 +123,7 @@ class _Scene:
     meaning : {κ: (dependent coordinate, free coordinate)}
     """
 
-    loops: Closed
+    loops: FirstKind
     velocity: Mapping[sympy.Symbol, sympy.Symbol]
     rest: Mapping[sympy.Symbol, sympy.Expr]
     along: Mapping[sympy.Symbol, Mapping[sympy.Symbol, sympy.Expr]]
@@ -177,7 +177,7 @@ class _Scene:
 
 
 def _at_rest(
-    loops: Closed, dependent: Sequence[sympy.Symbol], point: Mapping[str, sympy.Expr], inputs: Sequence[str]
+    loops: FirstKind, dependent: Sequence[sympy.Symbol], point: Mapping[str, sympy.Expr], inputs: Sequence[str]
 ) -> _Scene:
     import sympy as sp
 
@@ -203,7 +203,7 @@ def _is_decimal(value: sympy.Expr, itself: sympy.Symbol) -> bool:
 
 
 def _directions(
-    loops: Closed, slopes: Mapping[tuple[int, sympy.Symbol], sympy.Expr], dependent: Sequence[sympy.Symbol]
+    loops: FirstKind, slopes: Mapping[tuple[int, sympy.Symbol], sympy.Expr], dependent: Sequence[sympy.Symbol]
 ) -> tuple[dict, dict, dict]:
     """Return how all coordinates move with the free ones, with κ as symbols; what these stand for, and mean."""
     import sympy as sp
@@ -228,7 +228,7 @@ def _directions(
 
 
 def _reactions(
-    loops: Closed,
+    loops: FirstKind,
     slopes: Mapping[tuple[int, sympy.Symbol], sympy.Expr],
     power: Sequence[tuple[sympy.Symbol, sympy.Expr]],
 ) -> dict[sympy.Symbol, sympy.Expr]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles.lawful import gauge_of, state
+from oracles.lawful import kinematics_of, state
 
 import lmoc
 from lmoc.numerics.laws.contradiction import Contradiction
@@ -36,12 +36,12 @@ def trigger(count, closing=(), opening=(), direction=0):
 
 
 def at(text, values, closing=(), opening=(), direction=0, closed=()):
-    gauge = gauge_of(text)
-    mode = free_mode(gauge.table)
-    mode = replace(mode, closed=np.isin(np.arange(gauge.form.count), closed))
-    x = state(gauge, **values)
-    found = transition(gauge, 0.0, x, mode, trigger(gauge.form.count, closing, opening, direction))
-    return dict(zip(gauge.plan.reduced.state_names, found.x)), found
+    kinematics = kinematics_of(text)
+    mode = free_mode(kinematics.table)
+    mode = replace(mode, closed=np.isin(np.arange(kinematics.form.count), closed))
+    x = state(kinematics, **values)
+    found = transition(kinematics, 0.0, x, mode, trigger(kinematics.form.count, closing, opening, direction))
+    return dict(zip(kinematics.plan.reduced.state_names, found.x)), found
 
 
 def test_a_string_becomes_taut_with_a_plastic_jerk():

@@ -6,7 +6,7 @@ from oracles.flattening import flat
 from oracles.lawful import reduced_of
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.law import NONE, SPRUNG
+from lmoc.ir.law import JENKINS, NONE
 from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.structure.laws.degree import NOT_FELT, relative_degree
 from lmoc.structure.laws.switched import free, switched
@@ -58,7 +58,7 @@ def test_the_extension_of_a_spring_in_series_with_friction_is_a_state():
     text = """model M Fixed w; Mass m(m = 1); Spring k(k = 10); DryFriction f(F = 2);
         equation connect(m.flange, k.a); connect(k.b, f.b); connect(w.flange, f.a); end M;"""
     reduced = reduced_of(text)
-    assert degrees(text).tolist() == reduced.switched.degree.tolist() == [SPRUNG]
+    assert degrees(text).tolist() == reduced.switched.degree.tolist() == [JENKINS]
     assert reduced.state_names == ["m.q", "m.v", "k.extension"]
 
 

@@ -81,7 +81,7 @@ class HybridDynamics:
         """Take the solutions of the nonlinear blocks where the run stands, to stay on their branch."""
         self.open[unknowns] = solutions
         if self.laws is not None:
-            self.laws.gauge.stand_at(unknowns, solutions)
+            self.laws.kinematics.stand_at(unknowns, solutions)
         if self.handler is not None:
             self.handler.discrete.base[unknowns] = solutions
 
@@ -246,8 +246,8 @@ class HybridDynamics:
         from lmoc.numerics.laws.time_stepping import TimeStepping
 
         laws = self.laws
-        forces = [self.given[int(v)].call for v in laws.gauge.form.push]
-        return TimeStepping(laws.gauge, forces, laws.laws, laws.ledger)
+        forces = [self.given[int(v)].call for v in laws.kinematics.form.push]
+        return TimeStepping(laws.kinematics, forces, laws.laws, laws.ledger)
 
     # ------------------------------------------------------------------- what happens
 
@@ -318,7 +318,7 @@ class HybridDynamics:
         self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if self.laws is not None:
-            self.laws.unresolved, self.laws.gauge.errors = unresolved, errors
+            self.laws.unresolved, self.laws.kinematics.errors = unresolved, errors
         if of_laws.any():
             self._times.append(t)
             if len(self._times) == _CHATTER and t - self._times[0] <= _MOMENT * (self.span[1] - self.span[0]):
@@ -348,7 +348,7 @@ class HybridDynamics:
         before, x : the states as the laws have left them, and as they are now
         """
         for _ in range(_ROUNDS):
-            past = self.laws.gauge.at(t, x)
+            past = self.laws.kinematics.at(t, x)
             self._renew_laws()
             mode = self.laws.signals()
             jumped = self.laws.part(t, x, past) or self._differ(before, x)

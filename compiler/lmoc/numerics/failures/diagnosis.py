@@ -12,7 +12,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
 from lmoc.numerics.coordinates.change import block_unknowns
-from lmoc.numerics.failures.losable import Moving, losable, moving
+from lmoc.numerics.failures.nan_sources import Moving, moving, nan_sources
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Slice
 from lmoc.numerics.plan.plan import Plan
@@ -169,8 +169,8 @@ def _followed(plan: Plan) -> np.ndarray:
 
 
 def _losable(plan: Plan) -> tuple[Program, np.ndarray, int]:
-    """Return what tells whether `full_program` loses a value (`losable.losable`)."""
-    return losable(plan.full_program, plan.count)
+    """Return what tells whether `full_program` loses a value (`nan_sources.nan_sources`)."""
+    return nan_sources(plan.full_program, plan.count)
 
 
 def _losable_interpreter(plan: Plan) -> Interpreter:
@@ -188,7 +188,7 @@ def _rest_interpreter(plan: Plan) -> Interpreter:
 
 
 def moving_risks(plan: Plan) -> Moving:
-    """Return the part of `losable` that has to be looked at along a run (`losable.moving`)."""
+    """Return the part of `nan_sources` that has to be looked at along a run (`nan_sources.moving`)."""
     sources = np.concatenate([plan.states, plan.sampled, _switching(plan)])
     return moving(plan.once(_losable), sources, DENSE, plan.program)
 

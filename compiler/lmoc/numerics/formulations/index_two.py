@@ -42,17 +42,17 @@ def with_multipliers(plan: Plan) -> Plan:
     )
 
 
-def stabilized(plan: Plan) -> Closed:
+def stabilized(plan: Plan) -> IndexTwo:
     """Return the equations of index 2 after Gear, Gupta and Leimkuhler."""
-    return Closed(plan, True)
+    return IndexTwo(plan, True)
 
 
-def unstabilized(plan: Plan) -> Closed:
+def unstabilized(plan: Plan) -> IndexTwo:
     """Return the equations of index 3."""
-    return Closed(plan, False)
+    return IndexTwo(plan, False)
 
 
-class Closed:
+class IndexTwo:
     """``x' = f(t, x, s) - Gᵀμ, 0 = ġ, 0 = g`` for y = (x, s, μ); without stabilization ``0 = g`` in place of ``0 = ġ``.
 
     As `IndexOne`, although its index is 2 or 3: the solver need not know.

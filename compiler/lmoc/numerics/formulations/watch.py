@@ -19,7 +19,7 @@ from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
-    from lmoc.numerics.formulations.index_two import Closed
+    from lmoc.numerics.formulations.index_two import IndexTwo
 
 # smallest singular value of a loop's closures, in rows of the lengths that they have had: below which steps are looked
 # at closely, below which a place without a way on is singular, and below which it is so in any case
@@ -50,7 +50,7 @@ class LoopWatch:
         self.form, self.span = form, span.end - span.start
         self.correction = self.correct if form.name == "projected" else None
         self.landing = self.manifold.landing if self.correction is not None else None
-        self.index_one: Closed | None = None
+        self.index_one: IndexTwo | None = None
         if form.implicit:
             from lmoc.numerics.formulations import index_two
 

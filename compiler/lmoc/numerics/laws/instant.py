@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
-from lmoc.numerics.laws.open_scene import Interpreted, open_scene, quantities_of
+from lmoc.numerics.laws.free_dynamics import Interpreted, free_dynamics, quantities_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.structure.laws.switched import POSITION
@@ -27,7 +27,7 @@ class Table:
     Attributes
     ----------
     kind : index into KINDS
-    degree : 0, 1, 2 or SPRUNG (`structure.laws.degree`)
+    degree : 0, 1, 2 or JENKINS (`structure.laws.degree`)
     restitution : Newton's coefficient, 0 for laws without
     normal : index of the law whose force is the normal force of contact friction, NONE for others
     """
@@ -101,7 +101,7 @@ class Instant:
         return np.abs(self.bias) + np.where(np.isfinite(held), held, 0.0)
 
 
-class Gauge:
+class ContactKinematics:
     """Evaluates the laws' quantities for one run.
 
     Attributes
@@ -124,7 +124,7 @@ class Gauge:
         self.registers, self.known = own.registers, own.known(plan, values)
         self.force = plan.reduced.register_of[form.force]
         self.table = _table(form, values)
-        self.scene = open_scene(plan, signals)
+        self.scene = free_dynamics(plan, signals)
         self.stored = self.scene.has_stored
         self.errors: Array | float = 0.0
         self._present = self.scene.quantities.registers >= 0

@@ -14,7 +14,7 @@ import numpy as np
 from lmoc.numerics.laws.complementarity import APART_FROM, Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.coupling import groups
-from lmoc.numerics.laws.instant import Gauge, Instant, Mask
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask
 
 MOST_NEWTON = 12
 CLOSE = 2e-16  # residual, as a share of the terms that make it
@@ -23,7 +23,7 @@ DRIFT = 1e3  # such errors: by what a gap may have drifted that follows from the
 DEPENDENT = 1e-10  # a pivot below this share of the largest entry of its row: the row depends on others
 
 
-def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
+def project(kinematics: ContactKinematics, now: Instant, gaps: Mask, rates: Mask) -> Instant:
     """Return the nearby instant at which some gaps and rates are zero.
 
     Two gaps may be those of one coordinate: a load that a prescribed rope sets down on a floor. One of them is zero to
@@ -48,15 +48,15 @@ def project(gauge: Gauge, now: Instant, gaps: Mask, rates: Mask) -> Instant:
         whole = np.abs(matrix).max(axis=1) * np.abs(now.x).max()  # what cancels in a slope rounds as well
         if residue >= 0.5 * before and (np.abs(value) <= ROUNDING * (whole + residue)).all():
             return now  # as near as rounding allows
-        now = gauge.at(now.t, now.x + correction(matrix, -value))
-    if (np.abs(value) <= drift(gauge, matrix)).all():
+        now = kinematics.at(now.t, now.x + correction(matrix, -value))
+    if (np.abs(value) <= drift(kinematics, matrix)).all():
         return now
     raise Contradiction(np.flatnonzero(chosen.any(axis=0)), "no states nearby satisfy them")
 
 
-def drift(gauge: Gauge, slope: Array) -> Array:
+def drift(kinematics: ContactKinematics, slope: Array) -> Array:
     """Return by what gaps or rates may have drifted, (k,), that have these derivatives by the states, (k, states)."""
-    return DRIFT * np.abs(slope) @ np.broadcast_to(gauge.errors, slope.shape[1])
+    return DRIFT * np.abs(slope) @ np.broadcast_to(kinematics.errors, slope.shape[1])
 
 
 def correction(matrix: Array, right: Array) -> Array:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.evaluate.casadi_system import can_lower
-from lmoc.numerics.laws.instant import Array, Gauge
-from lmoc.numerics.laws.updated import Update, updatable
+from lmoc.numerics.laws.delassus_update import ModeFunctions, updatable
+from lmoc.numerics.laws.instant import Array, ContactKinematics
 from lmoc.numerics.observe.readout import readout_of
 from lmoc.numerics.observe.slices import Evaluate, slice_of
 from lmoc.numerics.plan.plan import Plan
@@ -18,17 +18,17 @@ from lmoc.numerics.signals.signals import Signal
 Reader = Callable[[Array, Mapping[int, Signal]], Evaluate]
 
 
-def reader(gauge: Gauge) -> Reader:
+def reader(kinematics: ContactKinematics) -> Reader:
     """Return ``(base, signals) -> (times, states) -> (times, 4 laws)``: motions, rates, forces and sticking limits.
 
     The motion is the gap of laws that have one, else the rate. Limits that are parameters are not among the values.
     """
-    plan = gauge.plan
+    plan = kinematics.plan
     if not can_lower(plan.program):
-        update = updatable(plan, gauge.signals)
+        update = updatable(plan, kinematics.signals)
         if update is not None:
-            return lambda base, signals: _updated(gauge, update, base, signals)
-    return readout_of(plan, _registers(gauge)).bind
+            return lambda base, signals: _in_mode(kinematics, update, base, signals)
+    return readout_of(plan, _registers(kinematics)).bind
 
 
 def rates(plan: Plan, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
@@ -39,11 +39,13 @@ def rates(plan: Plan, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
     return slice_of(plan, plan.derivatives).bind(base, signals)
 
 
-def _updated(gauge: Gauge, update: Update, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
-    read, n = update.bind(update.reading, base, signals), gauge.form.count
+def _in_mode(
+    kinematics: ContactKinematics, update: ModeFunctions, base: Array, signals: Mapping[int, Signal]
+) -> Evaluate:
+    read, n = update.bind(update.reading, base, signals), kinematics.form.count
     registers = update.scene.quantities.registers
     present = registers >= 0
-    has_gap = gauge.registers[0] >= 0
+    has_gap = kinematics.registers[0] >= 0
 
     def evaluate(times: Array, states: Array, known: Array | None = None) -> Array:
         found = read(times, states)
@@ -55,9 +57,9 @@ def _updated(gauge: Gauge, update: Update, base: Array, signals: Mapping[int, Si
     return evaluate
 
 
-def _registers(gauge: Gauge) -> NDArray[np.int64]:
+def _registers(kinematics: ContactKinematics) -> NDArray[np.int64]:
     """Return the registers of motions, rates, forces and sticking limits; any one in place of those that are none."""
-    gap, rate, _, _, stick = gauge.registers
+    gap, rate, _, _, stick = kinematics.registers
     motion = np.where(gap >= 0, gap, rate)
-    found = np.concatenate([motion, rate, gauge.force, stick])
-    return np.where(found >= 0, found, gauge.plan.states[0])
+    found = np.concatenate([motion, rate, kinematics.force, stick])
+    return np.where(found >= 0, found, kinematics.plan.states[0])

@@ -21,9 +21,9 @@ def make_system(plan: Plan, signals: Mapping[int, Signal] | None = None) -> Syst
     signals : of the inputs; with them a scene with laws may be evaluated by its free scene
     """
     if signals is not None and plan.reduced.free is not None and not can_lower(plan.program):
-        from lmoc.numerics.laws.updated import UpdatedSystem, updatable
+        from lmoc.numerics.laws.delassus_update import DelassusUpdate, updatable
 
         update = updatable(plan, signals)
         if update is not None:
-            return UpdatedSystem(plan, update)
+            return DelassusUpdate(plan, update)
     return EngineSystem(plan)

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import NONE, SPRUNG, Switched
+from lmoc.ir.law import JENKINS, NONE, Switched
 from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
-from lmoc.numerics.laws.instant import Gauge, Instant
+from lmoc.numerics.laws.instant import ContactKinematics, Instant
 from lmoc.numerics.laws.manifold import drift, project
 from lmoc.numerics.laws.mode import STILL, free_mode
 from lmoc.numerics.laws.reading import reader
@@ -52,24 +52,24 @@ class LawSwitching:
     """
 
     def __init__(self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
-        self.gauge = Gauge(plan, values, base, signals)
+        self.kinematics = ContactKinematics(plan, values, base, signals)
         self.now: Instant | None = None  # where the present piece begins
-        self.mode = free_mode(self.gauge.table)
-        self.touched = np.zeros(self.gauge.form.count, bool)  # laws whose motion was zero there
-        self.forces = np.zeros(self.gauge.form.count)  # of the laws, where the present mode has begun
-        self.idle = np.zeros(self.gauge.form.count)  # roots in sequence at which nothing has happened to a law
+        self.mode = free_mode(self.kinematics.table)
+        self.touched = np.zeros(self.kinematics.form.count, bool)  # laws whose motion was zero there
+        self.forces = np.zeros(self.kinematics.form.count)  # of the laws, where the present mode has begun
+        self.idle = np.zeros(self.kinematics.form.count)  # roots in sequence at which nothing has happened to a law
         self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
-        self.laws = law_rows(plan.reduced.flat, self.gauge.form.laws)
-        self.reader = reader(self.gauge)
-        self.limits = self.gauge.known[4]
+        self.laws = law_rows(plan.reduced.flat, self.kinematics.form.laws)
+        self.reader = reader(self.kinematics)
+        self.limits = self.kinematics.known[4]
         self.begun = -np.inf  # s, where the first mode was found
-        self.impacts = [deque(maxlen=_SERIES) for _ in range(self.gauge.form.count)]  # s, the latest of each law
+        self.impacts = [deque(maxlen=_SERIES) for _ in range(self.kinematics.form.count)]  # s, the latest of each law
         self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
-        self.let_go = Trigger.nothing(self.gauge.form.count)  # the laws that have reached their end …
+        self.let_go = Trigger.nothing(self.kinematics.form.count)  # the laws that have reached their end …
         self.let_go_at = -np.inf  # … at this time, in s
         self.unresolved: Array | float = 0.0  # what the integrator tells the states apart by no more
         self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
-        self.ledger = _ledger(self.gauge)
+        self.ledger = _ledger(self.kinematics)
         self.held = np.zeros(len(plan.states), bool)  # velocities that the closed laws keep at zero
         self._signals: tuple[Mode, dict[int, Signal]] | None = None
 
@@ -80,7 +80,7 @@ class LawSwitching:
         mode = self.mode
         if self._signals is not None and self._signals[0] is mode:
             return self._signals[1]
-        pairs = mode.inputs(self.gauge.form)
+        pairs = mode.inputs(self.kinematics.form)
         values = {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks, strict=True)}
         self._signals = mode, values
         return values
@@ -96,7 +96,7 @@ class LawSwitching:
         base, signals : those of the piece
         """
         evaluate = self.reader(base, signals)
-        table, mode, n = self.gauge.table, self.mode, self.gauge.form.count
+        table, mode, n = self.kinematics.table, self.mode, self.kinematics.form.count
         closed, alone = mode.closed, mode.implied & ~mode.closed  # others hold these at rest, up to rounding
         stuck = closed & ~table.complementary
         self.second = np.flatnonzero(stuck)
@@ -126,7 +126,7 @@ class LawSwitching:
         Values between long steps of equal length are known less well: a gap that opens with the third power of time
         seems to close at once. Where nothing happens at such a root, the next one has to be farther from zero.
         """
-        now, table = self.now, self.gauge.table
+        now, table = self.now, self.kinematics.table
         with np.errstate(invalid="ignore", divide="ignore"):
             held = np.abs(now.bias / np.diag(now.delassus)) + np.nan_to_num(now.stick)
             leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
@@ -136,8 +136,8 @@ class LawSwitching:
         concerned = self.mode.closed | self.touched | (self.idle > 0)
         share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * scale
         near = NEAR * coarser * scale
-        driven = self.gauge.scene.curved[0] & self.touched & ~self.mode.closed
-        near = np.where(driven, np.maximum(near, drift(self.gauge, now.slope[0])), near)
+        driven = self.kinematics.scene.curved[0] & self.touched & ~self.mode.closed
+        near = np.where(driven, np.maximum(near, drift(self.kinematics, now.slope[0])), near)
         near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
         return np.where(concerned & (np.abs(value) <= near), np.maximum(-value, 0.0) + share, 0.0)
 
@@ -146,9 +146,9 @@ class LawSwitching:
     @property
     def drifting(self) -> NDArray[np.bool_]:
         """(2, n) gaps and rates of closed laws that the integrator keeps at zero within its errors alone."""
-        closed, table = self.mode.closed, self.gauge.table
+        closed, table = self.mode.closed, self.kinematics.table
         gaps, rates = closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2)
-        return self.gauge.scene.curved & np.stack([gaps, rates])
+        return self.kinematics.scene.curved & np.stack([gaps, rates])
 
     def kept(self, t: float, x: Array, share: float = KEPT) -> Array:
         """Return a state moved onto what is closed: the same array where it is there, NaN where there is no way.
@@ -157,12 +157,12 @@ class LawSwitching:
         ----------
         share : of the terms of a gap, or of a rate, by which it may miss zero
         """
-        chosen, now = self.drifting, self.gauge.at(t, x)
+        chosen, now = self.drifting, self.kinematics.at(t, x)
         value = np.abs(np.stack([now.gap, now.rate])[chosen])
         if (value <= share * np.stack([now.gap_scale, now.rate_scale])[chosen]).all():
             return x
         try:
-            return project(self.gauge, now, *chosen).x
+            return project(self.kinematics, now, *chosen).x
         except Contradiction:
             return np.full(len(x), np.nan)
 
@@ -182,9 +182,9 @@ class LawSwitching:
         ----------
         base, signals : with the mode
         """
-        self.now = now = self.gauge.at(t, x)
+        self.now = now = self.kinematics.at(t, x)
         still = np.abs(now.rate) <= STILL * now.rate_scale
-        self.touched = np.where(self.gauge.table.unilateral, now.gap <= STILL * now.gap_scale, still)
+        self.touched = np.where(self.kinematics.table.unilateral, now.gap <= STILL * now.gap_scale, still)
         values = self.roots(t, x, base, signals).values(np.array([t]), x[None])[0]
         if (values >= -NEAR).all():
             self._hold()
@@ -194,20 +194,20 @@ class LawSwitching:
     def go_on(self, before: LawSwitching, t: float, x: Array) -> None:
         """Take over the mode at the same place from the laws in other coordinates."""
         self.mode, self.touched, self.begun = before.mode, before.touched, before.begun
-        self.second = np.flatnonzero(self.mode.closed & ~self.gauge.table.complementary)
-        self.now = now = self.gauge.at(t, x)
+        self.second = np.flatnonzero(self.mode.closed & ~self.kinematics.table.complementary)
+        self.now = now = self.kinematics.at(t, x)
         self.forces = before.forces
         self._hold()
         self.rounding = ROUNDING * np.abs(now.response) @ np.abs(self.forces)
 
     def renewed(self, base: Array) -> LawSwitching:
         """Return the laws in the same mode with other registers that do not change between events."""
-        made = LawSwitching(self.gauge.plan, self.gauge.values, base, self.gauge.signals)
+        made = LawSwitching(self.kinematics.plan, self.kinematics.values, base, self.kinematics.signals)
         made.mode, made.idle, made.unresolved, made.begun = self.mode, self.idle, self.unresolved, self.begun
-        made.gauge.errors = self.gauge.errors
+        made.kinematics.errors = self.kinematics.errors
         made.let_go, made.let_go_at, made.impacts = self.let_go, self.let_go_at, self.impacts
         made.undecided = self.undecided
-        made.second = np.flatnonzero(made.mode.closed & ~made.gauge.table.complementary)
+        made.second = np.flatnonzero(made.mode.closed & ~made.kinematics.table.complementary)
         made._hold()
         return made
 
@@ -238,7 +238,7 @@ class LawSwitching:
         """
         if t == self.let_go_at:
             still = self.let_go.opening & ~self.mode.closed & ~trigger.closing
-            still &= self.gauge.table.degree != SPRUNG  # whose forces have given way already
+            still &= self.kinematics.table.degree != JENKINS  # whose forces have given way already
             direction = np.where(still, self.let_go.direction, trigger.direction)
             trigger = replace(trigger, opening=trigger.opening | still, direction=direction)
         self.let_go, self.let_go_at = trigger, t
@@ -256,7 +256,7 @@ class LawSwitching:
         Stopped
             A closed gap jumps to less than zero: more than an impulse would be needed.
         """
-        now, table, closed = self.gauge.at(t, x), self.gauge.table, self.mode.closed
+        now, table, closed = self.kinematics.at(t, x), self.kinematics.table, self.mode.closed
         with np.errstate(invalid="ignore"):
             change = np.nan_to_num(now.gap - past.gap)
             moved = closed & table.unilateral & (np.abs(change) > OVERLAP * np.maximum(now.gap_scale, past.gap_scale))
@@ -271,8 +271,10 @@ class LawSwitching:
 
         What steps does so ever faster, and what is closed does not bounce on that way: the impact is plastic.
         """
-        now = self.gauge.at(t, x)
-        return now.x if (x == before).all() else resisted(self.gauge, now, self.mode.closed & ~self._apart_from(now)).x
+        now = self.kinematics.at(t, x)
+        if (x == before).all():
+            return now.x
+        return resisted(self.kinematics, now, self.mode.closed & ~self._apart_from(now)).x
 
     def names(self, which: NDArray[np.bool_]) -> list[str]:
         """Return the names of the parts whose root functions have vanished."""
@@ -282,9 +284,9 @@ class LawSwitching:
     def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
         before = self.mode
         self._refuse_overlaps(t, x, trigger)
-        kept = before.without(self._apart_from(self.gauge.at(t, x))) if trigger.jumped else before
+        kept = before.without(self._apart_from(self.kinematics.at(t, x))) if trigger.jumped else before
         try:
-            found = transition(self.gauge, t, x, kept, trigger, self.unresolved)
+            found = transition(self.kinematics, t, x, kept, trigger, self.unresolved)
         except Contradiction as contradiction:
             names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
@@ -306,17 +308,17 @@ class LawSwitching:
         return x, self._events(t, before, found, at_start)
 
     def _hold(self) -> None:
-        self.held = held_velocities(self.gauge.rate_forms[self.mode.closed])
+        self.held = held_velocities(self.kinematics.rate_forms[self.mode.closed])
 
     def _allowed(self, now: Instant) -> Array:
         """Return by what gaps may miss zero, or overlap."""
-        own = self.gauge.table.unilateral & (self.gauge.table.degree >= 1)
+        own = self.kinematics.table.unilateral & (self.kinematics.table.degree >= 1)
         share = OVERLAP * now.gap_scale[own].max(initial=0.0) + OVERLAP_ROUNDING
-        return np.maximum(share, np.where(self.mode.closed, drift(self.gauge, now.slope[0]), 0.0))
+        return np.maximum(share, np.where(self.mode.closed, drift(self.kinematics, now.slope[0]), 0.0))
 
     def _apart_from(self, now: Instant) -> NDArray[np.bool_]:
         """Return the closed laws whose gaps are no longer zero: a jump of the states, or of an input, opens them."""
-        table = self.gauge.table
+        table = self.kinematics.table
         with np.errstate(invalid="ignore"):
             return self.mode.closed & table.unilateral & (table.degree >= 1) & (now.gap > self._allowed(now))
 
@@ -325,7 +327,7 @@ class LawSwitching:
 
         States that are moved back onto a gap of zero would differ from those requested.
         """
-        table, now = self.gauge.table, self.gauge.at(t, x)
+        table, now = self.kinematics.table, self.kinematics.at(t, x)
         own = table.unilateral & (table.degree >= 1)
         if not own.any():
             return
@@ -378,7 +380,7 @@ class LawSwitching:
         series (Aitken's extrapolation).
         """
         times = self.impacts[law]
-        if self.gauge.table.restitution[law] < 1.0 or len(times) < _SERIES:
+        if self.kinematics.table.restitution[law] < 1.0 or len(times) < _SERIES:
             return max(t, until)
         first, second = np.diff(times).tolist()
         return t + second**2 / (first - second) if 0.0 < second < first else t
@@ -390,12 +392,12 @@ def all_open(form: Switched) -> dict[int, Signal]:
     return {int(v): Constant(0.0) for v in held}
 
 
-def _ledger(gauge: Gauge) -> tuple[int, int] | None:
+def _ledger(kinematics: ContactKinematics) -> tuple[int, int] | None:
     """Return the components of work and heat among the states; None where they are not integrated."""
-    plan = gauge.plan
+    plan = kinematics.plan
     flat, own = plan.reduced.flat, plan.reduced.registers.variable[plan.states]
     named = [flat.find(f"ledger.{n}") for n in ("work", "heat")]
     places = [np.flatnonzero((own == int(v[0])) & plan.ledger) for v in named if v is not None]
-    if not gauge.stored or len(places) < 2 or not all(len(p) for p in places):
+    if not kinematics.stored or len(places) < 2 or not all(len(p) for p in places):
         return None
     return int(places[0][0]), int(places[1][0])

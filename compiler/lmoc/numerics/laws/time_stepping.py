@@ -23,7 +23,7 @@ from lmoc.ir.mode import mode_word
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, NoSolution, Sides, solve
-from lmoc.numerics.laws.instant import Gauge, Instant, Mask
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask
 from lmoc.numerics.laws.mode import STILL
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.readout import readout_of
@@ -104,7 +104,7 @@ class TimeStepping:
 
     Parameters
     ----------
-    gauge : of the laws, all open
+    kinematics : of the laws, all open
     forces : one for each law; they are filled on the way
     rows : name of the part and group of each law
     ledger : components of work and heat among the states, None without
@@ -115,16 +115,20 @@ class TimeStepping:
     """
 
     def __init__(
-        self, gauge: Gauge, forces: list[Recorded], rows: list[tuple[str, Laws]], ledger: tuple[int, int] | None
+        self,
+        kinematics: ContactKinematics,
+        forces: list[Recorded],
+        rows: list[tuple[str, Laws]],
+        ledger: tuple[int, int] | None,
     ) -> None:
-        self.gauge, self.forces, self.rows, self.ledger = gauge, forces, rows, ledger
+        self.kinematics, self.forces, self.rows, self.ledger = kinematics, forces, rows, ledger
         self.records: list[Event] = []
         self.side: Sides = np.full(len(rows), LOWER)
         self.now: Instant | None = None
         self.constant = False
-        gaps, rates = gauge.registers[:2]
+        gaps, rates = kinematics.registers[:2]
         registers = np.concatenate([np.where(gaps >= 0, gaps, rates), rates])
-        self._motions = readout_of(gauge.plan, registers).bind(gauge.base, gauge.signals)
+        self._motions = readout_of(kinematics.plan, registers).bind(kinematics.base, kinematics.signals)
         self._jacobian: Array = np.zeros((0, 0))
         self._inverse: Array = np.zeros((0, 0))
 
@@ -136,9 +140,9 @@ class TimeStepping:
         count = max(1, round((problem.end - problem.t) / problem.step))
         edges = np.linspace(problem.t, problem.end, count + 1)
         watch, reached = Watch(problem), 0
-        self.now = self.gauge.at(problem.t, problem.x)
+        self.now = self.kinematics.at(problem.t, problem.x)
         self.constant = self._is_constant(self.now)
-        touching = (self.now.gap <= STILL * self.now.gap_scale) | ~self.gauge.table.unilateral
+        touching = (self.now.gap <= STILL * self.now.gap_scale) | ~self.kinematics.table.unilateral
         still = np.abs(self.now.rate) <= STILL * self.now.rate_scale
         state = _State(problem.t, problem.x, self.now.gap, self.now.rate, touching & still)
         for k in range(count):
@@ -163,8 +167,8 @@ class TimeStepping:
     # ------------------------------------------------------------------ one step
 
     def _step(self, problem: Problem, state: _State, end: float) -> _State:
-        system, table, h = problem.system, self.gauge.table, end - state.t
-        now = self.now if self.constant else self.gauge.at(state.t, state.x)
+        system, table, h = problem.system, self.kinematics.table, end - state.t
+        now = self.now if self.constant else self.kinematics.at(state.t, state.x)
         middle, rate = state.t + THETA * h, np.empty(len(state.x))
         system.rhs(middle, state.x, rate)
         jacobian = system.jacobian(middle, state.x)
@@ -192,7 +196,7 @@ class TimeStepping:
         self, now: Instant, state: _State, h: float, matrix: Array, loose: Array, reached: Mask
     ) -> tuple[Array, Sides]:
         """Return the impulses of all laws, and where they are between their bounds."""
-        table = self.gauge.table
+        table = self.kinematics.table
         limit = np.where(state.closed, now.stick, now.slip)
         upper = np.where(table.complementary, np.inf, h * limit)[reached]
         lower = np.where(table.complementary[reached], 0.0, -upper)
@@ -211,10 +215,10 @@ class TimeStepping:
         pushed : (states, n) second derivatives of the states by the forces: those of positions say how to move them
         """
         gap, _ = self.motions(t, x)
-        own = np.flatnonzero(reached & self.gauge.table.unilateral & (gap < 0.0))
+        own = np.flatnonzero(reached & self.kinematics.table.unilateral & (gap < 0.0))
         if not len(own):
             return x
-        own = np.flatnonzero(reached & self.gauge.table.unilateral)
+        own = np.flatnonzero(reached & self.kinematics.table.unilateral)
         positions = (now.slope[0] != 0.0).any(axis=0)
         moved = np.where(positions[:, None], pushed[:, own], 0.0)
         found = solve(now.slope[0][own] @ moved, gap[own], np.zeros(len(own)), np.full(len(own), np.inf))
@@ -232,7 +236,7 @@ class TimeStepping:
     def motions(self, t: float, x: Array) -> tuple[Array, Array]:
         """Return gaps and rates."""
         gap, rate = np.split(self._motions(np.array([t]), x[None])[0], 2)
-        return np.where(self.gauge.table.unilateral, gap, np.nan), rate
+        return np.where(self.kinematics.table.unilateral, gap, np.nan), rate
 
     def _effect(self, now: Instant) -> Array:
         """Return the effect of the forces on the states' rates; their heat is entered from the impulses."""
@@ -249,7 +253,7 @@ class TimeStepping:
         )  # fmt: skip
         for _ in range(_GENERIC):
             away = now.x + dice.uniform(0.5, 1.5, len(now.x)) * (1.0 + np.abs(now.x))
-            other = self.gauge.at(now.t + dice.uniform(0.5, 1.5), away)
+            other = self.kinematics.at(now.t + dice.uniform(0.5, 1.5), away)
             for field in fields:
                 if not np.allclose(field(now), field(other), rtol=_SAME, atol=0.0, equal_nan=True):
                     return False

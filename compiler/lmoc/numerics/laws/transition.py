@@ -2,7 +2,7 @@
 
 In this order: the states are moved onto the constraints of what is closed or closing; where something closes with a
 velocity, impulses change the velocities; then the forces decide which laws hold from here on (`mode.settle`, and
-`sprung` where the law acts between springs).
+`jenkins` where the law acts between springs).
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import SPRUNG
+from lmoc.ir.law import JENKINS
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array
 from lmoc.numerics.laws.cones import Friction
 from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.impact import Impact, collide
-from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask, Table
+from lmoc.numerics.laws.jenkins import decide, relax
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Settled, settle
 from lmoc.numerics.laws.order import depends_on_order
-from lmoc.numerics.laws.sprung import decide, relax
 from lmoc.numerics.problem.mode import Mode
 from lmoc.support.records import dataclass
 
@@ -95,7 +95,7 @@ class Transition:
 
 
 def transition(
-    gauge: Gauge, t: float, x: Array, mode: Mode, trigger: Trigger, unresolved: Array | float = 0.0
+    kinematics: ContactKinematics, t: float, x: Array, mode: Mode, trigger: Trigger, unresolved: Array | float = 0.0
 ) -> Transition:
     """Return what follows at an instant.
 
@@ -109,42 +109,43 @@ def transition(
     Contradiction
         The laws contradict each other.
     """
-    table = gauge.table
-    now = gauge.at(t, x)
+    table = kinematics.table
+    now = kinematics.at(t, x)
     holding = mode.closed & (_turning(now) | (not trigger.jumped))
     held = mode.closed | trigger.closing
     touching = table.unilateral & (table.degree >= 1) & (held | _about_to_close(now))
     at_rest = holding | (trigger.closing & _turning(now))
     still = (at_rest & ~table.unilateral) | holding  # up to what integration leaves of zero: no impact
-    before = now = project(gauge, now, touching, still & (table.degree == 2))
+    before = now = project(kinematics, now, touching, still & (table.degree == 2))
     striking = table.impulsive & (touching | ~table.unilateral)  # an open ratchet may be driven back by an impact
     sharing = striking | _rubbing(table, striking)
     impact, over, until, further = None, np.zeros(len(held), bool), -np.inf, 0.0
     least = _least_rate(now)
     if (now.rate[striking] < -least[striking]).any():
         impact = _impact(table, before, sharing, mode.closed, table.restitution)
-        now = _behind(gauge, before, sharing, impact)
+        now = _behind(kinematics, before, sharing, impact)
         least = np.maximum(np.maximum(least, _least_rate(now)), _rounded(before, sharing, impact))
         errors = np.abs(now.slope[0]) @ np.broadcast_to(unresolved, len(x))
         lowest = np.maximum(LEAST_HEIGHT * now.gap_scale, _RESOLVED * errors)
         over, until = _bounces_over(table, now, mode, striking, trigger, least, lowest)
         if over.any():
             impact = _impact(table, before, sharing, mode.closed, np.where(over, 0.0, table.restitution))
-            now = _behind(gauge, before, sharing, impact)
+            now = _behind(kinematics, before, sharing, impact)
         least = np.maximum(least, _least_rate(now))
         thrown = _thrown_for_nothing(table, now, mode, touching, least, trigger, lowest)
         if thrown.any():
-            now, further = _together(gauge, now, thrown | (table.impulsive & touching & (np.abs(now.rate) <= least)))
+            resting = table.impulsive & touching & (np.abs(now.rate) <= least)
+            now, further = _together(kinematics, now, thrown | resting)
             least = np.maximum(least, _least_rate(now))
     if impact is None:  # what has been closed is at rest, however slow the scene
         least = np.where(holding, np.inf, least)
-    relaxed = relax(gauge, now, mode, trigger.opening, trigger.direction)
+    relaxed = relax(kinematics, now, mode, trigger.opening, trigger.direction)
     now = relaxed.now
     candidate = _candidates(table, now, touching, least)
     settled = _settled(table, now, mode, candidate, trigger)
     closed = settled.mode.closed
-    now = project(gauge, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
-    settled = replace(settled, mode=decide(gauge, replace(relaxed, now=now), settled.mode))
+    now = project(kinematics, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
+    settled = replace(settled, mode=decide(kinematics, replace(relaxed, now=now), settled.mode))
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
     if impact is not None:
         impulse[sharing], lost[sharing] = impact.impulse, impact.lost
@@ -153,7 +154,7 @@ def transition(
         np.add.at(lost, table.normal[rubbing], lost[rubbing])
         impulse[rubbing] = lost[rubbing] = 0.0
     lost += relaxed.lost
-    touched = touching | (candidate & ~table.unilateral) | (table.degree == SPRUNG)
+    touched = touching | (candidate & ~table.unilateral) | (table.degree == JENKINS)
     undecided = _undecided(table, before, sharing, impact, over)
     law = impact.law if impact else ""
     return Transition(before, now, settled, impulse, lost, law, touched, over, until, undecided)
@@ -180,13 +181,13 @@ def _settled(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: T
     return settle(table, now, mode, left, _sliding(table, now, left, trigger), at_limit, releasing)
 
 
-def resisted(gauge: Gauge, now: Instant, closed: Mask) -> Instant:
+def resisted(kinematics: ContactKinematics, now: Instant, closed: Mask) -> Instant:
     """Return an instant behind impulses by which closed laws resist rates that would close them further."""
-    striking = gauge.table.impulsive & closed
+    striking = kinematics.table.impulsive & closed
     if not (now.rate[striking] < -_least_rate(now)[striking]).any():
         return now
-    sharing = striking | _rubbing(gauge.table, striking)
-    return _behind(gauge, now, sharing, _impact(gauge.table, now, sharing, closed, np.zeros(len(closed))))
+    sharing = striking | _rubbing(kinematics.table, striking)
+    return _behind(kinematics, now, sharing, _impact(kinematics.table, now, sharing, closed, np.zeros(len(closed))))
 
 
 def _turning(now: Instant) -> Mask:
@@ -237,11 +238,11 @@ def _undecided(table: Table, now: Instant, sharing: Mask, impact: Impact | None,
     return found
 
 
-def _behind(gauge: Gauge, now: Instant, striking: Mask, impact: Impact) -> Instant:
+def _behind(kinematics: ContactKinematics, now: Instant, striking: Mask, impact: Impact) -> Instant:
     """Return the instant behind an impact; the ledger's components do not take part."""
     change = now.response[:, striking] @ impact.impulse
-    change[gauge.plan.ledger] = 0.0
-    return gauge.at(now.t, now.x + change)
+    change[kinematics.plan.ledger] = 0.0
+    return kinematics.at(now.t, now.x + change)
 
 
 def _bounces_over(
@@ -306,7 +307,7 @@ def _thrown_for_nothing(
     return thrown & (level < 0.0) & (now.rate**2 <= -2 * level * lowest)
 
 
-def _together(gauge: Gauge, now: Instant, held: Mask) -> tuple[Instant, float]:
+def _together(kinematics: ContactKinematics, now: Instant, held: Mask) -> tuple[Instant, float]:
     """Return the instant behind the impulses that bring these laws to rest, as all further impacts together do.
 
     The second value is the energy that they take, in J.
@@ -314,8 +315,8 @@ def _together(gauge: Gauge, now: Instant, held: Mask) -> tuple[Instant, float]:
     which = np.flatnonzero(held)
     impulse = np.linalg.lstsq(now.delassus[np.ix_(which, which)], -now.rate[which], rcond=None)[0]
     change = now.response[:, which] @ impulse
-    change[gauge.plan.ledger] = 0.0
-    return gauge.at(now.t, now.x + change), -0.5 * float(impulse @ now.rate[which])
+    change[kinematics.plan.ledger] = 0.0
+    return kinematics.at(now.t, now.x + change), -0.5 * float(impulse @ now.rate[which])
 
 
 # ---------------------------------------------------------------------- what could be closed
@@ -330,7 +331,7 @@ def _candidates(table: Table, now: Instant, touching: Mask, least: Array) -> Mas
 
 def _sliding(table: Table, now: Instant, candidate: Mask, trigger: Trigger) -> NDArray[np.int64]:
     """Return the directions of friction that slides: as it moves or, just set free, as its last force has pulled."""
-    slides = ~table.complementary & ~candidate & (table.degree != SPRUNG)
+    slides = ~table.complementary & ~candidate & (table.degree != JENKINS)
     direction = np.where(slides, np.sign(now.rate), 0.0)
     return np.where(slides & trigger.opening, trigger.direction, direction).astype(int)
 

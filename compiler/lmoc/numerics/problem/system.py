@@ -1,8 +1,8 @@
 """The protocol of a numeric system, x' = f(t, x): right-hand side, Jacobian, root functions, steps.
 
 A run integrates one `System`; parameters are data of it, set by `prepare`. The implementations are
-`evaluate.engine_system`, and for larger scenes with laws `laws.updated`; `laws.select.make_system` chooses. Whoever
-holds a system asks it what it can do and never of which class it is.
+`evaluate.engine_system`, and for larger scenes with laws `laws.delassus_update`; `laws.select.make_system` chooses.
+Whoever holds a system asks it what it can do and never of which class it is.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.ir.law import NONE, SPRUNG, Switched
+from lmoc.ir.law import JENKINS, NONE, Switched
 from lmoc.ir.program import Solve, Step, Total
 from lmoc.ir.reduced import Reduced
 
@@ -18,7 +18,7 @@ NOT_FELT = -2
 
 
 def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
-    """Return 0, 1 or 2 for each law, SPRUNG where a velocity feels the rate of the force, or NOT_FELT.
+    """Return 0, 1 or 2 for each law, JENKINS where a velocity feels the rate of the force, or NOT_FELT.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def relative_degree(form: Switched, reduced: Reduced) -> np.ndarray:
         degree[(place >= 0) & felt[place]] = k
     of_rates = dependent(program, register[pushed & (order > 0)], reduced.registers.count)
     place = reduced.register_of[form.rate]
-    degree[(form.gap == NONE) & (place >= 0) & of_rates[place]] = SPRUNG
+    degree[(form.gap == NONE) & (place >= 0) & of_rates[place]] = JENKINS
     return degree
 
 

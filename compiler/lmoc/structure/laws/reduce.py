@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import SPRUNG, LawKind, Laws
+from lmoc.ir.law import JENKINS, LawKind, Laws
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.structure.laws.degree import NOT_FELT, relative_degree
@@ -77,7 +77,7 @@ def _report_not_felt(flat: FlatDAE, degree: np.ndarray, report: Report) -> None:
         first += laws.rows
         for row in np.flatnonzero(own == NOT_FELT)[:1].tolist():
             _report_one(flat, laws, row, report)
-        if laws.kind is LawKind.CONTACT_FRICTION and (own == SPRUNG).any():
+        if laws.kind is LawKind.CONTACT_FRICTION and (own == JENKINS).any():
             _report_massless(flat, laws, report)
     report.check()
 

@@ -18,7 +18,7 @@ gap = 0 and rate = 0, as invariants (`numerics.laws.manifold`).
 
 Reducing every mode by itself (`lmoc.ir.mode`) would give fewer states, and is how the equations of a mode are
 printed. For a train of 50 wagons that meets 49 modes it costs 49 reductions and kernels; measured at 25 to 140 ms
-each, that is seconds where this form needs nothing (`numerics.laws.updated`: 0.1 ms a mode).
+each, that is seconds where this form needs nothing (`numerics.laws.delassus_update`: 0.1 ms a mode).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 
 from lmoc.expression.dag import ONE, ZERO, Expr, mul, slot, slots
 from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, StateSelect
-from lmoc.ir.law import NONE, SPRUNG, LawKind, Laws, Switched, law_count
+from lmoc.ir.law import JENKINS, NONE, LawKind, Laws, Switched, law_count
 
 ORIGIN = "law"
 POSITION = 2  # relative degree of a gap between inertias: its second derivative feels the force
@@ -41,7 +41,7 @@ _Columns = dict[str, np.ndarray]
 
 
 def switched(flat: FlatDAE, degree: np.ndarray) -> tuple[FlatDAE, Switched]:
-    """Return the switched form for given relative degrees, (laws,), each 0, 1, 2 or SPRUNG; and where its laws are."""
+    """Return the switched form for given relative degrees, (laws,), each 0, 1, 2 or JENKINS; and where its laws are."""
     return _form(flat, degree, _switched_laws)
 
 
@@ -60,8 +60,8 @@ def _form(
         first += laws.rows
         columns = _columns(added, laws, own)
         motions = np.stack([columns["gap"], columns["rate"], columns.pop("acceleration")])
-        level = motions[np.where(own == SPRUNG, _VELOCITY, own), np.arange(laws.rows)]
-        equations(added, laws, columns, level, own == SPRUNG)
+        level = motions[np.where(own == JENKINS, _VELOCITY, own), np.arange(laws.rows)]
+        equations(added, laws, columns, level, own == JENKINS)
         tables.append(columns)
         levels.append(level)
     table = {name: np.concatenate([c[name] for c in tables]) for name in tables[0]} if tables else {}
@@ -147,14 +147,14 @@ def _columns(added: _Added, laws: Laws, degree: np.ndarray) -> _Columns:
     }
 
 
-def _free_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, sprung: np.ndarray) -> None:
+def _free_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, jenkins: np.ndarray) -> None:
     """Add ``force = push``."""
     table = np.stack([own["force"], own["push"]], axis=1)
     added.groups.append(Group(slot(0), slot(1), table, laws.span, laws.part, ORIGIN))
 
 
-def _switched_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, sprung: np.ndarray) -> None:
-    """Add ``closed·y + (1 − closed)·(force + direction·limit − push) = 0``, with the rate of the sum where sprung."""
+def _switched_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, jenkins: np.ndarray) -> None:
+    """Add ``closed·y + (1 − closed)·(force + direction·limit − push) = 0``, its rate where `jenkins`."""
     columns = [own["closed"], level, own["push"], laws.force]
     excess: Expr = slot(3)
     if laws.kind is LawKind.DRY_FRICTION:
@@ -164,7 +164,7 @@ def _switched_laws(added: _Added, laws: Laws, own: _Columns, level: np.ndarray, 
         columns += [own["direction"], laws.column("friction"), laws.column("normal")]
         excess = excess + mul(slot(4), mul(slot(5), slot(6)))
     table = np.stack(columns, axis=1)
-    plain, rated = table[~sprung], table[sprung]
+    plain, rated = table[~jenkins], table[jenkins]
     if len(plain):
         added.groups.append(Group(_either(excess), ZERO, plain, laws.span, laws.part, ORIGIN))
     if len(rated):

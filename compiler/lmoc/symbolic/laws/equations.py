@@ -235,7 +235,7 @@ def equations_of_modes(
     found = []
     for one in modes[:MOST_MODES]:
         closed = np.array(one.closed, bool)
-        forward = scene.sprung & ~closed & ~scene.complementary  # whose velocity follows from the rate of its force
+        forward = scene.jenkins & ~closed & ~scene.complementary  # whose velocity follows from the rate of its force
         mode = scene.in_mode(closed, forward.astype(int))
         if forces or solved:
             equations = equations_of_motion(mode.reduced, mode.values, forces, solved)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import COMPLEMENTARY, SPRUNG, LawKind, Switched, law_count
+from lmoc.ir.law import COMPLEMENTARY, JENKINS, LawKind, Switched, law_count
 from lmoc.ir.mode import law_names, mode_words, with_mode
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
@@ -72,10 +72,10 @@ class Lawful:
         return np.array([kind in COMPLEMENTARY for kind in self.kinds], bool)
 
     @cached_property
-    def sprung(self) -> np.ndarray:
+    def jenkins(self) -> np.ndarray:
         """(laws,) whether a law acts between springs alone."""
         form = self.prepared.reduced.switched
-        return np.zeros(self.count, bool) if form is None else form.degree == SPRUNG
+        return np.zeros(self.count, bool) if form is None else form.degree == JENKINS
 
     def words(self, closed: np.ndarray) -> dict[str, str]:
         """Return {law name: what its mode is called}."""

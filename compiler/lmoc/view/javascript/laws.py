@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
 from lmoc.ir.mode import law_names, law_rows, mode_word
 from lmoc.ir.program import Program, needed_steps
-from lmoc.numerics.laws.open_scene import limits_of, open_scene
+from lmoc.numerics.laws.free_dynamics import free_dynamics, limits_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.view.javascript.tangent import tangent
@@ -36,8 +36,8 @@ def write_laws(plan: Plan, signals: Mapping[int, Signal], places: Places) -> tup
     stored = _single(plan, "ledger.stored")
     motions = [found[name][found[name] >= 0] for name in found]
     wanted = np.concatenate([*motions, force, plan.derivatives, [stored]]).astype(int)
-    gauge = needed_steps(plan.full_program, _own(wanted, plan), plan.count)
-    by_force = tangent(gauge, push, plan.count, places)
+    kinematics = needed_steps(plan.full_program, _own(wanted, plan), plan.count)
+    by_force = tangent(kinematics, push, plan.count, places)
     moving = _own(np.concatenate(motions[:2]), plan)
     by_state = tangent(needed_steps(plan.full_program, moving, plan.count), plan.states, plan.count, places)
     judged = np.concatenate([*motions[:2], motions[4], force])
@@ -47,7 +47,7 @@ def write_laws(plan: Plan, signals: Mapping[int, Signal], places: Places) -> tup
         inside = (registers >= 0) & (registers < plan.count)
         return np.where(inside, of[np.where(inside, registers, 0)], -1).tolist()
 
-    scene = open_scene(plan, signals)
+    scene = free_dynamics(plan, signals)
     kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
     rows = law_rows(flat, form.laws)
     data: dict[str, Any] = {name: registers.tolist() for name, registers in found.items()}
@@ -83,7 +83,7 @@ def write_laws(plan: Plan, signals: Mapping[int, Signal], places: Places) -> tup
         "closedWords": [mode_word(laws, True) for _, laws in rows],
         "openWords": [mode_word(laws, False) for _, laws in rows],
     }
-    programs = {"gauge": gauge, "byForce": by_force.program, "byState": by_state.program, "lawRoots": roots}
+    programs = {"kinematics": kinematics, "byForce": by_force.program, "byState": by_state.program, "lawRoots": roots}
     return programs, data
 
 

@@ -15,7 +15,7 @@ export class HybridDynamics {
     this.scene = scene;
     const { data } = scene;
     this.laws = data.laws === null ? null : new LawSwitching(scene);
-    this.laws?.gauge.hold();
+    this.laws?.kinematics.hold();
     this.handler = data.events === null ? null : new EventHandler(scene);
     this.span = data.end - data.begin;
     this.records = [];
@@ -90,7 +90,7 @@ export class HybridDynamics {
   /** The states behind what has ended a piece at {t, x, which}; null at the end of the run. */
   after({ t, x, which }) {
     const { rtol, atol } = this.scene.data;
-    if (this.laws !== null) this.laws.gauge.errors = x.map((v, j) => rtol * Math.abs(v) + atol[j]);
+    if (this.laws !== null) this.laws.kinematics.errors = x.map((v, j) => rtol * Math.abs(v) + atol[j]);
     this.reached = t;
     const ofLaws = which === null ? [] : [...which].slice(0, this.lawRoots);
     let state = x;
@@ -111,7 +111,7 @@ export class HybridDynamics {
 
   /** Let laws and discrete equations answer each other until nothing changes; `left` by the laws and `from` now are the states. */
   settle(t, left, from) {
-    const { ledger } = this.laws.gauge;
+    const { ledger } = this.laws.kinematics;
     let [before, x] = [left, from];
     for (let round = 0; round < MUTUAL_ROUNDS; round++) {
       const mode = JSON.stringify(this.laws.mode);

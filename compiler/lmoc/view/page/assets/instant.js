@@ -3,7 +3,7 @@
 import { putSolutions, solutionsOf } from "./blocks.js";
 import { filled, zeroMatrix } from "./matrix.js";
 
-export class Gauge {
+export class ContactKinematics {
   /** `scene` evaluates; `scene.data.laws` says where the quantities of the laws stand among the registers. */
   constructor(scene) {
     const own = scene.data.laws;
@@ -49,7 +49,7 @@ export class Gauge {
     const { scene, own, count } = this;
     const { w } = scene;
     this.hold();
-    scene.evaluate(scene.functions.gauge, t, x);
+    scene.evaluate(scene.functions.kinematics, t, x);
     const values = (registers) => registers.map((register) => (register < 0 ? NaN : w[register]));
     const limits = (registers) => values(registers).map((v) => Math.max(v, 0));
     const found = { t, x, gap: values(own.gap), rate: values(own.rate), bias: values(own.level) };

@@ -13,7 +13,7 @@ const NO_PIVOT = 1e-10; // a pivot below this share of the largest entry of its 
  * The nearby instant at which some gaps and rates are zero. Of two gaps of one coordinate, such as those of a load that a
  * prescribed rope sets down on a floor, one is zero to rounding, the other within the errors of the integrator.
  */
-export function project(gauge, from, gaps, rates) {
+export function project(kinematics, from, gaps, rates) {
   let now = from;
   const ofGaps = indices(gaps);
   const ofRates = indices(rates);
@@ -29,10 +29,10 @@ export function project(gauge, from, gaps, rates) {
     residue = largest(value);
     const near = value.every((v, i) => Math.abs(v) <= NOT_NEARER * (terms[i] + residue));
     if (residue >= 0.5 * before && near) return now;
-    const slack = ofDrift(gauge, matrix);
+    const slack = ofDrift(kinematics, matrix);
     drifted = value.every((v, i) => Math.abs(v) <= slack[i]);
     const change = correction(matrix, value.map((v) => -v));
-    now = gauge.at(now.t, now.x.map((v, j) => v + change[j]));
+    now = kinematics.at(now.t, now.x.map((v, j) => v + change[j]));
   }
   if (drifted) return now;
   throw new Contradiction([...new Set([...ofGaps, ...ofRates])], "no states nearby satisfy them");

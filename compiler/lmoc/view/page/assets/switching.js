@@ -1,7 +1,7 @@
 // The laws of one run on its way: the mode that holds, the functions whose roots end it, and what happens there, as
 // `numerics/laws/switching.py`.
 
-import { Contradiction, Gauge } from "./instant.js";
+import { Contradiction, ContactKinematics } from "./instant.js";
 import { filled, indices } from "./matrix.js";
 import { freeMode, STILL } from "./mode.js";
 import { ofDrift, project } from "./manifold.js";
@@ -20,8 +20,8 @@ const OVERLAP_ROUNDING = 1e-12; // … and by more than what start values may be
 export class LawSwitching {
   constructor(scene) {
     this.scene = scene;
-    this.gauge = new Gauge(scene);
-    const { count } = this.gauge;
+    this.kinematics = new ContactKinematics(scene);
+    const { count } = this.kinematics;
     this.count = count;
     this.mode = freeMode(count);
     this.now = null; // where the present piece begins
@@ -33,13 +33,13 @@ export class LawSwitching {
 
   /** Have the equations hold in the present mode. */
   hold() {
-    this.gauge.hold(this.mode, this.still);
+    this.kinematics.hold(this.mode, this.still);
   }
 
   /** The functions that are positive as long as the mode holds: one a law, two for stuck friction. */
   roots(t, x) {
     const { scene, mode } = this;
-    const { own, table } = this.gauge;
+    const { own, table } = this.kinematics;
     this.second = this.stuckFriction();
     const value = (time, state) => {
       scene.evaluate(scene.functions.lawRoots, time, state);
@@ -62,13 +62,13 @@ export class LawSwitching {
   }
 
   stuckFriction() {
-    return indices(this.mode.closed.map((c, k) => c && !this.gauge.table.complementary[k]));
+    return indices(this.mode.closed.map((c, k) => c && !this.kinematics.table.complementary[k]));
   }
 
   /** What keeps functions that begin at zero, up to rounding, from being noticed at once. */
   apart(value) {
     const { now, mode, idle, touched } = this;
-    const { table } = this.gauge;
+    const { table } = this.kinematics;
     const finite = (v) => (Number.isFinite(v) ? v : 0);
     return value.map((v, row) => {
       const k = row < this.count ? row : this.second[row - this.count];
@@ -77,8 +77,8 @@ export class LawSwitching {
       const held = Math.abs(now.bias[k] / now.delassus[k][k]) + finite(now.stick[k]);
       const scale = mode.closed[k] ? finite(held) : table.unilateral[k] ? now.gapScale[k] : now.rateScale[k];
       const concerned = mode.closed[k] || touched[k] || idle[k] > 0;
-      const driven = this.gauge.own.curvedGaps[k] && touched[k] && !mode.closed[k];
-      const drifted = driven ? ofDrift(this.gauge, [now.gapSlope[k]])[0] : 0;
+      const driven = this.kinematics.own.curvedGaps[k] && touched[k] && !mode.closed[k];
+      const drifted = driven ? ofDrift(this.kinematics, [now.gapSlope[k]])[0] : 0;
       if (!concerned || !(Math.abs(v) <= Math.max(UP_TO_ROUNDING * coarser * scale, drifted))) return 0;
       return Math.max(-v, 0) + (leaves && idle[k] === 0 ? LEAVING : APART * coarser) * scale;
     });
@@ -86,7 +86,7 @@ export class LawSwitching {
 
   /** Closed laws whose gaps, and whose rates, the integrator keeps at zero within its errors alone: two masks. */
   drifting() {
-    const { own, table } = this.gauge;
+    const { own, table } = this.kinematics;
     const { closed } = this.mode;
     const gaps = closed.map((c, k) => c && own.curvedGaps[k] && table.unilateral[k] && table.degree[k] >= 1);
     return [gaps, closed.map((c, k) => c && own.curvedRates[k] && table.degree[k] === 2)];
@@ -99,11 +99,11 @@ export class LawSwitching {
    */
   kept(t, x, share = KEPT) {
     const [gaps, rates] = this.drifting();
-    const now = this.gauge.at(t, x);
+    const now = this.kinematics.at(t, x);
     const near = (chosen, values, scale) => indices(chosen).every((k) => Math.abs(values[k]) <= share * scale[k]);
     try {
       if (near(gaps, now.gap, now.gapScale) && near(rates, now.rate, now.rateScale)) return x;
-      return project(this.gauge, now, gaps, rates).x;
+      return project(this.kinematics, now, gaps, rates).x;
     } catch (failed) {
       if (!(failed instanceof Contradiction)) throw failed;
       return new Float64Array(x.length).fill(NaN);
@@ -145,25 +145,25 @@ export class LawSwitching {
 
   /** {law: what its mode is called} */
   words() {
-    const { labels, closedWords, openWords } = this.gauge.own;
+    const { labels, closedWords, openWords } = this.kinematics.own;
     return Object.fromEntries(labels.map((name, k) => [name, (this.mode.closed[k] ? closedWords : openWords)[k]]));
   }
 
   /** The names of the parts whose root functions have vanished. */
   names(which) {
     const rows = [...this.mode.closed.keys(), ...this.second].filter((_, i) => which[i]);
-    return [...new Set(rows.map((k) => this.gauge.own.names[k]))].join(", ");
+    return [...new Set(rows.map((k) => this.kinematics.own.names[k]))].join(", ");
   }
 
   take(t, x, trigger, atStart) {
     const before = this.mode;
-    const { own } = this.gauge;
-    const forms = this.gauge.rateForms(); // first: they are evaluated elsewhere than the motion is
-    const here = this.gauge.at(t, x);
+    const { own } = this.kinematics;
+    const forms = this.kinematics.rateForms(); // first: they are evaluated elsewhere than the motion is
+    const here = this.kinematics.at(t, x);
     this.refuseOverlaps(here, trigger);
     let found;
     try {
-      found = transition(this.gauge, here, before, trigger);
+      found = transition(this.kinematics, here, before, trigger);
     } catch (failed) {
       if (!(failed instanceof Contradiction)) throw failed;
       const names = [...new Set(failed.laws.map((k) => own.names[k]))].join(", ");
@@ -184,7 +184,7 @@ export class LawSwitching {
 
   /** Stop where a gap is negative that no motion has closed: start values or a jump have put it there. */
   refuseOverlaps(now, trigger) {
-    const { table, own } = this.gauge;
+    const { table, own } = this.kinematics;
     const { mode } = this;
     const concerned = indices(table.unilateral.map((u, k) => u && table.degree[k] >= 1));
     const allowed = OVERLAP * Math.max(0, ...concerned.map((k) => now.gapScale[k])) + OVERLAP_ROUNDING;
@@ -195,7 +195,7 @@ export class LawSwitching {
   }
 
   events(t, before, found, atStart) {
-    const { own } = this.gauge;
+    const { own } = this.kinematics;
     const events = [];
     const passing = (k) => before.closed[k] && found.mode.closed[k] && !found.accumulated[k];
     const alone = found.impulse.every((v, k) => v === 0 || passing(k)); // nobody else has been hit: they are the impact

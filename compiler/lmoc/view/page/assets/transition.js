@@ -23,8 +23,8 @@ const HOLDS = 1e-6; // share of what a law alone would have to hold: beyond it a
  * has come to its end, the direction in which friction among them begins to slide, and whether states have been changed
  * from outside, so that what is closed may move.
  */
-export function transition(gauge, here, mode, trigger) {
-  const { table, count } = gauge;
+export function transition(kinematics, here, mode, trigger) {
+  const { table, count } = kinematics;
   const each = (test) => Array.from({ length: count }, (_, k) => Boolean(test(k)));
   const { unilateral, degree, impulsive, contact, normal } = table;
   let now = here;
@@ -33,7 +33,7 @@ export function transition(gauge, here, mode, trigger) {
   );
   const holding = each((k) => mode.closed[k] && (!trigger.jumped || isTurning(here, k)));
   const atRest = each((k) => holding[k] || (trigger.closing[k] && isTurning(now, k)));
-  now = project(gauge, now, touching, each((k) => atRest[k] && !unilateral[k] && degree[k] === 2));
+  now = project(kinematics, now, touching, each((k) => atRest[k] && !unilateral[k] && degree[k] === 2));
   const before = now;
   const striking = each((k) => impulsive[k] && (touching[k] || !unilateral[k])); // an open ratchet may be driven back
   const sharing = each((k) => striking[k] || (contact[k] && degree[k] === 2 && striking[normal[k]]));
@@ -44,7 +44,7 @@ export function transition(gauge, here, mode, trigger) {
   if (indices(striking).some((k) => now.rate[k] < -least[k])) {
     const strike = (restitution) => {
       impact = impactAmong(table, before, sharing, restitution);
-      now = behindImpact(gauge, before, sharing, impact);
+      now = behindImpact(kinematics, before, sharing, impact);
       const later = leastRates(now);
       least = least.map((v, k) => Math.max(v, later[k]));
     };
@@ -58,7 +58,7 @@ export function transition(gauge, here, mode, trigger) {
   const settled = settledAmong(table, now, mode, candidate, trigger);
   const { closed } = settled.mode;
   const gaps = each((k) => closed[k] && unilateral[k] && degree[k] >= 1);
-  now = project(gauge, now, gaps, each((k) => closed[k] && degree[k] === 2));
+  now = project(kinematics, now, gaps, each((k) => closed[k] && degree[k] === 2));
   const impulse = filled(count, 0);
   const lost = filled(count, 0);
   if (impact !== null) {
@@ -129,10 +129,10 @@ function impactAmong(table, now, striking, restitution) {
 }
 
 /** The instant behind an impact; the ledger's components do not take part. */
-function behindImpact(gauge, now, striking, impact) {
+function behindImpact(kinematics, now, striking, impact) {
   const which = indices(striking);
   const change = now.response.map((row) => which.reduce((sum, k, i) => sum + row[k] * impact.impulse[i], 0));
-  return gauge.at(now.t, now.x.map((v, j) => (gauge.ledger[j] ? v : v + change[j])));
+  return kinematics.at(now.t, now.x.map((v, j) => (kinematics.ledger[j] ? v : v + change[j])));
 }
 
 /**

@@ -21,11 +21,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import SPRUNG
+from lmoc.ir.law import JENKINS
 from lmoc.ir.program import needed_steps
 from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution, solve
 from lmoc.numerics.laws.contradiction import solving
-from lmoc.numerics.laws.instant import Gauge, Instant, Mask, Table
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask, Table
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.signals.signals import sample
@@ -57,7 +57,7 @@ class Relaxed:
 
 
 class Rates:
-    """The forces of sprung friction as they follow from the states, and its velocities in a mode of the others.
+    """The forces of Jenkins friction as they follow from the states, and its velocities in a mode of the others.
 
     Parameters
     ----------
@@ -66,38 +66,40 @@ class Rates:
 
     def __init__(self, plan: Plan) -> None:
         form, place = plan.reduced.switched, plan.reduced.register_of
-        own = form.degree == SPRUNG
+        own = form.degree == JENKINS
         self.force, self.velocity = place[form.force[own]], place[form.level[own]]
         self.program = needed_steps(plan.full_program, np.concatenate([self.force, self.velocity]), plan.count)
         self.interpreter = Interpreter(self.program, plan.count)
         self.by_push = Jacobian(self.program, place[form.push[own]], self.velocity, plan.count)
 
-    def forces(self, gauge: Gauge, now: Instant) -> Array:
+    def forces(self, kinematics: ContactKinematics, now: Instant) -> Array:
         """Return the forces (k,) with all laws open."""
-        return self._filled(gauge, now, gauge.base)[self.force]
+        return self._filled(kinematics, now, kinematics.base)[self.force]
 
-    def velocities(self, gauge: Gauge, now: Instant, mode: Mode) -> tuple[Array, Array]:
+    def velocities(self, kinematics: ContactKinematics, now: Instant, mode: Mode) -> tuple[Array, Array]:
         """Return the velocities (k,) in a mode, and what rates of the forces change of them, (k, k)."""
-        base, place = gauge.base.copy(), gauge.plan.reduced.register_of
-        for variables, value in mode.inputs(gauge.form):
+        base, place = kinematics.base.copy(), kinematics.plan.reduced.register_of
+        for variables, value in mode.inputs(kinematics.form):
             base[place[variables]] = value
-        w = self._filled(gauge, now, base)
+        w = self._filled(kinematics, now, base)
         matrix = np.zeros((len(self.velocity), len(self.velocity)))
         matrix[self.by_push.rows, self.by_push.columns] = self.by_push.values(w, now.t)
         return w[self.velocity], matrix
 
-    def _filled(self, gauge: Gauge, now: Instant, base: Array) -> Array:
-        plan, w = gauge.plan, base.copy()
+    def _filled(self, kinematics: ContactKinematics, now: Instant, base: Array) -> Array:
+        plan, w = kinematics.plan, base.copy()
         w[plan.states] = now.x
         for register, (variable, order) in zip(plan.sampled, plan.samplers, strict=True):
-            w[register] = sample(gauge.signals[variable], order, np.array([now.t]))[0]
+            w[register] = sample(kinematics.signals[variable], order, np.array([now.t]))[0]
         self.interpreter.reset()
         self.interpreter.run(w, now.t)
         return w
 
 
-def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDArray[np.int64]) -> Relaxed:
-    """Bring the forces of sprung friction within their limits.
+def relax(
+    kinematics: ContactKinematics, now: Instant, mode: Mode, opening: Mask, direction: NDArray[np.int64]
+) -> Relaxed:
+    """Bring the forces of Jenkins friction within their limits.
 
     Parameters
     ----------
@@ -109,13 +111,13 @@ def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDAr
     Contradiction
         No movement of the springs does.
     """
-    table = gauge.table
-    own = np.flatnonzero(table.degree == SPRUNG)
+    table = kinematics.table
+    own = np.flatnonzero(table.degree == JENKINS)
     at_lower, at_upper, lost = np.zeros_like(opening), np.zeros_like(opening), np.zeros(len(opening))
     if not len(own):
         return Relaxed(now, at_lower, at_upper, lost)
-    rates = gauge.plan.once(Rates)
-    force = rates.forces(gauge, now)
+    rates = kinematics.plan.once(Rates)
+    force = rates.forces(kinematics, now)
     compliance = now.delassus[np.ix_(own, own)]
     released = opening[own] | ~mode.closed[own]
     pinned = np.where(opening[own] & table.dry[own], -direction[own], 0)  # begins to slide, at the limit of sliding
@@ -131,7 +133,7 @@ def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDAr
         released |= yields
         pinned = np.where(yields, found.side, pinned)
     scale = np.abs(force) + np.where(np.isfinite(upper), upper, 0.0)
-    rate = _onwards(gauge, now, own).rate[own]
+    rate = _onwards(kinematics, now, own).rate[own]
     if not _moves(compliance, rate, force + found.x, lower, upper, scale):
         with solving(own, "no rates of their forces keep them"):
             found = _jump(compliance, rate, lower - force, upper - force)
@@ -139,32 +141,32 @@ def relax(gauge: Gauge, now: Instant, mode: Mode, opening: Mask, direction: NDAr
     at_lower[own], at_upper[own] = _at_limits(force + change, lower, upper, scale)
     if change.any():
         lost[own] = -(force + 0.5 * change) * (compliance @ change)
-        now = gauge.at(now.t, now.x + _without_ledger(gauge, now.response[:, own] @ change))
+        now = kinematics.at(now.t, now.x + _without_ledger(kinematics, now.response[:, own] @ change))
     return Relaxed(now, at_lower, at_upper, np.maximum(lost, 0.0))
 
 
-def decide(gauge: Gauge, relaxed: Relaxed, mode: Mode) -> Mode:
-    """Return a mode with what sprung friction does in it: stick, or slide in which direction.
+def decide(kinematics: ContactKinematics, relaxed: Relaxed, mode: Mode) -> Mode:
+    """Return a mode with what Jenkins friction does in it: stick, or slide in which direction.
 
     Raises
     ------
     Contradiction
         No rates of the forces satisfy the laws, or they are not determined, as of frictions in a row.
     """
-    table, now = gauge.table, relaxed.now
-    sprung = table.degree == SPRUNG
-    if not sprung.any():
+    table, now = kinematics.table, relaxed.now
+    jenkins = table.degree == JENKINS
+    if not jenkins.any():
         return mode
-    own = np.flatnonzero(sprung)
+    own = np.flatnonzero(jenkins)
     at_lower, at_upper = relaxed.at_lower[own], relaxed.at_upper[own]
     onwards = np.where(now.rate[own] < 0.0, -1, 1)
     sliding = np.where(at_lower & at_upper, onwards, np.where(at_upper, -1, 1)) * (at_lower | at_upper)
     sliding[~table.dry[own]] = 0
     direction = mode.direction.copy()
     direction[own] = sliding
-    behind = _onwards(gauge, now, own)
-    others = Mode(mode.closed & ~sprung, direction, mode.implied & ~sprung, mode.push)
-    bias, matrix = gauge.plan.once(Rates).velocities(gauge, behind, others)
+    behind = _onwards(kinematics, now, own)
+    others = Mode(mode.closed & ~jenkins, direction, mode.implied & ~jenkins, mode.push)
+    bias, matrix = kinematics.plan.once(Rates).velocities(kinematics, behind, others)
     lower, upper = np.where(at_lower, 0.0, -np.inf), np.where(at_upper, 0.0, np.inf)
     with solving(own, "no rates of their forces keep them"):
         found = solve(matrix, bias, lower, upper, np.where(at_upper, UPPER, np.where(at_lower, LOWER, FREE)))
@@ -172,7 +174,7 @@ def decide(gauge: Gauge, relaxed: Relaxed, mode: Mode) -> Mode:
     closed = mode.closed.copy()
     closed[own] = stuck
     direction[own] = np.where(stuck, 0, sliding)
-    return Mode(closed, direction, mode.implied & ~sprung, np.where(sprung, 0.0, mode.push))
+    return Mode(closed, direction, mode.implied & ~jenkins, np.where(jenkins, 0.0, mode.push))
 
 
 def _limits(table: Table, now: Instant, own: NDArray[np.int64], slides: Mask) -> tuple[Array, Array]:
@@ -182,11 +184,11 @@ def _limits(table: Table, now: Instant, own: NDArray[np.int64], slides: Mask) ->
     return np.where(table.complementary[own], 0.0, -upper), upper
 
 
-def _onwards(gauge: Gauge, now: Instant, own: NDArray[np.int64]) -> Instant:
+def _onwards(kinematics: ContactKinematics, now: Instant, own: NDArray[np.int64]) -> Instant:
     """Return an instant at which velocities that are prescribed and just turn have their new signs."""
     if (np.abs(now.rate[own]) > _SHORTLY * now.rate_scale[own]).any():
         return now
-    return gauge.at(now.t + _SHORTLY * max(1.0, abs(now.t)), now.x)
+    return kinematics.at(now.t + _SHORTLY * max(1.0, abs(now.t)), now.x)
 
 
 def _at_limits(force: Array, lower: Array, upper: Array, scale: Array) -> tuple[Mask, Mask]:
@@ -218,6 +220,6 @@ def _jump(compliance: Array, rate: Array, least: Array, most: Array) -> Solution
     return replace(found, x=change)
 
 
-def _without_ledger(gauge: Gauge, change: Array) -> Array:
-    change[gauge.plan.ledger] = 0.0
+def _without_ledger(kinematics: ContactKinematics, change: Array) -> Array:
+    change[kinematics.plan.ledger] = 0.0
     return change

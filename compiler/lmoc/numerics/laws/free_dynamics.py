@@ -40,7 +40,7 @@ class Evaluate(Protocol):
 
     Returns
     -------
-    (quantities,), (laws + states, laws), (motions, states): as `OpenScene.bind` says
+    (quantities,), (laws + states, laws), (motions, states): as `FreeDynamics.bind` says
     """
 
     def __call__(self, t: float, x: Array, /) -> tuple[Array, Array, Array]: ...
@@ -91,7 +91,7 @@ def limits_of(form: Switched) -> tuple[Indices, Indices]:
     return np.concatenate(slip), np.concatenate(stick)
 
 
-class OpenScene:
+class FreeDynamics:
     """The evaluation for one plan, with signals of its kinds: made once.
 
     Attributes
@@ -197,15 +197,15 @@ class OpenScene:
         return Jacobian(self.program, self.plan.states, self.motions, self.plan.count)
 
 
-def open_scene(plan: Plan, signals: Mapping[int, Signal]) -> OpenScene:
+def free_dynamics(plan: Plan, signals: Mapping[int, Signal]) -> FreeDynamics:
     """Return the evaluation for a plan, made once."""
     made = plan.once(_kept)
     if not made:
-        made.append(OpenScene(plan, signals))
+        made.append(FreeDynamics(plan, signals))
     return made[0]
 
 
-def _kept(_: Plan) -> list[OpenScene]:
+def _kept(_: Plan) -> list[FreeDynamics]:
     """Return where that is kept."""
     return []
 
@@ -247,7 +247,7 @@ class Functions:
     sampled, samplers : registers of u, and (variable, order) of what fills them
     """
 
-    def __init__(self, scene: OpenScene) -> None:
+    def __init__(self, scene: FreeDynamics) -> None:
         plan, self.laws = scene.plan, len(scene.push)
         sampled = ~np.isin(plan.sampled, scene.push)
         self.sampled = plan.sampled[sampled]
@@ -292,7 +292,7 @@ class Functions:
 class _ByEngine:
     """The program and its derivatives by the engine, with the parameters and signals of a run."""
 
-    def __init__(self, scene: OpenScene, base: Array, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, scene: FreeDynamics, base: Array, signals: Mapping[int, Signal]) -> None:
         base = base.copy()
         base[scene.push] = 0.0
         force, state = scene.tapes
@@ -315,7 +315,7 @@ class _ByEngine:
 class Interpreted:
     """The program run by numpy, with the parameters and signals of a run."""
 
-    def __init__(self, scene: OpenScene, base: Array, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, scene: FreeDynamics, base: Array, signals: Mapping[int, Signal]) -> None:
         self.scene, self.base, self.signals = scene, base, signals
         self.interpreter = Interpreter(scene.program, scene.plan.count)
 

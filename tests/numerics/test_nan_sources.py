@@ -12,7 +12,7 @@ from lmoc.expression.dag import function, if_, lift, rebuild, slot
 from lmoc.expression.evaluate import evaluate
 from lmoc.expression.functions import BINARY, LOGICAL, UNARY
 from lmoc.ir.program import Apply
-from lmoc.numerics.failures.losable import losable, risks
+from lmoc.numerics.failures.nan_sources import nan_sources, risks
 
 LEAVES = st.one_of(st.integers(0, 2).map(slot), st.sampled_from([-2.0, -1.0, 0.0, 0.5, 2.0, 3.0]).map(lift))
 
@@ -75,7 +75,7 @@ def test_a_quotient_is_judged_by_its_divisor_alone():
 def test_only_what_the_risks_read_is_computed():
     inertia = Apply(slot(0) / slot(1), np.array([[2, 1]]), np.array([3]))
     force = Apply(slot(0) * slot(1), np.array([[0, 1]]), np.array([2]))
-    steps, watched, count = losable((force, inertia), 4)
+    steps, watched, count = nan_sources((force, inertia), 4)
     assert len(steps) == 1 and watched.tolist() == [4] and count == 5
 
 

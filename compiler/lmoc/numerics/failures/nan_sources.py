@@ -16,7 +16,7 @@ from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, wri
 from lmoc.support.records import dataclass
 
 
-def losable(program: Program, count: int) -> tuple[Program, np.ndarray, int]:
+def nan_sources(program: Program, count: int) -> tuple[Program, np.ndarray, int]:
     """Return the registers that show whether `program` yields NaN, and the steps that fill them.
 
     Returns
@@ -57,7 +57,7 @@ class Moving:
 def moving(
     found: tuple[Program, np.ndarray, int], sources: np.ndarray, largest: int, integrated: Program = ()
 ) -> Moving:
-    """Return the part of `losable` that changes with the registers in `sources` and with the time.
+    """Return the part of `nan_sources` that changes with the registers in `sources` and with the time.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def risks(shape: Expr) -> tuple[tuple[Expr, list[int]], ...]:
     """
     found: dict[Expr, None] = {}
     for node in postorder(shape):
-        if node.args and FUNCTIONS[node.op].losable:
+        if node.args and FUNCTIONS[node.op].may_give_nan:
             risk = _inverse(node.args[1]) if FUNCTIONS[node.op].divides else node
             if not (risk.is_const or _is_polynomial(node)):
                 found[risk] = None

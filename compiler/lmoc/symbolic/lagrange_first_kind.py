@@ -34,7 +34,7 @@ _ITERATIONS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Closed:
+class FirstKind:
     """Equations of the first kind.
 
     Attributes
@@ -54,7 +54,7 @@ class Closed:
     interpreter: Interpreter
 
 
-def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
+def derive_first_kind(reduced: Reduced, values: np.ndarray) -> FirstKind | None:
     """Return the equations of a scene in all coordinates of its loops; None where there is no such form.
 
     Parameters
@@ -89,7 +89,7 @@ def derive_closed(reduced: Reduced, values: np.ndarray) -> Closed | None:
         p - sp.Add(*(m * row[i] for m, row in zip(multipliers, rows, strict=True))) for i, p in enumerate(left)
     )
     motion = Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, {}, True)
-    return Closed(motion, outline, closures, multipliers, tuple(left), interpreter)
+    return FirstKind(motion, outline, closures, multipliers, tuple(left), interpreter)
 
 
 def numbered(letter: str, count: int, flat: FlatDAE) -> tuple[sympy.Symbol, ...]:

@@ -6,8 +6,8 @@ from oracles.by_numpy import VectorSystem
 from oracles.lawful import reduced_of
 
 from lmoc.messages.diagnostics import Report
+from lmoc.numerics.laws.delassus_update import DelassusUpdate, updatable
 from lmoc.numerics.laws.switching import all_open
-from lmoc.numerics.laws.updated import UpdatedSystem, updatable
 from lmoc.numerics.plan.plan import build_plan
 from lmoc.numerics.signals.signals import Constant, bind_signals
 
@@ -54,7 +54,7 @@ def test_a_mode_has_the_rates_of_the_switched_form(seed):
     signals |= {int(v): Constant(float(d)) for v, d in zip(form.direction, direction, strict=True) if v >= 0}
     update = updatable(plan, signals)
     assert update is not None
-    switched, updated = VectorSystem(plan), UpdatedSystem(plan, update)
+    switched, updated = VectorSystem(plan), DelassusUpdate(plan, update)
     x, found = dice.uniform(-1, 1, len(plan.states)), np.empty((2, len(plan.states)))
     for own, system in zip(found, (switched, updated), strict=True):
         system.prepare(plan.base(values, signals), signals)
@@ -70,7 +70,7 @@ def test_a_matrix_that_changes_on_the_way_is_not_inverted_once():
 
 def test_steps_are_those_of_a_system():
     plan, signals, values = prepared(CHAIN)
-    system = UpdatedSystem(plan, updatable(plan, signals))
+    system = DelassusUpdate(plan, updatable(plan, signals))
     system.prepare(plan.base(values, signals), signals)
     x, k = np.linspace(0, 1, len(plan.states)), np.empty(len(plan.states))
     stepper = system.stepper()

@@ -18,11 +18,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import NONE, SPRUNG
+from lmoc.ir.law import JENKINS, NONE
 from lmoc.numerics.evaluate.casadi_stepper import CasadiStepper
 from lmoc.numerics.evaluate.casadi_system import Buffered
 from lmoc.numerics.laws.bound_function import BoundFunction
-from lmoc.numerics.laws.open_scene import OpenScene, open_scene
+from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics
 from lmoc.numerics.observe.slices import Evaluate
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.stepper import Stepper
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 MOST_LAWS = 400  # with more, products with full matrices cost more than a sparse block
 
 
-def updatable(plan: Plan, signals: Mapping[int, Signal]) -> Update | None:
+def updatable(plan: Plan, signals: Mapping[int, Signal]) -> ModeFunctions | None:
     """Return the update of a plan's free scene, made once; None where the scene is not of that kind."""
     made = plan.once(_kept)
     if not made:
@@ -42,27 +42,27 @@ def updatable(plan: Plan, signals: Mapping[int, Signal]) -> Update | None:
     return made[0]
 
 
-def _kept(_: Plan) -> list[Update | None]:
+def _kept(_: Plan) -> list[ModeFunctions | None]:
     """Return where that is kept."""
     return []
 
 
-def _update_of(plan: Plan, signals: Mapping[int, Signal]) -> Update | None:
+def _update_of(plan: Plan, signals: Mapping[int, Signal]) -> ModeFunctions | None:
     form = plan.reduced.switched
-    if form is None or plan.reduced.free is None or form.count > MOST_LAWS or (form.degree == SPRUNG).any():
+    if form is None or plan.reduced.free is None or form.count > MOST_LAWS or (form.degree == JENKINS).any():
         return None
     held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
     constant = {variable for _, variable in plan.constants}
     if not constant.issuperset(held.tolist()) or any(laws.normal is not None for laws in form.laws):
         return None  # forces that time stepping fills, friction whose limit is another force
-    scene = open_scene(plan, signals)
+    scene = free_dynamics(plan, signals)
     if scene.plan is plan or scene.functions is None or not scene.functions.has_constant_matrix:
         return None
-    return Update(scene)
+    return ModeFunctions(scene)
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class LawRegisters:
     """Registers of the switched form, an entry for each law; -1 for none."""
 
     closed: NDArray[np.int64]
@@ -71,21 +71,21 @@ class Places:
     slip: NDArray[np.int64]
 
 
-class Update:
+class ModeFunctions:
     """The functions ``(t, x, p, u)`` of the modes of a scene.
 
     Attributes
     ----------
     rates : the derivatives of the states
-    reading : the registers `OpenScene.values` with all laws open, then the forces of the mode
+    reading : the registers `FreeDynamics.values` with all laws open, then the forces of the mode
     """
 
-    def __init__(self, scene: OpenScene) -> None:
+    def __init__(self, scene: FreeDynamics) -> None:
         self.scene, self.laws = scene, len(scene.push)
         form, register = scene.switched.reduced.switched, scene.switched.reduced.register_of
         limits = scene.quantities.registers[3]
         slip = np.where(limits >= 0, NONE, scene.quantities.variables[3])  # those that the function does not give
-        self.places = Places(
+        self.places = LawRegisters(
             *(np.where(v == NONE, NONE, register[v]) for v in (form.closed, form.push, form.direction, slip))
         )
         self._delassus: tuple[bytes, Array] | None = None
@@ -166,13 +166,13 @@ def inverted(delassus: Array, closed: NDArray[np.bool_]) -> tuple[Array, Array]:
     return matrix.T.ravel(), inverse.T.ravel()
 
 
-class UpdatedSystem(System):
+class DelassusUpdate(System):
     """The free scene with the forces of the mode."""
 
     description = "casadi, updated"
     most_steps = 5_000
 
-    def __init__(self, plan: Plan, update: Update) -> None:
+    def __init__(self, plan: Plan, update: ModeFunctions) -> None:
         super().__init__(plan)
         self.update = update
         self.t, self.x, self.p = np.zeros(1), np.zeros(self.n), np.zeros(update.size)
