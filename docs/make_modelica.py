@@ -32,15 +32,15 @@ published results.
 """
 
 
-def programs() -> Iterator[tuple[str, str, str]]:
-    """(clause, construct, expectation) of each program."""
+def programs() -> Iterator[tuple[str, str, str, str]]:
+    """(clause, construct, expectation, text) of each program."""
     for path in sorted(PROGRAMS.glob("*.txt")):
         joined = re.sub(r"\n[ \t]+", " ", path.read_text(encoding="utf-8"))
         for line in joined.splitlines():
             if line.strip() and not line.startswith("#"):
-                name, expected, _ = line.split(" | ", 2)
+                name, expected, text = line.split(" | ", 2)
                 clause, construct = name.strip().split(" ", 1)
-                yield clause, construct, expected.strip()
+                yield clause, construct, expected.strip(), text.strip()
 
 
 def page() -> str:
@@ -53,7 +53,7 @@ def page() -> str:
         if rows:
             lines += [f"## {chapter} {title}", "", f"{len(rows)} programs, of which {len(refused)} are refused.", ""]
             lines += ["| clause | construct | result |", "| --- | --- | --- |"]
-            lines += [f"| {clause} | {construct} | {expected} |" for clause, construct, expected in rows]
+            lines += [f"| {clause} | {construct} | {expected} |" for clause, construct, expected, _ in rows]
             lines += [""]
     return "\n".join(lines).rstrip() + "\n"
 

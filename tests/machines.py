@@ -30,6 +30,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+from oracles.models import PARALLELOGRAM, STIFF  # noqa: E402
 from oracles.outcomes import Answer, Case  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
@@ -43,24 +44,6 @@ FLAGS = {  # of a kernel's processor in /proc/cpuinfo
 BUSY = 4  # processes
 AGAIN = (1e-4, 1e-6, 1e-9)
 
-PARALLELOGRAM = """model Parallelogram "three bars of 1 m and 1 kg, from the upright with 1 m/s"
-  import Planar.*;
-  constant Real up(unit = "rad") = 1.5707963267948966;
-  inner World world;
-  Ground left, right(x = 1);
-  Revolute first(phi(start = up, fixed = true), omega(start = 1, fixed = true)), second(phi(start = up));
-  Revolute third(phi(start = -up)), fourth;
-  Bar crank(l = 1, m = 1), coupler(l = 1, m = 1), rocker(l = 1, m = 1);
-equation
-  connect(left.frame, first.a);
-  connect(first.b, crank.a);
-  connect(crank.b, third.a);
-  connect(third.b, coupler.a);
-  connect(coupler.b, fourth.a);
-  connect(fourth.b, rocker.b);
-  connect(rocker.a, second.b);
-  connect(right.frame, second.a);
-end Parallelogram;"""
 TOGETHER = """model Together "A state event at each tick of a clock"
   Real x(start = 0, fixed = true);
   Integer n(start = 0, fixed = true), k(start = 0, fixed = true), c;
@@ -71,14 +54,6 @@ equation
   when change(c) then k = pre(k) + n; end when;
   annotation(experiment(StopTime = 1.1));
 end Together;"""
-STIFF = """model Stiff "two masses, stiffness ratio 1e6, damped"
-  Fixed wall; Spring s1(k = 1e6); Damper d1(c = 400); Mass m1(m = 1, q(start = 1e-3, fixed = true), v(fixed = true));
-  Spring s2(k = 2); Mass m2(m = 1, q(start = 1, fixed = true), v(fixed = true));
-  output Real y = m2.q;
-equation
-  connect(wall.flange, s1.a); connect(wall.flange, d1.a); connect(s1.b, m1.flange); connect(d1.b, m1.flange);
-  connect(m1.flange, s2.a); connect(s2.b, m2.flange);
-end Stiff;"""
 UNEVEN = {  # chaotic ones, and others whose time on a machine would be for little: how long they are run
     "classic/pleiades": 0.5, "planar/double_pendulum": 2.0, "failures/drift": 1.0, "hard/h13_stiffness_ratio": 0.05,
     "hard/h28b_stiff_mount": 0.5, "hard/h14_plucked_string": 0.1, "failures/sign_friction": None,

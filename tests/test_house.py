@@ -54,7 +54,7 @@ INSIDE = {
     ),
     "numerics": (
         "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe", "laws", "steps",
-        "coordinates", "failures", "formulations", "events", "task", "start", "run",
+        "coordinates", "failures", "formulations", "events", "task", "start", "run", "lanes",
     ),
     "view": ("javascript", "scene", "page", "bodies", "drawing"),
 }  # fmt: skip

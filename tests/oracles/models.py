@@ -9,3 +9,29 @@ CONNECTED_SLIDER_CRANK = """\
   connect(gudgeon.a, slider.frame);
   connect(ground.frame, line.a);
   connect(line.b, slider.frame);"""
+PARALLELOGRAM = """model Parallelogram "three bars of 1 m and 1 kg, from the upright with 1 m/s"
+  import Planar.*;
+  constant Real up(unit = "rad") = 1.5707963267948966;
+  inner World world;
+  Ground left, right(x = 1);
+  Revolute first(phi(start = up, fixed = true), omega(start = 1, fixed = true)), second(phi(start = up));
+  Revolute third(phi(start = -up)), fourth;
+  Bar crank(l = 1, m = 1), coupler(l = 1, m = 1), rocker(l = 1, m = 1);
+equation
+  connect(left.frame, first.a);
+  connect(first.b, crank.a);
+  connect(crank.b, third.a);
+  connect(third.b, coupler.a);
+  connect(coupler.b, fourth.a);
+  connect(fourth.b, rocker.b);
+  connect(rocker.a, second.b);
+  connect(right.frame, second.a);
+end Parallelogram;"""
+STIFF = """model Stiff "two masses, stiffness ratio 1e6, damped"
+  Fixed wall; Spring s1(k = 1e6); Damper d1(c = 400); Mass m1(m = 1, q(start = 1e-3, fixed = true), v(fixed = true));
+  Spring s2(k = 2); Mass m2(m = 1, q(start = 1, fixed = true), v(fixed = true));
+  output Real y = m2.q;
+equation
+  connect(wall.flange, s1.a); connect(wall.flange, d1.a); connect(s1.b, m1.flange); connect(d1.b, m1.flange);
+  connect(m1.flange, s2.a); connect(s2.b, m2.flange);
+end Stiff;"""

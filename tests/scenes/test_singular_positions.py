@@ -2,31 +2,13 @@
 
 import numpy as np
 import pytest
-from oracles.models import CONNECTED_SLIDER_CRANK
+from oracles.models import CONNECTED_SLIDER_CRANK, PARALLELOGRAM
 from scipy.integrate import solve_ivp
 
 import lmoc
 from lmoc.engine.compiler import find_compiler
 
 G = 9.81
-PARALLELOGRAM = """model Parallelogram "three bars of 1 m and 1 kg, from the upright with 1 m/s"
-  import Planar.*;
-  constant Real up(unit = "rad") = 1.5707963267948966;
-  inner World world;
-  Ground left, right(x = 1);
-  Revolute first(phi(start = up, fixed = true), omega(start = 1, fixed = true)), second(phi(start = up));
-  Revolute third(phi(start = -up)), fourth;
-  Bar crank(l = 1, m = 1), coupler(l = 1, m = 1), rocker(l = 1, m = 1);
-equation
-  connect(left.frame, first.a);
-  connect(first.b, crank.a);
-  connect(crank.b, third.a);
-  connect(third.b, coupler.a);
-  connect(coupler.b, fourth.a);
-  connect(fourth.b, rocker.b);
-  connect(rocker.a, second.b);
-  connect(right.frame, second.a);
-end Parallelogram;"""
 ISOSCELES = """model Isosceles "a slider crank whose crank is as long as its rod"
   import Planar.*;
   inner World world(g = 0);

@@ -13,29 +13,29 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
 import lmoc
 
-FOLDER = Path(__file__).parent.parent / "data" / "specification"
 _CLASS = re.compile(r"end (?!when|for|if|while)\w+;$")
 _VALUE = re.compile(r"([\w.\[\],']+?)(?:\((\S+?)\))? = (\S+)")
 
 
-def programs() -> Iterator[tuple[str, str, str]]:
-    """(clause, expectation, text) of each program."""
-    for path in sorted(FOLDER.glob("*.txt")):
-        joined = re.sub(r"\n[ \t]+", " ", path.read_text(encoding="utf-8"))
-        for line in joined.splitlines():
-            if line.strip() and not line.startswith("#"):
-                clause, expected, text = line.split(" | ", 2)
-                yield clause.strip(), expected.strip(), text.strip()
+def _page():
+    """The script that writes the page: it reads the programs."""
+    spec = importlib.util.spec_from_file_location("make_modelica", ROOT / "docs" / "make_modelica.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-@pytest.mark.parametrize(("clause", "expected", "text"), list(programs()), ids=[p[0] for p in programs()])
+PAGE = _page()
+PROGRAMS = [(f"{clause} {construct}", expected, text) for clause, construct, expected, text in PAGE.programs()]
+
+
+@pytest.mark.parametrize(("clause", "expected", "text"), PROGRAMS, ids=[p[0] for p in PROGRAMS])
 def test_a_construct(clause: str, expected: str, text: str) -> None:
     if not _CLASS.search(text):
         text = f"model M {text} end M;"
@@ -55,8 +55,4 @@ def test_a_construct(clause: str, expected: str, text: str) -> None:
 
 
 def test_the_page_is_made_of_these_programs() -> None:
-    root = FOLDER.parent.parent.parent
-    spec = importlib.util.spec_from_file_location("make_modelica", root / "docs" / "make_modelica.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    assert (root / "docs" / "modelica.md").read_text(encoding="utf-8") == module.page(), "python docs/make_modelica.py"
+    assert (ROOT / "docs" / "modelica.md").read_text(encoding="utf-8") == PAGE.page(), "python docs/make_modelica.py"

@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles.models import STIFF
 
 import lmoc
 from lmoc.cli.chart import tolerances
@@ -265,16 +266,6 @@ def test_a_quick_chart_ends_where_its_reference_can_follow():
     chart = lmoc.compile_text(text).chart(["auto", "dop853"], rtols=[1e-6], quick=True)
     assert "to be quick, only until" in chart.note and chart.reference.uncertainty < 1e-8
     assert chart.points[0].ok and chart.points[0].error < 1e-4
-
-
-STIFF = """model Stiff "two masses, stiffness ratio 1e6, damped"
-  Fixed wall; Spring s1(k = 1e6); Damper d1(c = 400); Mass m1(m = 1, q(start = 1e-3, fixed = true), v(fixed = true));
-  Spring s2(k = 2); Mass m2(m = 1, q(start = 1, fixed = true), v(fixed = true));
-  output Real y = m2.q;
-equation
-  connect(wall.flange, s1.a); connect(wall.flange, d1.a); connect(s1.b, m1.flange); connect(d1.b, m1.flange);
-  connect(m1.flange, s2.a); connect(s2.b, m2.flange);
-end Stiff;"""
 
 
 @pytest.mark.parametrize("text", [STIFF, OSCILLATOR.replace("StopTime = 5", "StopTime = 2000")])

@@ -34,6 +34,10 @@ _FUNCTIONS = {
     "lmoc_recurrences": (ctypes.c_char_p, []),
     "lmoc_taylor_series": (_INT, [_POINTER, _REAL, _POINTER, _POINTER]),
     "lmoc_taylor_walk": (_INT, [_POINTER, _POINTER]),
+    "lmoc_first_trial": (_REAL, [_COUNT, *[_REAL] * 4, *[_POINTER] * 3]),
+    "lmoc_first_step": (_REAL, [_COUNT, *[_REAL] * 3, *[_POINTER] * 4]),
+    "lmoc_lanes_walk": (None, [_POINTER, _COUNT, _POINTER]),
+    "lmoc_lanes_differences": (None, [_POINTER, _COUNT, *[_POINTER] * 3]),
     "lmoc_taylor_values": (None, [_COUNT, _COUNT, _COUNT, *[_POINTER] * 3]),
 }
 

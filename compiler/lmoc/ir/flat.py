@@ -7,7 +7,7 @@ chain of three. Names are made on demand.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from enum import IntEnum
 from functools import cached_property
@@ -142,11 +142,14 @@ class Assignments:
     numbers: np.ndarray | None = None  # (n,) the right-hand sides where they are plain numbers; the shape is then NaN
 
     def values(self, known: np.ndarray, time: float = np.nan) -> np.ndarray:
-        """The right-hand sides as an array (n,), given the values of all variables."""
+        """The right-hand sides as an array (n,), given the values of all variables.
+
+        Of many runs, (n, runs) where the values are (variables, runs), or (n, 1) where they are the same in all.
+        """
         if self.numbers is not None:
-            return self.numbers
+            return self.numbers if known.ndim == 1 else self.numbers[:, None]
         result = np.asarray(evaluate(self.shape, lambda k, _: known[self.slots[:, k]], time), float)
-        return result if result.ndim else np.full(self.target.shape, result)
+        return result if result.ndim else np.full((len(self.target), *[1] * (known.ndim - 1)), result)
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,6 +401,23 @@ class FlatDAE:
         overrides = overrides or {}
         given = np.fromiter(overrides.keys(), int, len(overrides))
         numbers = np.fromiter(overrides.values(), float, len(overrides))
+        return self._bound(values, dependent, given, numbers)
+
+    def parameter_values_of_runs(self, given: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Return the values (variables, runs) of many runs, as `parameter_values` of each.
+
+        Parameters
+        ----------
+        given : (k,) variables in place of whose bindings there are values
+        numbers : (k, runs)
+        """
+        literal, dependent = self._parameter_bindings
+        return self._bound(np.repeat(literal[:, None], numbers.shape[1], axis=1), dependent, given, numbers)
+
+    @staticmethod
+    def _bound(
+        values: np.ndarray, dependent: Sequence[Assignments], given: np.ndarray, numbers: np.ndarray
+    ) -> np.ndarray:
         values[given] = numbers
         for a in dependent:
             values[a.target] = a.values(values)

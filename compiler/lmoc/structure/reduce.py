@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -151,4 +151,22 @@ def _start(selection: Selection) -> list[Guard]:
     changing = selection.start is not None and selection.system.flat.starts
     if not changing or not determined_at_start(selection.tied, selection.c, selection.d, selection.choice):
         return []
-    return [Guard(selection.startable, "the other coordinates follow from the states at the start")]
+    return [Guard(_Startable(selection).holds, "the other coordinates follow from the states at the start")]
+
+
+class _Startable:
+    """Whether the other coordinates follow from the states where a run starts.
+
+    Where what is divided by never changes along a motion, as in a tree of joints, they follow from them at all places,
+    and nobody has to look for the start: the other guards say for which parameters.
+    """
+
+    def __init__(self, selection: Selection) -> None:
+        self.selection = selection
+
+    @cached_property
+    def follow_everywhere(self) -> bool:
+        return changing_constraints(self.selection, 0) is None
+
+    def holds(self, values: np.ndarray) -> bool:
+        return self.follow_everywhere or self.selection.startable(values)

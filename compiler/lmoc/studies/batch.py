@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from lmoc.simulation import Request
 from lmoc.studies import workers as sharing
 from lmoc.studies.ensemble import Chunk, Ensemble, joined
 from lmoc.studies.job import Job
+from lmoc.studies.lanes import rows_in_lanes
 from lmoc.studies.rows import Row, reason_of, row_of
 
 if TYPE_CHECKING:
@@ -28,12 +29,18 @@ if TYPE_CHECKING:
 
 _SECONDS = 0.5  # of work in a chunk, about
 _LARGEST = 4096  # rows of a chunk
+_NUMBERS = 1_000_000  # states at output times in a chunk that is made in C
 Progress = Callable[[int, int], None]  # (runs done, runs in all)
 
 
 def run_rows(job: Job, rows: Sequence[int]) -> Chunk:
-    """Make some of the runs."""
-    return _packed(job, [_run_row(job, row) for row in rows])
+    """Make some of the runs: in C as far as that goes, the others one by one."""
+    return _rows(job, rows, rows_in_lanes(job, rows))
+
+
+def _rows(job: Job, rows: Sequence[int], done: Mapping[int, Mapping[str, np.ndarray]]) -> Chunk:
+    """Return rows, those that are done and the others."""
+    return _packed(job, [Row(done[row], "", ()) if row in done else _run_row(job, row) for row in rows])
 
 
 def _run_row(job: Job, row: int) -> Row:
@@ -89,8 +96,11 @@ def run(job: Job, workers: Any = None, store: Store | None = None, progress: Pro
         size = store.size
     else:  # what a run costs is seen from the first one
         began = clock.perf_counter()
-        chunks[0] = run_rows(job, [0])
+        done_in_c = rows_in_lanes(job, [0])
+        chunks[0] = _rows(job, [0], done_in_c)
         size = int(min(max(_SECONDS / (clock.perf_counter() - began), 1), _LARGEST))
+        if done_in_c:  # what is started together costs little more than one
+            size = max(1, min(_LARGEST, _NUMBERS // (len(job.times) * max(1, len(job.session.reduced.states)))))
         size = max(1, min(size, -(-count // (4 * (threads or 1)))))
     starts = [0, *range(1, count, size)] if store is None else list(range(0, count, size))
     ends = [*starts[1:], count]

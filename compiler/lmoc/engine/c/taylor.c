@@ -1,19 +1,13 @@
 /* Steps along Taylor series: their length, their ends, output within them, many at a time. */
 
-#include "series.h"
+#include "taylor.h"
 
 #define N_SERIES LMOC_LENGTH
 #define LOOKS 4    /* places at which coordinates are looked at in a step (`steps/taylor.py`) */
 #define ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
 
-typedef struct {
-  lmoc_call *call;
-  const lmoc_series *series;
-  int64_t order;
-} taylor;
-
 /* Coefficients 0 … order of the states at (time, x) into q, (n, N_SERIES). */
-int lmoc_taylor_series(const taylor *y, double time, const double *x, double *q) {
+int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q) {
   lmoc_call *c = y->call;
   const lmoc_series *r = y->series;
   double *s = r->s, check = 0;
@@ -69,20 +63,8 @@ static double defect(int64_t n, int64_t order, double h, double rtol, const doub
   return worst;
 }
 
-/* A way of many steps. `next` is the series that begins at `time`, `q` that of the last step, from `before`. */
-typedef struct {
-  double time, before, end, longest, length, rtol;
-  const double *atol;
-  double *q, *next, *x, *between;
-  int64_t steps, most, tries;        /* steps in this call, at most in this call; and tried */
-  const double *times;               /* output times ahead … */
-  double *out;                       /* … and the states at them, as far as there is room */
-  int64_t outputs, reached, room;
-  const lmoc_step_hook *hook;             /* or 0 */
-} way;
-
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
-static int keeps(const taylor *y, const way *s, double h, double reached, const double *x) {
+static int keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reached, const double *x) {
   const lmoc_step_hook *hook = s->hook;
   const int64_t least = hook->land ? 1 : LOOKS;
   for (int64_t pieces = least; pieces <= (hook->pieces < least ? least : hook->pieces); pieces *= 2) {
@@ -99,7 +81,7 @@ static int keeps(const taylor *y, const way *s, double h, double reached, const 
 
 /* One step along `next`; the series that begins at its end into `q`. Returns 0; SHORT where no step is short enough,
    LOST where there is no value beyond, DOUBTFUL where the closures have to be looked at more closely. */
-static int step(const taylor *y, way *s) {
+static int step(const lmoc_taylor *y, lmoc_way *s) {
   const int64_t n = y->call->n;
   double h = fmin(fmin(0.9 * length(n, y->order, s->rtol, s->atol, s->next), s->longest), s->end - s->time);
   for (;; s->tries++) {
@@ -131,7 +113,7 @@ void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h
 }
 
 /* The states at the output times that the last step has reached. Returns whether there was room for them. */
-static int output(const taylor *y, way *s) {
+static int output(const lmoc_taylor *y, lmoc_way *s) {
   const int64_t n = y->call->n;
   for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++) {
     if (s->reached == s->room) return 0;
@@ -142,7 +124,7 @@ static int output(const taylor *y, way *s) {
 
 /* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
    Returns what that has; `x` is the state at `time`. */
-int lmoc_taylor_walk(const taylor *y, way *s) {
+int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_way *s) {
   const int64_t n = y->call->n;
   int found = 0;
   s->steps = s->tries = s->reached = 0;

@@ -34,7 +34,7 @@ class _Rules(ctypes.Structure):
     _fields_ = [(name, ctypes.c_double) for name in vars(RULES)]
 
 
-class _Steps(ctypes.Structure):
+class Steps(ctypes.Structure):
     """The state of the method (``steps`` in ``engine/c/walk.c``)."""
 
     _fields_ = [
@@ -73,11 +73,16 @@ class EngineStepper(Stepper):
         fixed = (weights(), nodes(), self.atol, self.k, self._last, self.result)
         self._at = [a.ctypes.data for a in fixed]  # asking numpy for an address takes as long as a small evaluation
         self._x, self._x_new = self._now.ctypes.data, self._new.ctypes.data
-        self._steps: _Steps | None = None
+        self._steps: Steps | None = None
 
     @property
     def walker(self) -> EngineStepper | None:
         return None if self.system.samplers else self
+
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """Where the state stands, and the new one."""
+        return self._x, self._x_new
 
     def start(self, t, x, rtol, atol) -> None:
         self.x[:], self.atol[:], self.rtol = x, atol, float(rtol)
@@ -113,7 +118,7 @@ class EngineStepper(Stepper):
 
     def walk(self, kept, given, times, out) -> Walked:
         self.system.note_work()
-        steps = self._steps = self._made() if self._steps is None else self._steps
+        steps = self._steps = self.steps() if self._steps is None else self._steps
         steps.x, steps.x_new, steps.rtol = self._x, self._x_new, self.rtol
         steps.times, steps.out, steps.outputs, steps.room = times.ctypes.data, out.ctypes.data, len(times), len(out)
         for name, value in (*kept.items(), *given.items()):
@@ -124,12 +129,12 @@ class EngineStepper(Stepper):
         self.system.evaluations += steps.evaluations
         return Walked(found, steps.steps, steps.rejected, steps.reached)
 
-    def _made(self) -> _Steps:
-        """The state with the arrays that stay."""
+    def steps(self) -> Steps:
+        """Return the state of the method, with the arrays that stay."""
         weights, nodes, atol, k, last, _ = self._at
         self._rules = _Rules(*vars(RULES).values())
         self._terms, self._landed = np.zeros((7, self.system.n)), np.zeros(self.system.n)
-        return _Steps(
+        return Steps(
             ctypes.pointer(self._call), ctypes.pointer(self._rules), weights, nodes,
             dense().ctypes.data, LAST_WEIGHTS.ctypes.data, atol, f=self.f.ctypes.data, k=k, last=last,
             terms=self._terms.ctypes.data, landed=self._landed.ctypes.data,

@@ -27,14 +27,14 @@ class _Series(ctypes.Structure):
     ]
 
 
-class _Taylor(ctypes.Structure):
-    """``taylor`` in ``engine/c/taylor.c``."""
+class WithSeries(ctypes.Structure):
+    """``lmoc_taylor`` in ``engine/c/taylor.h``."""
 
     _fields_ = [("call", ctypes.POINTER(Call)), ("series", ctypes.POINTER(_Series)), ("order", ctypes.c_int64)]
 
 
 class Way(ctypes.Structure):
-    """A way of many steps (``way`` in ``engine/c/taylor.c``)."""
+    """A way of many steps (``lmoc_way`` in ``engine/c/taylor.h``)."""
 
     _fields_ = [
         *[(name, ctypes.c_double) for name in ("time", "before", "end", "longest", "length", "rtol")],
@@ -78,7 +78,7 @@ class TaylorSystem(EngineSystem):
         addresses = *self._start.addresses, series.code.ctypes.data, series.source.ctypes.data
         tables = (*self._tables, series.of_register, self._coefficients)
         own = _Series(*addresses, len(series.source), series.clock, *(t.ctypes.data for t in tables))
-        self._taylor = _Taylor(ctypes.pointer(self._own), ctypes.pointer(own), 0)
+        self._taylor = WithSeries(ctypes.pointer(self._own), ctypes.pointer(own), 0)
         self._engine, self._reference = library(), ctypes.byref(self._taylor)
 
     def _kernel(self, tape: Tape) -> Kernel:
@@ -99,6 +99,16 @@ class TaylorSystem(EngineSystem):
         h, out = np.ascontiguousarray(h), np.empty((len(h), self.n))
         self._engine.lmoc_taylor_values(self.n, order, len(h), h.ctypes.data, series, out.ctypes.data)
         return out
+
+    def with_series(self, order: int) -> WithSeries:
+        """Return what C needs for series of an order; valid as long as the system lives."""
+        self._taylor.order = order
+        return self._taylor
+
+    @property
+    def start_blocks(self) -> int:
+        """Number of blocks behind the coefficients of order zero."""
+        return len(self._of.start.blocks)
 
     @staticmethod
     def way(end: float, longest: float, rtol: float) -> Way:

@@ -38,9 +38,7 @@ class Recorder:
         n = len(observer.plan.states)
         # the pages of an array that is never written to cost nothing
         self.table = np.empty((len(times), n if variables is None else len(variables)))
-        most = min(max(_SAMPLED // max(1, n), _SAMPLES[0]), _SAMPLES[1])
-        every = np.arange(0, len(times) - 1, max(1, -(-len(times) // most)))
-        self._samples = np.append(every, len(times) - 1) if len(times) else every
+        self._samples = sampled_places(len(times), n)
         self._sampled = None if variables is None else np.empty((len(self._samples), n))
 
     def __call__(self, first: int, states: np.ndarray) -> None:
@@ -79,6 +77,13 @@ class Recorder:
         """Return some output times (s,), evenly spread, and the states there (s, n)."""
         own = self._samples[self._samples < self.reached]
         return self.times[own], self.table[own] if self._sampled is None else self._sampled[: len(own)]
+
+
+def sampled_places(count: int, n: int) -> np.ndarray:
+    """Return which of so many output times are samples of a run with n states."""
+    most = min(max(_SAMPLED // max(1, n), _SAMPLES[0]), _SAMPLES[1])
+    every = np.arange(0, count - 1, max(1, -(-count // most)))
+    return np.append(every, count - 1) if count else every
 
 
 def kept_variables(flat: FlatDAE, keep: Sequence[str], energy: bool) -> np.ndarray:

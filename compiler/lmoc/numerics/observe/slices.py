@@ -16,6 +16,7 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Formula, Signal, sample
 from lmoc.numerics.solve.follow import Follower
 from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.support.sizes import DENSE
 
 if TYPE_CHECKING:
     from lmoc.numerics.solve.together import Together
@@ -169,6 +170,32 @@ class Slice:
         return evaluate
 
 
+    def across(self, base: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return values (runs, times, registers) of many runs at the same times, with the bits of single runs.
+
+        Parameters
+        ----------
+        base : (runs, registers of the plan) what does not change during a run
+        states : (runs, times, n)
+        """
+        runs, count = states.shape[:2]
+        result = np.empty((runs, count, len(self.out)))
+        own, length = base[:, self.registers], max(1, _CHUNK // max(1, count * len(self.registers)))
+        for part in (slice(a, a + length) for a in range(0, runs, length)):
+            some = own[part]
+            w = np.repeat(some.T, count, axis=1)
+            w[self.state_registers] = states[part].reshape(-1, states.shape[2])[:, self.state_columns].T
+            self._bound = None
+            self._interpreter.reset()
+            self._interpreter.run(w, np.tile(times, len(some)))
+            result[part] = w[self.out].T.reshape(len(some), count, -1)
+        return result
+
+    @cached_property
+    def suits_runs(self) -> bool:
+        """Return whether `across` has the bits of single runs: nothing is asked from Python, or solved at large."""
+        return not len(self.sampled) and runs_alike(self._program)
+
     def _interpreted(self, own: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
         """``(w, times)`` fills w (registers, times) by the interpreter that all bindings share."""
 
@@ -240,6 +267,15 @@ def signal_values(signal: Signal, times: np.ndarray, values: np.ndarray) -> np.n
         return np.broadcast_to(np.asarray(result, float), times.shape)
     value = getattr(signal, "value", None)
     return np.full(times.shape, value) if isinstance(value, float) else sample(signal, 0, times)
+
+
+def runs_alike(program: Program) -> bool:
+    """Return whether the interpreter computes many runs at once as it does one: number by number.
+
+    It keeps the factors of a constant matrix, which are those of one run.
+    """
+    blocks = [s for s in walk(program) if isinstance(s, Solve)]
+    return all(b.linear and not b.constant and b.unknowns.shape[1] <= DENSE for b in blocks)
 
 
 def _touch_guesses(step: Step, touched: np.ndarray) -> None:

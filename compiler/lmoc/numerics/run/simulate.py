@@ -73,7 +73,8 @@ class Simulator:
         task, plan, system, base = self._task(values, options, inputs, initial, None, None)
         return starting_place(task, plan, system, base, initial or {})
 
-    def _orders(self) -> np.ndarray:
+    @property
+    def orders(self) -> np.ndarray:
         """Return which derivatives of which inputs are in use, (2, k): initial equations may ask for rates as well."""
         flat, used = self.reduced.flat, self.reduced.inputs[1:]
         leaves = [n for g in flat.initial_groups for e in (g.left, g.right) for n in slots(e)]
@@ -133,7 +134,7 @@ class Simulator:
         values = self._extended(self.reduced.values if values is None else values)
         report = Report()
         span = check_options(options, self.reduced, report, initial)
-        signals = bind_signals(self.reduced.flat, inputs, report, self._orders(), (span.start, span.end))
+        signals = bind_signals(self.reduced.flat, inputs, report, self.orders, (span.start, span.end))
         report.check()
         if self.reduced.switched is not None:
             from lmoc.numerics.laws.switching import all_open

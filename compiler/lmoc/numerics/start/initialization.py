@@ -122,7 +122,17 @@ def start_guess(plan: Plan, values: np.ndarray, wanted: Targets) -> StartGuess |
     same = not wanted.given.any() and np.array_equal(values, reduced.values, equal_nan=True)
     if same or reduced.guess_at is None:
         return reduced.guess
+    if is_given(plan, wanted.variable):
+        return None
     return reduced.guess_at(values, (wanted.variable[wanted.given], wanted.value[wanted.given]))
+
+
+def is_given(plan: Plan, variables: np.ndarray) -> bool:
+    """Return whether start values are given for all states, and all else follows from these, as in a tree of joints."""
+    reduced = plan.reduced
+    if reduced.constraints is not None or reduced.invariants is not None or len(plan.once(_solved)):
+        return False
+    return bool(np.isin(reduced.states, reduced.register_of[variables]).all())
 
 
 def _solved(plan: Plan) -> np.ndarray:

@@ -16,7 +16,7 @@ The bounds come from charts of speed against accuracy over the models (`benchmar
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 import numpy as np
@@ -63,6 +63,27 @@ Integrate = Callable[[Problem, str], Outcome]
 
 
 @dataclass(frozen=True)
+class Leg:
+    """A part of a run with one method.
+
+    Attributes
+    ----------
+    name : of the method
+    factor : on the tolerances
+    most : steps; None for as many as the run may have
+    overrun : steps by which these may be exceeded where so many are expected to reach the end: where fewer lie
+        ahead than a Taylor series needs to pay, and their errors do not add up
+    shortest : s, mean length of steps below which a Taylor series gives up
+    """
+
+    name: str
+    factor: float = 1.0
+    most: int | None = None
+    overrun: int = 0
+    shortest: float = 0.0
+
+
+@dataclass(frozen=True)
 class Used:
     """The methods used in sequence, the reasons, and the stiff method that goes on behind the next break, if any."""
 
@@ -78,11 +99,22 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     ----------
     integrate : by the name of a method
     """
-    way = _Way(replace(problem, patience=patience(problem.system)), integrate)
-    reason, factor = "not stiff", 1.0
-    outcome = _begin(way)
+    way = Way(replace(problem, patience=patience(problem.system)))
+    rule = legs(way)
+    try:
+        while True:
+            leg = next(rule)
+            way.arrive(leg, integrate(way.ahead(leg), leg.name))
+    except StopIteration as end:
+        return end.value
+
+
+def legs(way: Way) -> Generator[Leg, None, tuple[Outcome, Used]]:
+    """Yield one leg of a run after the other, each when the one before has arrived; return how the run has ended."""
+    problem, reason, factor = way.problem, "not stiff", 1.0
+    outcome = yield from _begin(way)
     if outcome.status is Status.TOO_MANY_STEPS and not way.is_exhausted:
-        outcome, finer, factor = _long_way(way)
+        outcome, finer, factor = yield from _long_way(way)
         reason += finer
     if outcome.status not in _GIVEN_UP:
         return outcome, Used(tuple(way.solvers), reason)
@@ -90,29 +122,33 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     met = "stiffness" if outcome.status is Status.STIFF else outcome.status.value
     reason = f"{met} at t = {outcome.time:.4g} s, then {why}"
     if name == "dop853":  # it follows, whatever that takes
-        way.problem = problem
-        outcome, finer, _ = _long_way(way)
+        way.problem = replace(problem, patience=np.inf)
+        outcome, finer, _ = yield from _long_way(way)
         return outcome, Used(tuple(way.solvers), reason + finer, "dop853")
     factor = _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor * _calibration(problem)
-    outcome = way.go(name, factor)
+    outcome = yield from way.go(Leg(name, factor))
     return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
 
 
-def _begin(way: _Way) -> Outcome:
+Going = Generator[Leg, None, Outcome]
+
+
+def _begin(way: Way) -> Going:
     """Make the first steps: along a Taylor series where the run has paid for one, else with DOP853."""
     system, first, spent = way.problem.system, TRIAL, way.spent
     if is_better(system, np.inf if spent.series else spent.steps):
         spent.series = True
         if system.n <= _LOOKED_AT:
-            outcome = way.go("taylor", most=TRIAL, overrun=OVERRUN)
+            outcome = yield from way.go(Leg("taylor", most=TRIAL, overrun=OVERRUN))
             if outcome.status not in _GIVEN_UP:
                 return outcome
         else:  # how long its steps are shall tell whether the series gets on
             first = _COMPARED
-    return way.go("dop853", _calibration(way.problem), most=first, overrun=OVERRUN if first == TRIAL else 0)
+    overrun = OVERRUN if first == TRIAL else 0
+    return (yield from way.go(Leg("dop853", _calibration(way.problem), first, overrun)))
 
 
-def _long_way(way: _Way) -> tuple[Outcome, str, float]:
+def _long_way(way: Way) -> Generator[Leg, None, tuple[Outcome, str, float]]:
     """Go on where many steps lie ahead; also what to say of their tolerance, and the factor on it.
 
     What lies ahead is judged by the latest steps, and again when there are several times as many: those of a transient
@@ -122,9 +158,9 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
     while True:
         outcome, steps = way.outcome, way.outcome.counts["steps"]
         if steps == made:  # all have been rejected
-            return way.go("dop853", factor * _calibration(problem)), text, factor
+            return (yield from way.go(Leg("dop853", factor * _calibration(problem)))), text, factor
         mean, ahead = (outcome.time - begun) / (steps - made), problem.end - outcome.time
-        modes = Modes(problem, outcome)
+        modes = way.modes(problem, outcome)
         series = _suits_series(way, modes, mean, ahead)
         stiff = not series and _is_stiff(modes, ahead, problem.patience)
         if stiff and problem.system.plan.once(is_linear):  # so it is everywhere
@@ -138,12 +174,12 @@ def _long_way(way: _Way) -> tuple[Outcome, str, float]:
         begun, made, block = way.outcome.time, steps, block * _AGAIN
         if not 0.5 < factor / said < 2.0:
             said, text = factor, _since(way, factor, ahead / mean, series) if factor < 1.0 else ""
-        outcome = _go_on(way, factor, series, block, _SHORT * mean)
+        outcome = yield from _go_on(way, factor, series, block, _SHORT * mean)
         if outcome.status is not Status.TOO_MANY_STEPS or way.is_exhausted:
             return outcome, text, factor
 
 
-def _suits_series(way: _Way, modes: Modes, mean: float, ahead: float) -> bool:
+def _suits_series(way: Way, modes: Modes, mean: float, ahead: float) -> bool:
     """Return whether a Taylor series does what lies ahead faster than DOP853 and, where it is stiff, than BDF."""
     problem, spent = way.problem, way.spent
     if _is_stiff(modes, ahead, _series_patience(problem)):
@@ -155,23 +191,23 @@ def _suits_series(way: _Way, modes: Modes, mean: float, ahead: float) -> bool:
     return True
 
 
-def _since(way: _Way, factor: float, ahead: float, series: bool) -> str:
+def _since(way: Way, factor: float, ahead: float, series: bool) -> str:
     """Say why the tolerance is finer from here on."""
     rtol = max(way.problem.rtol * factor * (1.0 if series else _calibration(way.problem)), _FINEST)
     because = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
     return f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {because}"
 
 
-def _go_on(way: _Way, factor: float, series: bool, most: int, shortest: float) -> Outcome:
+def _go_on(way: Way, factor: float, series: bool, most: int, shortest: float) -> Going:
     """Make some steps along a Taylor series or with DOP853, which takes over where the series does not get on."""
     if series:
-        outcome = way.go("taylor", factor, most=most, overrun=OVERRUN, shortest=shortest)
+        outcome = yield from way.go(Leg("taylor", factor, most, OVERRUN, shortest))
         if outcome.status not in _GIVEN_UP:
             return outcome
-    return way.go("dop853", factor * _calibration(way.problem), most=most, overrun=OVERRUN)
+    return (yield from way.go(Leg("dop853", factor * _calibration(way.problem), most, OVERRUN)))
 
 
-class _Way:
+class Way:
     """A run on its way through several methods.
 
     Attributes
@@ -180,13 +216,15 @@ class _Way:
     outcome : where it stands
     solvers : used so far
     spent : by this run so far
+    modes : returns the modes where a problem stands
     """
 
-    def __init__(self, problem: Problem, integrate: Integrate) -> None:
-        self.problem, self.integrate = problem, integrate
+    def __init__(self, problem: Problem, modes: Callable[[Problem, Outcome], Modes] = Modes) -> None:
+        self.problem, self.modes = problem, modes
         self.outcome = Outcome(problem.t, problem.x, 0)
         self.solvers: list[str] = []
         self.spent = problem.spent.setdefault(problem.system.plan, Spent())
+        self._evaluated = 0  # before the leg under way
 
     def begin_again(self) -> None:
         """Go back to the beginning, since the first errors are felt for longest.
@@ -204,45 +242,58 @@ class _Way:
         counts = self.outcome.counts
         return counts.get("steps", 0) + counts.get("rejected", 0) >= self.problem.max_steps
 
-    def go(
-        self, name: str, factor: float = 1.0, most: int | None = None, shortest: float = 0.0, overrun: int = 0
-    ) -> Outcome:
-        """Go on with a method from where the last one has stopped.
+    def go(self, leg: Leg) -> Going:
+        """Go on with a method from where the last one has stopped."""
+        yield leg
+        return self.outcome
 
-        Parameters
-        ----------
-        factor : on the tolerances
-        most : steps
-        overrun : steps by which these may be exceeded where so many are expected to reach the end: where fewer lie
-            ahead than a Taylor series needs to pay, and their errors do not add up
-        shortest : s, mean length of steps below which a Taylor series gives up
-        """
+    def ahead(self, leg: Leg) -> Problem:
+        """Return the problem of a leg."""
         problem, before = self.problem, self.outcome
-        done, spent = before.reached, problem.system.evaluations
-        left = problem.max_steps - before.counts.get("steps", 0) - before.counts.get("rejected", 0)
-        rtol = max(problem.rtol * factor, min(problem.rtol, _FINEST))
-        later = self.integrate(
-            replace(
-                problem,
-                t=before.time,
-                x=before.x,
-                times=problem.times[done:],
-                rtol=rtol,
-                atol=problem.atol * (rtol / problem.rtol),
-                max_steps=left if most is None else min(most, left),
-                overrun=overrun if most is not None and most + overrun <= left else 0,
-                first_step=before.step if self.solvers[-1:] == [name] else np.inf,
-                shortest=shortest,
-                sink=lambda first, states: problem.sink(first + done, states),
-            ),
-            name,
+        done, self._evaluated = before.reached, problem.system.evaluations
+        rtol, atol = self.tolerances(leg)
+        most, overrun = self.steps(leg)
+        return replace(
+            problem,
+            t=before.time,
+            x=before.x,
+            times=problem.times[done:],
+            rtol=rtol,
+            atol=atol,
+            max_steps=most,
+            overrun=overrun,
+            first_step=self.first_step(leg),
+            shortest=leg.shortest,
+            sink=lambda first, states: problem.sink(first + done, states),
         )
-        name = later.solver or name
+
+    def steps(self, leg: Leg) -> tuple[int, int]:
+        """Return the steps that a leg may take, and by how many it may exceed them."""
+        counts = self.outcome.counts
+        left = self.problem.max_steps - counts.get("steps", 0) - counts.get("rejected", 0)
+        if leg.most is None:
+            return left, 0
+        return min(leg.most, left), leg.overrun if leg.most + leg.overrun <= left else 0
+
+    def tolerances(self, leg: Leg) -> tuple[float, np.ndarray]:
+        """Return the tolerances of a leg, relative and absolute (n,)."""
+        problem = self.problem
+        rtol = max(problem.rtol * leg.factor, min(problem.rtol, _FINEST))
+        return rtol, problem.atol * (rtol / problem.rtol)
+
+    def first_step(self, leg: Leg) -> float:
+        """Return the first step of a leg, s; infinity where its method is to find it."""
+        return self.outcome.step if self.solvers[-1:] == [leg.name] else np.inf
+
+    def arrive(self, leg: Leg, later: Outcome) -> None:
+        """Take the outcome of a leg."""
+        problem, before = self.problem, self.outcome
+        name = later.solver or leg.name
         if name == "dop853":
             self.spent.steps += later.counts.get("steps", 0)
-        later.reached += done
+        later.reached += before.reached
         if "evaluations" in later.counts and before.counts:  # SUNDIALS counts its own, and the system those of Python
-            later.counts["evaluations"] += spent
+            later.counts["evaluations"] += self._evaluated
         earlier = before.evaluation or problem.system.description
         if before.counts and later.evaluation and later.evaluation != earlier:
             later.evaluation = f"{earlier}, then {later.evaluation}"
@@ -250,7 +301,6 @@ class _Way:
         if self.solvers[-1:] != [name]:
             self.solvers.append(name)
         self.outcome = later
-        return later
 
 
 # ---------------------------------------------------------------------- how errors add up

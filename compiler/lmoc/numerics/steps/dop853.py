@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from lmoc.engine.library import library
 from lmoc.numerics.dop853.dense_output import DenseOutput, dense_terms, evaluate_dense, roughness
 from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.problem.base import Integration, Problem, Properties
@@ -206,20 +207,9 @@ class Dop853(Integration):
 @np.errstate(all="ignore")
 def initial_step(problem: Problem, t: float, x: np.ndarray, f: np.ndarray) -> float:
     """Return a first step size (Hairer, Nørsett, Wanner I, II.4)."""
-    system, span = problem.system, problem.end - t
-    scale = problem.atol + problem.rtol * np.abs(x)
-
-    def norm(v: np.ndarray) -> float:
-        return math.sqrt(float(np.mean((v / scale) ** 2)))
-
-    d0, d1 = norm(x), norm(f)
-    h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(max(h0, RULES.least), span, problem.max_step)  # the slope may have no finite norm
-    trial = np.empty_like(x)
-    system.rhs(t + h0, x + h0 * f, trial)
-    d2 = norm(trial - f) / h0
-    if not math.isfinite(d2):
-        return h0 * 1e-3
-    steepest = max(d1, d2)
-    h1 = max(1e-6, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** (1 / 8)
-    return min(100 * h0, h1, span)
+    system, n, span, engine = problem.system, len(x), problem.end - t, library()
+    atol, x, trial = np.ascontiguousarray(problem.atol), np.ascontiguousarray(x), np.empty(n)
+    own = atol.ctypes.data, x.ctypes.data, f.ctypes.data
+    h = engine.lmoc_first_trial(n, span, problem.max_step, RULES.least, problem.rtol, *own)
+    system.rhs(t + h, x + h * f, trial)
+    return float(engine.lmoc_first_step(n, h, span, problem.rtol, *own, trial.ctypes.data))

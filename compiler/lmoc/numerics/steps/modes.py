@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,8 @@ from lmoc.numerics.problem.base import Outcome, Problem
 EIGENVALUES = 150  # states up to which they are looked at
 _SHIFT = 6e-6  # of a state's size, for central differences: the cube root of the rounding error
 
+Differences = Callable[[Problem, Outcome], np.ndarray | None]
+
 
 class Modes:
     """The modes of the motion where a run stands, quadratures left out.
@@ -19,13 +22,20 @@ class Modes:
     exact one is computed by numpy for many scenes, and takes as long as hundreds.
     """
 
-    def __init__(self, problem: Problem, outcome: Outcome) -> None:
-        self._problem, self._outcome = problem, outcome
+    def __init__(
+        self, problem: Problem, outcome: Outcome, differences: Differences | None = None
+    ) -> None:
+        """
+        Parameters
+        ----------
+        differences : returns the Jacobian where that is made for many runs at once
+        """
+        self._problem, self._outcome, self._differences = problem, outcome, differences or _differences
 
     @cached_property
     def values(self) -> np.ndarray | None:
         """The eigenvalues (k,); None where there are too many or they are not finite."""
-        matrix = _differences(self._problem, self._outcome)
+        matrix = self._differences(self._problem, self._outcome)
         if matrix is None:
             return None
         n = self._problem.system.plan.state_count
@@ -45,12 +55,17 @@ class Modes:
         return float(np.abs(self.values[decaying]).max(initial=0.0))
 
 
+def shifts(x: np.ndarray, atol: np.ndarray, rtol: float | np.ndarray) -> np.ndarray:
+    """Return by what states are shifted for differences: parts of their sizes."""
+    return _SHIFT * np.maximum(np.abs(x), 1e3 * atol / rtol)
+
+
 def _differences(problem: Problem, outcome: Outcome) -> np.ndarray | None:
     """Return the Jacobian by central differences; None as in `Modes.values`."""
     system, t, x = problem.system, outcome.time, outcome.x
     if system.n > EIGENVALUES:
         return None
-    shift = _SHIFT * np.maximum(np.abs(x), 1e3 * problem.atol / problem.rtol)  # of the states' sizes
+    shift = shifts(x, problem.atol, problem.rtol)
     jacobian, spent = np.empty((system.n, system.n)), system.evaluations
     low, high = np.empty(system.n), np.empty(system.n)
     with np.errstate(all="ignore"):

@@ -130,7 +130,17 @@ def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:
     plan, (start, tops) = piece.observer.plan, _magnitudes(piece)
     if not len(tops):
         return False
-    return bool((tops < _LOOSE * assumed_sizes(plan, values, start, known))[~plan.ledger].any())
+    return bool(is_small(tops, assumed_sizes(plan, values, start, known), plan.ledger))
+
+
+def is_small(tops: np.ndarray, assumed: np.ndarray, ledger: np.ndarray) -> np.ndarray:
+    """Return whether some component, the ledger's (n,) left out, stays well below its assumed size.
+
+    Parameters
+    ----------
+    tops, assumed : (…, n) the largest magnitudes met, and the sizes
+    """
+    return (tops < _LOOSE * assumed)[..., ~ledger].any(axis=-1)
 
 
 def _magnitudes(piece: Piece) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,201 @@
+/* Many runs of one scene, one after the other, each with its own parameters, start, tolerances and lengths of steps. The
+   steps are those of `walk.c` and `taylor.c`, in the order in which `steps/loop.py` has them made. */
+
+#include "taylor.h"
+#include "walk.h"
+
+/* Why a leg has ended, besides what a step has: so many steps were allowed; there were so many that it has to be looked
+   at in Python whether they get on. */
+enum { ENOUGH = 5, UNSEEN = 6 };
+
+/* A part of a run with one method and one tolerance. */
+typedef struct {
+  double time, rtol, step;        /* where it stands; the first step, or infinity; then the next one */
+  int64_t most, overrun;          /* steps and rejected ones; more of them where they are expected to reach the end */
+  int64_t reached, steps, rejected, found;
+} leg;
+
+typedef struct {
+  lmoc_call *call;
+  int64_t registers, blocks, start_blocks; /* parameters of a run; blocks of the tape, and of that of a series */
+  const double *base;             /* (lanes, registers) */
+  double *x;                      /* (lanes, n) the state where it stands */
+  const double *atol;             /* (lanes, n) */
+  leg *legs;
+  double end, longest, patience;
+  int64_t goes_on;                /* whether what follows is about the lane of the last call */
+  int64_t seen;                   /* steps up to which nobody looks whether they get on */
+  const double *times;
+  int64_t outputs;
+  double *out;                    /* (lanes, outputs, n) */
+  lmoc_steps *steps;              /* DOP853; or 0 */
+  const lmoc_taylor *taylor;      /* series; or 0 */
+  lmoc_way *way;
+} lanes;
+
+static double norm(int64_t n, double rtol, const double *atol, const double *x, const double *v, const double *minus) {
+  double sum = 0;
+  for (int64_t i = 0; i < n; i++) {
+    const double q = (minus ? v[i] - minus[i] : v[i]) / (atol[i] + rtol*fabs(x[i]));
+    sum += q*q;
+  }
+  return sqrt(sum / (double)n);
+}
+
+/* A first step size (Hairer, Nørsett, Wanner I, II.4), before f has been evaluated at its end … */
+double lmoc_first_trial(int64_t n, double span, double longest, double least, double rtol, const double *atol,
+                        const double *x, const double *f) {
+  const double d0 = norm(n, rtol, atol, x, x, 0), d1 = norm(n, rtol, atol, x, f, 0);
+  double h = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01*d0/d1;
+  if (least > h) h = least;  /* the slope may have no finite norm */
+  if (span < h) h = span;
+  return longest < h ? longest : h;
+}
+
+/* … and behind that. */
+double lmoc_first_step(int64_t n, double h, double span, double rtol, const double *atol, const double *x,
+                       const double *f, const double *trial) {
+  const double d1 = norm(n, rtol, atol, x, f, 0), d2 = norm(n, rtol, atol, x, trial, f) / h;
+  if (!(d2*0 == 0)) return h * 1e-3;
+  const double steepest = d2 > d1 ? d2 : d1;
+  double first = steepest <= 1e-15 ? fmax(1e-6, h*1e-3) : pow(0.01 / steepest, 0.125);
+  if (!(100*h > first)) first = 100*h;
+  return span < first ? span : first;
+}
+
+static void forget(const lmoc_tape *t, int64_t count) {
+  for (int64_t k = 0; k < count; k++) {
+    t->blocks[k].ready = 0;
+    if (t->blocks[k].lu) lmoc_lu_forget(t->blocks[k].lu);
+  }
+}
+
+/* A run at its beginning; one that goes on alone has its registers and its order of pivots still. */
+static void prepare(const lanes *l, int64_t lane) {
+  if (l->goes_on) return;
+  memcpy(l->call->w, l->base + lane*l->registers, l->registers * sizeof(double));
+  forget(l->call->tape, l->blocks);
+  l->call->solved = l->call->marked = 0;
+  if (l->taylor) forget(l->taylor->series->start, l->start_blocks);
+  else lmoc_derivatives(l->call, l->legs[lane].time, l->x + lane*l->call->n, l->steps->f);
+}
+
+/* Steps that may still be made; 0 at the end, and where there are to be no more: `found` says why. */
+static int64_t left(const lanes *l, leg *g, double begin, int64_t *allowed) {
+  while (!g->found && g->time < l->end) {
+    const int64_t done = g->steps + g->rejected;
+    if (done >= l->seen) g->found = UNSEEN;
+    else if (done < *allowed) return *allowed < l->seen ? *allowed - done : l->seen - done;
+    else if (*allowed > g->most || !((double)g->steps*(l->end - g->time) < (double)g->overrun*(g->time - begin)))
+      g->found = ENOUGH;
+    else *allowed += g->overrun;
+  }
+  return 0;
+}
+
+static void with_dop853(const lanes *l, int64_t lane, leg *g) {
+  const int64_t n = l->call->n;
+  lmoc_steps *s = l->steps;
+  double *x = l->x + lane*n, check = 0;
+  memcpy(s->x, x, n * sizeof(double));
+  s->atol = l->atol + lane*n;
+  s->rtol = g->rtol;
+  s->end = l->end;
+  s->max_step = l->longest;
+  s->patience = l->patience;
+  s->t = s->before = s->cuts_since = g->time;
+  s->length = s->error = s->stiffness = s->stiff_count = s->calm_count = s->careful = s->cuts = 0;
+  s->pending = s->staged = s->lost = 0;
+  s->grow = s->rules->grow;
+  lmoc_derivatives(l->call, g->time, s->x, s->f);
+  for (int64_t i = 0; i < n; i++) check += s->f[i] * 0;
+  if (check != 0) {
+    g->found = LMOC_LOST;
+    return;
+  }
+  s->step_size = g->step;
+  if (!(g->step < INFINITY)) {
+    const double span = l->end - g->time;
+    const double h = lmoc_first_trial(n, span, l->longest, s->rules->least, g->rtol, s->atol, s->x, s->f);
+    for (int64_t i = 0; i < n; i++) s->x_new[i] = s->x[i] + h*s->f[i];
+    lmoc_derivatives(l->call, g->time + h, s->x_new, s->k);
+    s->step_size = lmoc_first_step(n, h, span, g->rtol, s->atol, s->x, s->f, s->k);
+  }
+  const double begin = g->time;
+  int64_t allowed = g->most;
+  while ((s->most = left(l, g, begin, &allowed)) > 0) {
+    s->times = l->times + g->reached;
+    s->outputs = s->room = l->outputs - g->reached;
+    s->out = l->out + (lane*l->outputs + g->reached)*n;
+    g->found = lmoc_dop853_walk(s);
+    g->steps += s->steps;
+    g->rejected += s->rejected;
+    g->reached += s->reached;
+    g->time = s->t;
+  }
+  g->step = s->step_size;
+  memcpy(x, s->pending ? s->x_new : s->x, n * sizeof(double));
+}
+
+static void along_series(const lanes *l, int64_t lane, leg *g) {
+  const int64_t n = l->call->n;
+  lmoc_way *s = l->way;
+  double *x = l->x + lane*n;
+  memcpy(s->x, x, n * sizeof(double));
+  s->time = s->before = g->time;
+  s->end = l->end;
+  s->longest = l->longest;
+  s->rtol = g->rtol;
+  s->atol = l->atol + lane*n;
+  if (lmoc_taylor_series(l->taylor, g->time, s->x, s->next)) {
+    g->found = LMOC_LOST;
+    return;
+  }
+  const double begin = g->time;
+  int64_t allowed = g->most;
+  while ((s->most = left(l, g, begin, &allowed)) > 0) {
+    s->times = l->times + g->reached;
+    s->outputs = s->room = l->outputs - g->reached;
+    s->out = l->out + (lane*l->outputs + g->reached)*n;
+    g->found = lmoc_taylor_walk(l->taylor, s);
+    g->steps += s->steps;
+    g->rejected += s->tries - s->steps;
+    g->reached += s->reached;
+    g->time = s->time;
+    g->step = s->length;
+  }
+  memcpy(x, s->x, n * sizeof(double));
+}
+
+/* Go on with some of the lanes, each to where its leg ends. */
+void lmoc_lanes_walk(const lanes *l, int64_t count, const int64_t *which) {
+  for (int64_t k = 0; k < count; k++) {
+    leg *g = l->legs + which[k];
+    g->steps = g->rejected = g->found = 0;
+    prepare(l, which[k]);
+    (l->taylor ? along_series : with_dop853)(l, which[k], g);
+  }
+}
+
+/* Central differences of f by the states where some of the lanes stand, with these shifts (count, n), into
+   (count, n, n). */
+void lmoc_lanes_differences(const lanes *l, int64_t count, const int64_t *which, const double *shift, double *out) {
+  const int64_t n = l->call->n;
+  double *x = l->steps->x_new, *low = l->steps->k, *high = low + n;
+  for (int64_t k = 0; k < count; k++) {
+    const double time = l->legs[which[k]].time, *own = shift + k*n;
+    double *jacobian = out + k*n*n;
+    prepare(l, which[k]);
+    memcpy(x, l->x + which[k]*n, n * sizeof(double));
+    for (int64_t j = 0; j < n; j++) {
+      const double at = x[j];
+      x[j] = at - own[j];
+      lmoc_derivatives(l->call, time, x, low);
+      x[j] = at + own[j];
+      lmoc_derivatives(l->call, time, x, high);
+      x[j] = at;
+      for (int64_t i = 0; i < n; i++) jacobian[i*n + j] = (high[i] - low[i]) / (2*own[j]);
+    }
+    lmoc_derivatives(l->call, time, x, low);  /* blocks go on from here */
+  }
+}

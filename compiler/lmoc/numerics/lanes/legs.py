@@ -1,0 +1,120 @@
+"""Legs of many runs of one scene in C: each with its own parameters, start, tolerances and steps (``c/lanes.c``)."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from lmoc.engine.kernel import Call
+from lmoc.engine.library import library
+from lmoc.lower.series import LENGTH
+from lmoc.numerics.evaluate.engine_stepper import EngineStepper, Steps
+from lmoc.numerics.evaluate.engine_system import EngineSystem
+from lmoc.numerics.evaluate.taylor_system import TaylorSystem, Way, WithSeries
+from lmoc.numerics.problem.status import Status
+
+LEG = np.dtype(
+    [
+        *((name, float) for name in ("time", "rtol", "step")),
+        *((name, np.int64) for name in ("most", "overrun", "reached", "steps", "rejected", "found")),
+    ]
+)
+FOUND = {
+    0: Status.OK, 1: Status.COLLAPSED, 2: Status.NOT_FINITE, 4: Status.STIFF, 5: Status.TOO_MANY_STEPS,
+    6: Status.CRAWLING,
+}  # fmt: skip
+_SEEN = 9_000  # steps of a leg up to which nobody looks whether they get on (`steps/loop.py`)
+
+
+class _Lanes(ctypes.Structure):
+    """``lanes`` in ``engine/c/lanes.c``."""
+
+    _fields_ = [
+        ("call", ctypes.POINTER(Call)),
+        *[(name, ctypes.c_int64) for name in ("registers", "blocks", "start_blocks")],
+        *[(name, ctypes.c_void_p) for name in ("base", "x", "atol", "legs")],
+        *[(name, ctypes.c_double) for name in ("end", "longest", "patience")],
+        *[(name, ctypes.c_int64) for name in ("goes_on", "seen")],
+        ("times", ctypes.c_void_p),
+        ("outputs", ctypes.c_int64),
+        ("out", ctypes.c_void_p),
+        ("steps", ctypes.POINTER(Steps)),
+        ("taylor", ctypes.POINTER(WithSeries)),
+        ("way", ctypes.POINTER(Way)),
+    ]
+
+
+class Legs:
+    """Runs of one scene under way.
+
+    Attributes
+    ----------
+    base : (runs, registers) what does not change during a run
+    x : (runs, n) where each stands
+    atol : (runs, n) absolute tolerances
+    state : (runs,) of `LEG`: where each stands, what its next leg may take, and how the last one has ended
+    out : (runs, times, n) states at the output times
+    """
+
+    def __init__(
+        self, system: EngineSystem, base: np.ndarray, x: np.ndarray, begin: float, end: float, times: np.ndarray,
+        longest: float, patience: float, order: int | None = None,
+    ) -> None:  # fmt: skip
+        """
+        Parameters
+        ----------
+        times : s, those of output behind the beginning
+        order : of a Taylor series; None for DOP853
+        """
+        runs, n = x.shape
+        self.base, self.x, self.times = np.ascontiguousarray(base), np.array(x), np.ascontiguousarray(times)
+        self.atol, self.state = np.empty((runs, n)), np.zeros(runs, LEG)
+        self.out = np.full((runs, len(times), n), np.nan)
+        self.state["time"], self.state["step"] = begin, np.inf
+        self._engine = library()
+        arrays = [a.ctypes.data for a in (self.base, self.x, self.atol, self.state)]
+        registers = base.shape[1], len(system.kernel.tape.blocks)
+        span = end, longest, patience, 0, _SEEN, self.times.ctypes.data, len(times), self.out.ctypes.data
+        if order is None:
+            self._stepper = EngineStepper(system)
+            steps = self._stepper.steps()
+            steps.x, steps.x_new = self._stepper.addresses
+            call = ctypes.pointer(system.shared_call())
+            self._lanes = _Lanes(call, *registers, 0, *arrays, *span, ctypes.pointer(steps), None, None)
+        else:
+            self._system = own = system.plan.once(TaylorSystem)
+            own.prepare(*system.given)
+            way, self._memory = own.way(end, longest, 0.0), np.zeros((2, n, LENGTH))
+            self._places = np.zeros((2, n))
+            way.x, way.between = (a.ctypes.data for a in self._places)
+            way.q, way.next = (a.ctypes.data for a in self._memory)
+            series, call = own.with_series(order), ctypes.pointer(own.shared_call())
+            blocks = base.shape[1], len(own.kernel.tape.blocks), own.start_blocks
+            self._lanes = _Lanes(call, *blocks, *arrays, *span, None, ctypes.pointer(series), ctypes.pointer(way))
+
+    def walk(self, which: np.ndarray, goes_on: bool = False) -> None:
+        """Make the next legs of some runs, each to where it ends.
+
+        Parameters
+        ----------
+        goes_on : whether it is the run of the last call, whose blocks keep to their order of pivots
+        """
+        chosen = np.ascontiguousarray(which, np.int64)
+        self._lanes.goes_on = goes_on
+        self._engine.lmoc_lanes_walk(ctypes.byref(self._lanes), len(chosen), chosen.ctypes.data)
+
+    def differences(self, which: np.ndarray, shift: np.ndarray, goes_on: bool = False) -> np.ndarray:
+        """Return the Jacobians (k, n, n) where k of the runs stand, from states shifted by that (k, n).
+
+        Parameters
+        ----------
+        goes_on : as in `walk`
+        """
+        chosen, shift = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(shift)
+        self._lanes.goes_on = goes_on
+        found = np.empty((len(chosen), self.x.shape[1], self.x.shape[1]))
+        self._engine.lmoc_lanes_differences(
+            ctypes.byref(self._lanes), len(chosen), chosen.ctypes.data, shift.ctypes.data, found.ctypes.data
+        )
+        return found

@@ -1,0 +1,191 @@
+"""Many runs of one scene from beginning to end: the legs that single runs would make, in C, many at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import replace
+
+import numpy as np
+
+from lmoc.numerics.evaluate.engine_system import EngineSystem
+from lmoc.numerics.lanes.legs import FOUND, Legs
+from lmoc.numerics.lanes.scene import Runs, sizes, starts, tolerances
+from lmoc.numerics.observe.recorder import Recorder, sampled_places
+from lmoc.numerics.observe.trajectory import Piece, Trajectory
+from lmoc.numerics.options.options import RunOptions, Span
+from lmoc.numerics.problem.base import Outcome, Problem, Spent
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.steps import taylor
+from lmoc.numerics.steps.automatic import Leg, Used, Way, legs, patience
+from lmoc.numerics.steps.modes import EIGENVALUES, Modes, shifts
+from lmoc.numerics.task.sizes import is_small, too_loose
+from lmoc.support import budget
+
+_TOGETHER = 64  # runs that go through C without a word from Python
+_FINEST = 1e-14  # relative tolerance
+
+
+def go(
+    runs: Runs, system: EngineSystem, options: RunOptions, span: Span, initial: dict[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the states (runs, times, n) and which runs (runs,) have come to their end as single runs would.
+
+    The others have failed, or are of a kind that Python looks at: nothing is said of them.
+    """
+    plan, begin, end = runs.plan, span.start, span.end
+    x, good = starts(runs, begin, initial)
+    rtol = options.tolerance(plan.reduced.flat.experiment)
+    atol = np.full(x.shape, np.nan)
+    if good.any():
+        atol = tolerances(runs, begin, np.where(good[:, None], x, 0.0), rtol, options.atol)
+    recorder = Recorder(runs.observer(0), span.times, None)  # which knows whether the start is an output time
+    recorder.record_start(begin, x[0])
+    first = recorder.reached
+    states = np.full((runs.count, len(span.times), x.shape[1]), np.nan)
+    states[:, :first] = x[:, None]
+    longest = np.inf if options.max_step is None else options.max_step
+    system.prepare(runs.base[0], runs.signals)
+    times = span.times[first:]
+    if end > begin:
+        if options.solver == "auto":
+            made = _automatic(runs, system, (begin, end), times, longest, options.max_steps)
+        else:
+            made = _named(runs, system, (begin, end), times, longest, options)
+        good, states[:, first:] = made(x, good, max(rtol, _FINEST), atol)
+    if options.atol is None:
+        good = good & _right_size(runs, states, span, rtol, good)
+    return states, good
+
+
+Made = Callable[[np.ndarray, np.ndarray, float, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def _named(
+    runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, longest: float, options: RunOptions
+) -> Made:
+    """Return what makes runs with one method."""
+
+    def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        order = taylor.order_for(rtol) if options.solver == "taylor" else None
+        own = Legs(system, runs.base, x, *span, times, longest, np.inf, order)
+        own.atol[:], own.state["rtol"], own.state["most"] = atol, rtol, options.max_steps
+        _walk(own, np.flatnonzero(good))
+        return good & (own.state["found"] == 0), own.out
+
+    return made
+
+
+def _walk(own: Legs, which: np.ndarray, goes_on: bool = False) -> None:
+    for a in range(0, len(which), _TOGETHER):
+        own.walk(which[a : a + _TOGETHER], goes_on)
+        budget.moved_on(f"run {a}")
+
+
+def _automatic(
+    runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, longest: float, most: int
+) -> Made:
+    """Return what makes runs by the rules of `auto`, as far as DOP853 makes them."""
+
+    def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        own = Legs(system, runs.base, x, *span, times, longest, patience(system))
+        together = _Together(own, system, Problem(
+            system, span[0], x[0], span[1], times, rtol, atol[0], lambda first, states: None,
+            max_step=longest, max_steps=most, patience=patience(system),
+        ))  # fmt: skip
+        return together.go(x, atol, good), own.out
+
+    return made
+
+
+Going = Generator[Leg, None, tuple[Outcome, Used]]
+
+
+class _Together:
+    """Runs by the rules of `auto`, each leg of all of them in one go."""
+
+    def __init__(self, own: Legs, system: EngineSystem, problem: Problem) -> None:
+        self.own, self.problem, self.n = own, problem, system.n
+        self.asked = np.zeros(0)  # absolute tolerances of the runs as a whole
+        self.jacobians: dict[int, np.ndarray] = {}  # where runs stand that are judged
+        # sparse blocks keep the order of their pivots from leg to leg
+        self.alone = any(b.pattern is not None for b in system.kernel.tape.blocks)
+
+    def go(self, x: np.ndarray, atol: np.ndarray, good: np.ndarray) -> np.ndarray:
+        """Return which of the runs have come to their end."""
+        self.asked, which = atol, np.flatnonzero(good)
+        ended = np.zeros(len(x), bool)
+        for part in which[:, None] if self.alone else (which,):
+            self._go(part.tolist(), x, ended)
+        return ended
+
+    def _go(self, part: list[int], x: np.ndarray, ended: np.ndarray) -> None:
+        """Go through all legs of some of the runs."""
+        under_way, atol, first = {}, self.asked, True
+        for k in part:
+            problem = replace(self.problem, x=x[k], atol=atol[k], spent={self.problem.system.plan: Spent()})
+            way = Way(problem, lambda p, outcome, k=k: Modes(p, outcome, lambda *_: self._jacobian(k)))
+            under_way[k] = way, legs(way)
+        asked = {k: next(rule) for k, (_, rule) in under_way.items()}
+        while asked:
+            asked = {k: leg for k, leg in asked.items() if leg.name == "dop853"}
+            for k, leg in asked.items():
+                self._set_out(k, under_way[k][0], leg)
+            which = np.array(list(asked), int)
+            _walk(self.own, which, self.alone and not first)
+            self._look_around(which)
+            asked, first = dict(self._next(asked, under_way, ended)), False
+
+    def _set_out(self, k: int, way: Way, leg: Leg) -> None:
+        own, before = self.own, way.outcome
+        state = own.state[k]
+        (rtol, own.atol[k]), own.x[k] = way.tolerances(leg), before.x
+        state["time"], state["rtol"], state["step"] = before.time, rtol, way.first_step(leg)
+        state["most"], state["overrun"] = way.steps(leg)
+        state["reached"] = before.reached
+
+    def _look_around(self, which: np.ndarray) -> None:
+        """Take the Jacobians where runs stand that are to be judged."""
+        own = self.own
+        judged = which[own.state["found"][which] == 5]
+        if len(judged) and self.n <= EIGENVALUES:
+            shift = shifts(own.x[judged], self.asked[judged], self.problem.rtol)
+            found = own.differences(judged, shift, self.alone)
+            self.jacobians = dict(zip(judged.tolist(), found, strict=True))
+
+    def _jacobian(self, k: int) -> np.ndarray | None:
+        if self.n > EIGENVALUES or not np.isfinite(self.jacobians[k]).all():
+            return None
+        return self.jacobians[k]
+
+    def _next(self, asked: dict[int, Leg], under_way: dict[int, tuple[Way, Going]], ended: np.ndarray):
+        """Yield the next legs of the runs that have arrived and go on; those that Python looks at are dropped."""
+        own = self.own
+        for k, leg in asked.items():
+            way, rule = under_way[k]
+            state = own.state[k]
+            status = FOUND[int(state["found"])]
+            if status is Status.OK:  # whatever would follow, the run has come to its end
+                ended[k] = True
+            if status is not Status.TOO_MANY_STEPS:
+                continue
+            counts = {"steps": int(state["steps"]), "rejected": int(state["rejected"])}
+            reached, time = int(state["reached"]) - way.outcome.reached, float(state["time"])
+            way.arrive(leg, Outcome(time, own.x[k].copy(), reached, status, counts, float(state["step"])))
+            following = next(rule, None)
+            if following is not None:
+                yield k, following
+
+
+def _right_size(runs: Runs, states: np.ndarray, span: Span, rtol: float, good: np.ndarray) -> np.ndarray:
+    """Return which runs are as large as their tolerances were chosen for, or cannot be followed more closely."""
+    plan = runs.plan
+    places = sampled_places(len(span.times), states.shape[2])
+    samples = states[:, places]
+    small = is_small(np.fmax.reduce(np.abs(samples), axis=1), sizes(runs, samples[:, 0]), plan.ledger) & good
+    right = ~small
+    for k in np.flatnonzero(small).tolist():
+        observer = runs.observer(k)
+        piece = Piece(observer, span.start, span.times, states[k], (span.times[places], samples[k]))
+        run = Trajectory((piece,), None, (span.end, states[k, -1]), {})
+        right[k] = too_loose(run, observer.values, {}, rtol) is None
+    return right
