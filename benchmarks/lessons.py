@@ -159,7 +159,7 @@ def bungee(points: Points) -> str:
     if coarse and fine:
         located = f": by dop853 the error falls from {coarse['error']:.0e} at 1e-3 to {fine['error']:.0e} at 1e-9"
     return (
-        f"Each of the {events} events ends a piece, and a run is mostly the search for them: {_range(points)}. The "
+        f"Each of the {events} events ends a segment, and a run is mostly the search for them: {_range(points)}. The "
         f"instants are located on dense output to the tolerance{located}."
     )
 

@@ -132,7 +132,7 @@ class Live:
 
     @property
     def _observer(self) -> Observer:
-        return self._smooth.observer if self._smooth is not None else self._run.trajectory.pieces[-1].observer
+        return self._smooth.observer if self._smooth is not None else self._run.trajectory.segments[-1].observer
 
     def _observed(self, name: str, x: np.ndarray) -> float:
         return float(self._observer(_variable(self._run.flat, name), np.array([self.time]), x[None])[0, 0])
@@ -245,7 +245,7 @@ class _Smooth:
 
     def __init__(self, run: Run, end: End, given: Mapping[str, object]):
         report = Report()
-        self.values = run.trajectory.pieces[-1].observer.values
+        self.values = run.trajectory.segments[-1].observer.values
         self.signals = bind_signals(run.flat, given, report, run.reduced.inputs[1:])
         self.plan: Plan = build_plan(run.reduced, self.signals, False, report)
         report.check()
@@ -370,7 +370,7 @@ def _depends_on_time(plan: Plan, signals: Mapping[int, Signal]) -> bool:
 
 def _is_smooth(run: Run, given: Mapping[str, object]) -> bool:
     """Return whether nothing switches, no input steps with an impulse, and no coordinates have to be watched."""
-    flat, reduced, observer = run.flat, run.reduced, run.trajectory.pieces[-1].observer
+    flat, reduced, observer = run.flat, run.reduced, run.trajectory.segments[-1].observer
     if stepping_inputs(observer.plan, bind_signals(flat, given, Report(), reduced.inputs[1:])):
         return False
     nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)

@@ -19,7 +19,7 @@ from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import StartValues
-    from lmoc.numerics.observe.trajectory import Piece, Trajectory
+    from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
     from lmoc.numerics.options.options import RunOptions
     from lmoc.numerics.run.sensitivities import Direction, Sensitivities
     from lmoc.run import Run
@@ -132,11 +132,11 @@ def start_values(session: Session, registers: np.ndarray) -> StartValues:
     from lmoc.numerics.options.options import RunOptions
 
     run = simulate(session, Request(RunOptions(times=[session.flat.experiment.start or 0.0])))
-    piece = run.trajectory.pieces[0]
-    observer, times, inputs = piece.observer, piece.time, piece.reduced.inputs[0]
+    segment = run.trajectory.segments[0]
+    observer, times, inputs = segment.observer, segment.time, segment.reduced.inputs[0]
     part = slice_of(observer.plan, np.concatenate([registers, inputs])).bind(observer.base, observer.signals)
-    z, u = np.split(part(times, piece.table)[0], [len(registers)])
-    return StartValues(float(times[0]), piece.table[0, : len(session.reduced.states)], z, u)
+    z, u = np.split(part(times, segment.table)[0], [len(registers)])
+    return StartValues(float(times[0]), segment.table[0, : len(session.reduced.states)], z, u)
 
 
 def _start_in_numbers(session: Session, request: Request) -> Mapping[str, float] | None:
@@ -163,26 +163,26 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
     ModelError
         E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
-    from lmoc.numerics.run.sensitivities import EXPLICIT, Sensitivities, refused, smooth_piece
+    from lmoc.numerics.run.sensitivities import EXPLICIT, Sensitivities, refused, smooth_segment
 
-    piece = smooth_piece(run.trajectory)
+    segment = smooth_segment(run.trajectory)
     if not names:
         raise refused("nothing was named")
     at_work, prepared = session.prepare(request.parameters)
     if prepared.minimal is not None or any(d.subject is Subject.RESHAPED for d in prepared.notes):
         raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
-    directions = [_direction(at_work, request, prepared, piece, name) for name in dict.fromkeys(names)]
-    first = _start_states(session, request, piece, {}, {})
+    directions = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
+    first = _start_states(session, request, segment, {}, {})
     explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
-    return Sensitivities(piece, first, directions, float(run.stats["rtol"]), explicit)
+    return Sensitivities(segment, first, directions, float(run.stats["rtol"]), explicit)
 
 
-def _direction(session: Session, request: Request, prepared: Prepared, piece: Piece, name: str) -> Direction:
+def _direction(session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str) -> Direction:
     """Return what is differentiated by, with the derivatives of the states at the start."""
     from lmoc.ir.flat import Kind
     from lmoc.numerics.run.sensitivities import STEP, Direction, changed_values, difference, refused
 
-    flat, values = prepared.flat, piece.observer.values
+    flat, values = prepared.flat, segment.observer.values
     found = flat.find(name)
     if found is None:
         raise ModelError([Diagnostic("E0622", f"'{name}' is not in '{flat.name}'", hint=hint_for(flat, name))])
@@ -200,14 +200,14 @@ def _direction(session: Session, request: Request, prepared: Prepared, piece: Pi
             raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
         return Direction(
             name, size, shifted,
-            difference(lambda c: _start_states(session, request, piece, {name: value + c}, {}), STEP * size),
+            difference(lambda c: _start_states(session, request, segment, {name: value + c}, {}), STEP * size),
         )  # fmt: skip
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
-    states, observer = _start_states(session, request, piece, {}, {}), piece.observer
-    value = float(observer(found, np.array([piece.begin]), states[None])[0, 0])
-    size = max(abs(value), float(np.max(np.abs(observer(found, piece.time, piece.table))))) or 1.0
-    start = difference(lambda c: _start_states(session, request, piece, {}, {name: value + c}), STEP * size)
+    states, observer = _start_states(session, request, segment, {}, {}), segment.observer
+    value = float(observer(found, np.array([segment.begin]), states[None])[0, 0])
+    size = max(abs(value), float(np.max(np.abs(observer(found, segment.time, segment.table))))) or 1.0
+    start = difference(lambda c: _start_states(session, request, segment, {}, {name: value + c}), STEP * size)
     return Direction(name, size, partial(same_values, values), start)
 
 
@@ -217,17 +217,21 @@ def same_values(values: np.ndarray, _: float) -> np.ndarray:
 
 
 def _start_states(
-    session: Session, request: Request, piece: Piece, parameters: Mapping[str, Value], initial: Mapping[str, float]
+    session: Session,
+    request: Request,
+    segment: SegmentRecord,
+    parameters: Mapping[str, Value],
+    initial: Mapping[str, float],
 ) -> np.ndarray:
     """Return the states (n,) where a run starts with some values changed."""
     from lmoc.numerics.run.sensitivities import refused
 
-    options = replace(request.options, start=piece.begin, stop=None, points=None, times=[piece.begin], keep=None)
+    options = replace(request.options, start=segment.begin, stop=None, points=None, times=[segment.begin], keep=None)
     given = {**(request.initial or {}), **initial} if initial else request.initial
     changed = {**(request.parameters or {}), **parameters}
     found = simulate(session, replace(request, options=options, parameters=changed, initial=given, progress=None))
-    start = found.trajectory.pieces[0]
-    if len(found.trajectory.pieces) > 1 or start.coordinates != piece.coordinates:
+    start = found.trajectory.segments[0]
+    if len(found.trajectory.segments) > 1 or start.coordinates != segment.coordinates:
         raise refused("the coordinates at the start depend on its values")
     return start.table[0]
 

@@ -12,7 +12,7 @@ import lmoc
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.formulations import manifold
 from lmoc.numerics.problem.status import Status
-from lmoc.numerics.run.changes import Changes, Way
+from lmoc.numerics.run.changes import Changes, Continuation
 
 PARALLELOGRAM = """
 model Parallelogram "rods between particles; all three turn as one pendulum"
@@ -152,6 +152,6 @@ def test_steps_that_hardly_get_on_end_a_run_near_a_singular_position(monkeypatch
 def test_choices_that_take_turns_without_getting_on_end_a_run(monkeypatch):
     """Every step is said to need other coordinates, however short it is."""
     monkeypatch.setattr(CoordinateWatch, "__call__", lambda watch, t, x: Status.COORDINATES)
-    monkeypatch.setattr(Changes, "_changed", lambda changes, stretch, outcome: Way(stretch, outcome.x))
+    monkeypatch.setattr(Changes, "_changed", lambda changes, segment, outcome: Continuation(segment, outcome.x))
     with pytest.raises(lmoc.SimulationError, match="have been exchanged 100 times without progress"):
         lmoc.compile_text(ROCKER).simulate(stop=1.0)

@@ -13,7 +13,7 @@ from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationErro
 from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
 from lmoc.numerics.options.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
 from lmoc.numerics.problem import base
-from lmoc.numerics.run.one_piece import PieceSolver
+from lmoc.numerics.run.one_segment import SegmentSolver
 from lmoc.numerics.run.simulate import simulate
 from lmoc.numerics.steps.choice import table
 from lmoc.numerics.steps.roots import RootFinder
@@ -289,7 +289,7 @@ def test_an_interrupted_run_keeps_what_it_has(solver):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-@pytest.mark.parametrize("place", [(HybridDynamics, "roots"), (HybridDynamics, "after"), (PieceSolver, "_problem")])
+@pytest.mark.parametrize("place", [(HybridDynamics, "roots"), (HybridDynamics, "after"), (SegmentSolver, "_problem")])
 def test_a_run_that_is_interrupted_outside_of_the_integration_keeps_what_it_has(place, monkeypatch):
     """Where events follow each other closely, a signal comes at an event more often than between two."""
     scene = lmoc.compile_text("""

@@ -73,7 +73,7 @@ def test_a_scene_at_rest_is_run_once(monkeypatch):
     from lmoc.numerics.run import simulate
 
     calls = []
-    monkeypatch.setattr(simulate, "run_pieces", lambda *a, own=simulate.run_pieces: calls.append(1) or own(*a))
+    monkeypatch.setattr(simulate, "run_segments", lambda *a, own=simulate.run_segments: calls.append(1) or own(*a))
     lmoc.compile_text(SCENE.format(start=0)).simulate()
     assert len(calls) == 1
     lmoc.compile_text(SCENE.format(start=1)).simulate()
@@ -109,7 +109,7 @@ def test_the_elements_of_an_array_have_one_size(monkeypatch):
       for i in 1:n loop connect(s[i].b, m[i].flange); connect(m[i].flange, s[i + 1].a); end for;
     end M;"""
     calls = []
-    monkeypatch.setattr(simulate, "run_pieces", lambda *a, own=simulate.run_pieces: calls.append(1) or own(*a))
+    monkeypatch.setattr(simulate, "run_segments", lambda *a, own=simulate.run_segments: calls.append(1) or own(*a))
     omega, nodes = 20 * np.sin(np.pi / 16), np.sin(np.pi * np.arange(1, 32) / 8)
     for size, runs in ((0.1, 1), (1e-8, 2)):
         calls.clear()

@@ -44,7 +44,7 @@ def test_a_block_that_the_motion_needs_is_not_looked_at_again():
     """Where it had no solution the run would have stopped; one beside the motion is."""
     pendulum = lmoc.compile(MODELS / "planar" / "double_pendulum.lmo")
     for dae, watched in ((pendulum, False), (lmoc.compile_text(BESIDE), True)):
-        found = moving_risks(dae.simulate(points=11).trajectory.pieces[0].observer.plan)
+        found = moving_risks(dae.simulate(points=11).trajectory.segments[0].observer.plan)
         unknowns = [step.unknowns.ravel() for step in walk(found.program) if isinstance(step, Solve)]
         assert bool(unknowns and np.isin(found.registers, np.concatenate(unknowns)).any()) == watched
 

@@ -48,11 +48,11 @@ def test_guesses_that_lead_elsewhere_do_not_count():
                             "cos(x) + 0.05*x = u; end M;")  # fmt: skip
     run = dae.simulate(stop=1, points=11, rtol=1e-9)
     followed = run["x"]
-    plan = run.trajectory.pieces[0].observer.plan
+    plan = run.trajectory.segments[0].observer.plan
     register = plan.reduced.register_of[dae.flat.find("x")]
     part = Slice(plan, register)
-    evaluate = part.bind_together(run.trajectory.pieces[0].observer.base, {})
-    states = run.trajectory.pieces[0].table
+    evaluate = part.bind_together(run.trajectory.segments[0].observer.base, {})
+    states = run.trajectory.segments[0].table
     values, good, solutions = evaluate(run.time, states, followed[:, None] + 0.02)
     assert good.all() and np.abs(values[:, 0] - followed).max() < 1e-12
     assert np.array_equal(solutions, values)
@@ -71,9 +71,9 @@ def test_solutions_by_the_engine_are_those_of_numpy(scene, monkeypatch):
         return called[-1]
 
     monkeypatch.setattr(Observed, "__call__", counted)
-    in_c = [piece.observer(variables, piece.time, piece.table) for piece in run.trajectory.pieces]
+    in_c = [segment.observer(variables, segment.time, segment.table) for segment in run.trajectory.segments]
     assert called and not any(found is None for found in called)
     monkeypatch.setattr(Observed, "__call__", lambda *arguments: None)
-    by_numpy = [piece.observer(variables, piece.time, piece.table) for piece in run.trajectory.pieces]
+    by_numpy = [segment.observer(variables, segment.time, segment.table) for segment in run.trajectory.segments]
     for one, other in zip(in_c, by_numpy, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.nanmax(np.abs(other)))

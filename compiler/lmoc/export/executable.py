@@ -15,7 +15,7 @@ from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.observe.slices import slice_of
-from lmoc.numerics.observe.trajectory import Piece
+from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.plan.steps import stepping_inputs
@@ -107,7 +107,7 @@ def executable(dae: CompiledDAE) -> Executable:
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
     run = dae.simulate(energy=False, inputs=zero_inputs)
     _refuse_run(flat, run)
-    first = run.trajectory.pieces[0]
+    first = run.trajectory.segments[0]
     base = plan.base(_extended(plan, dae.values), signals)
     span = float(run.time[0]), float(run.time[-1])
     inputs = np.array([r for r, _ in plan.constants], int)
@@ -126,7 +126,7 @@ def executable(dae: CompiledDAE) -> Executable:
         np.concatenate([plan.derivatives, outputs]).astype(int), plan.count,
     )  # fmt: skip
     parametric, known = _parametric(dae, plan)
-    largest = np.abs(np.concatenate([piece.table for piece in run.trajectory.pieces])).max(axis=0, initial=0.0)
+    largest = np.abs(np.concatenate([segment.table for segment in run.trajectory.segments])).max(axis=0, initial=0.0)
     nominal = largest[: len(plan.states)]
     return Executable(
         dae, run, plan, parametric, right, observe, derivatives_tape(plan.program + observing, rule, plan.count),
@@ -163,13 +163,13 @@ def _refuse(dae: CompiledDAE) -> None:
 
 
 def _refuse_run(flat: FlatDAE, run: Run) -> None:
-    if len(run.trajectory.pieces) > 1:
-        raise refusal(flat, f"its coordinates change along the motion, at t = {run.trajectory.pieces[1].begin:.6g} s")
+    if len(run.trajectory.segments) > 1:
+        raise refusal(flat, f"its coordinates change along the motion, at t = {run.trajectory.segments[1].begin:.6g} s")
     if run.events:
         raise refusal(flat, f"its run has events, the first at t = {run.events[0].time:.6g} s")
 
 
-def _check_same_start(plan: Plan, first: Piece) -> None:
+def _check_same_start(plan: Plan, first: SegmentRecord) -> None:
     """The run may have gone over to other coordinates at once: then these states are not those of the plan."""
     same = np.array_equal(first.observer.plan.reduced.states, plan.reduced.states)
     if not same or first.reduced.in_all_coordinates:
@@ -313,7 +313,7 @@ class _Tried:
             run = self.dae.simulate(times=only, parameters={name: changed}, inputs=self.inputs, energy=False)
         except ModelError:
             return False  # not even so small a change is possible: it stays as it is
-        found = run.trajectory.pieces[0].table[0, : len(self.start)]
+        found = run.trajectory.segments[0].table[0, : len(self.start)]
         return len(found) == len(self.start) and np.array_equal(found, self.start)
 
     def _break_times(self, values: np.ndarray) -> np.ndarray:

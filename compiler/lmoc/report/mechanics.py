@@ -39,8 +39,8 @@ def remarks(reduced: Reduced, trajectory: Trajectory, complete: bool) -> list[Di
 
 def _strained(trajectory: Trajectory) -> list[Diagnostic]:
     """A note on each spring that is far from relaxed at the start (N0561), if the start is among the output times."""
-    first = next((p for p in trajectory.pieces if len(p.time)), None)
-    if first is None or first.time[0] != trajectory.pieces[0].begin or trajectory.kept is not None:
+    first = next((p for p in trajectory.segments if len(p.time)), None)
+    if first is None or first.time[0] != trajectory.segments[0].begin or trajectory.kept is not None:
         return []
 
     def at_start(variables: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ def _springs(flat: FlatDAE) -> Iterator[tuple[Block, Block, Block]]:
 
 def _at_rest(trajectory: Trajectory) -> list[Diagnostic]:
     """A note that nothing has moved (N0562): neither a state nor, where there is none, a body."""
-    pieces = trajectory.pieces
+    pieces = trajectory.segments
     if len(trajectory.time) < 2 or len(pieces) > 1 or trajectory.events or trajectory.kept is not None:
         return []
     if trajectory.states.size and np.any(trajectory.states != trajectory.states[0]):

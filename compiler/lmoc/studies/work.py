@@ -29,7 +29,7 @@ class Reached:
 
 def work(run: Run) -> float:
     """Return the seconds that a run would take on a usual machine, by its evaluations and events; good to a factor."""
-    rows = run.trajectory.pieces[0].observer.plan.row_count
+    rows = run.trajectory.segments[0].observer.plan.row_count
     return int(run.stats["evaluations"]) * (_EVALUATION + _ROW * rows) + _EVENT * len(run.events)
 
 

@@ -52,7 +52,7 @@ def test_a_ball_bounces_until_near_the_end_of_all_bounces() -> None:
 def test_a_bounce_is_one_event() -> None:
     """The condition has become false again right behind the impact: that needs no event of its own."""
     result = run(BALL, stop=2)
-    assert len(result.trajectory.pieces) == 1 + result["n"][-1]
+    assert len(result.trajectory.segments) == 1 + result["n"][-1]
 
 
 def test_bounces_without_end_are_recognized() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.support.records import dataclass
 
 _GOOD = 1.5  # the largest entry with which exchanges end
-_VANISHING = 1e-6  # as small a singular value of A, where a piece begins, is none
+_VANISHING = 1e-6  # as small a singular value of A, where a segment begins, is none
 _NO_PIVOT = 1e-12  # in equilibrated form: smaller entries are rounding errors of what has been eliminated
 _NORMALIZATIONS, AGAIN, NORMAL = 30, 6, 1e-2
 ROUNDING = 1e-12  # entries below this share of their row have never been there

@@ -47,7 +47,7 @@ _SURE = 0.12  # a lower bound of the smallest singular value with which it need 
 
 
 class CoordinateWatch:
-    """Judges the coordinates of one piece; called with every accepted step.
+    """Judges the coordinates of one segment; called with every accepted step.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class CoordinateWatch:
         self._places: list[tuple[float, np.ndarray, np.ndarray]] = []
 
     def inherit(self, before: CoordinateWatch) -> None:
-        """Compare entries with the sizes that they have had in the piece before, in whatever coordinates that was.
+        """Compare entries with the sizes that they have had in the segment before, in whatever coordinates that was.
 
         Near a singular place all entries of a coordinate may be small: in the sizes of that place alone they would not
         show it.
@@ -108,7 +108,7 @@ class CoordinateWatch:
         return self._condition.sizes(self._sizes.size) if told else self._sizes.size
 
     def begin(self, t: float, x: np.ndarray) -> Status:
-        """Judge the place where the piece begins; its coordinates are compared with what they are there."""
+        """Judge the place where the segment begins; its coordinates are compared with what they are there."""
         self.last = place = self._look(t, x)
         worst = place.found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)

@@ -182,12 +182,12 @@ class EventHandler:
 
     @property
     def until(self) -> float:
-        """s, where the present piece ends at the latest."""
+        """s, where the present segment ends at the latest."""
         return min(self.next, self.end)
 
     @property
     def roots(self) -> Roots | None:
-        """Return what ends the present piece earlier."""
+        """Return what ends the present segment earlier."""
         if not self.layout.zero_count:
             return None
         return Roots(self.discrete.roots, self.discrete.signs())
@@ -208,7 +208,7 @@ class EventHandler:
         return min([(self.end - self.begin) / _LOOKS, *(_PHASE / rate for rate in rates if rate > 0)])
 
     def after(self, outcome: Outcome) -> np.ndarray | None:
-        """Do what happens where a piece has ended; return the states behind it, None at the end of the run.
+        """Do what happens where a segment has ended; return the states behind it, None at the end of the run.
 
         Raises
         ------
@@ -278,7 +278,7 @@ class EventHandler:
         discrete, events = self.discrete, self.layout.events
         held, base = discrete.v[self._told].copy(), discrete.base.copy()
         discrete.time = t
-        due = t >= self.next - near_to(t)  # also where something else has ended the piece at the same instant
+        due = t >= self.next - near_to(t)  # also where something else has ended the segment at the same instant
         kind = "time" if due and kind == "when" else kind
         instant = self.next if due else t
 

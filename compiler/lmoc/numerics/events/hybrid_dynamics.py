@@ -73,7 +73,7 @@ class HybridDynamics:
         self.records: list[Event] = []
         self._reached = span[0]  # s, of the latest instant
         self._law_roots = 0
-        self._roots: Roots | None = None  # of the present piece …
+        self._roots: Roots | None = None  # of the present segment …
         self._signs: np.ndarray | None = None  # … and their signs where it has begun
         self._times: deque[float] = deque(maxlen=_CHATTER)  # s, of the latest changes of laws
 
@@ -154,7 +154,7 @@ class HybridDynamics:
 
     @property
     def until(self) -> float:
-        """s, where the present piece ends at the latest."""
+        """s, where the present segment ends at the latest."""
         end = self.span[1] if self.handler is None else self.handler.until
         return min(end, self.stepping.next)
 
@@ -165,7 +165,7 @@ class HybridDynamics:
         return handler is not None and handler.is_over
 
     def instant(self, outcome: Outcome) -> float:
-        """Return when what has ended a piece happens: integrators stop a few digits before a jump of an input."""
+        """Return when what has ended a segment happens: integrators stop a few digits before a jump of an input."""
         t = outcome.time
         exact = self.stepping.instant(t)
         if exact is not None:
@@ -174,7 +174,7 @@ class HybridDynamics:
         return self.handler.instant(t, located(t, self.span[0])) if is_root else t
 
     def together(self, outcome: Outcome, system: System) -> Outcome:
-        """Return what has ended a piece with all that follows it more closely than the places of roots are known.
+        """Return what has ended a segment with all that follows it more closely than the places of roots are known.
 
         Whether a state reaches a level an ulp before the tick of a clock, or behind it, is rounding: both are one
         instant. So are two levels that are reached an ulp apart.
@@ -196,7 +196,7 @@ class HybridDynamics:
         return np.inf if self.handler is None else self.handler.longest_step
 
     def roots(self, t: float, x: np.ndarray) -> Roots | None:
-        """Return what ends the piece that begins at a place."""
+        """Return what ends the segment that begins at a place."""
         found = []
         if self.laws is not None:
             found.append(self.laws.roots(t, x, self.base(), self.signals))
@@ -300,7 +300,7 @@ class HybridDynamics:
     def after(
         self, outcome: Outcome, unresolved: np.ndarray | float = 0.0, errors: np.ndarray | float = 0.0
     ) -> np.ndarray | None:
-        """Return the states behind what has ended a piece; None at the end of the run.
+        """Return the states behind what has ended a segment; None at the end of the run.
 
         Parameters
         ----------
@@ -405,6 +405,6 @@ def _listed(names: list[str]) -> str:
 
 
 def _crossed(roots: Roots, t: float, x: np.ndarray) -> bool:
-    """Return whether a root function has another sign than where the piece began, or no value."""
+    """Return whether a root function has another sign than where the segment began, or no value."""
     value = roots.values(np.array([t]), x[None])[0]
     return bool((value * roots.signs < 0).any() or np.isnan(value).any())

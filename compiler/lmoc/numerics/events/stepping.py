@@ -16,7 +16,7 @@ from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Formula, Signal, Table
 
-_NEAR = 1e-14  # of the times of a run: integrators end a piece a few units of its last digit before a jump
+_NEAR = 1e-14  # of the times of a run: integrators end a segment a few units of its last digit before a jump
 
 
 class Stepping:

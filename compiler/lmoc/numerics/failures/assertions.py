@@ -97,7 +97,7 @@ class Assertions:
         return bool(self._watched)
 
     def begin(self, observer: Observer, t: float, x: Array) -> bool:
-        """Look at the beginning of a piece; return whether the run goes on."""
+        """Look at the beginning of a segment; return whether the run goes on."""
         follow = observer.is_implicit(self._variables)
         self._values = Following(observer, self._variables) if follow else observer.prepare(self._variables)
         self._look(t, x)
@@ -123,7 +123,7 @@ class Assertions:
         return Roots(values, signs, reached)
 
     def after(self, outcome: Outcome) -> Outcome:
-        """Return the outcome of a piece as it were without the relations, or that an assertion has ended the run."""
+        """Return the outcome of a segment as it were without the relations, or that an assertion has ended the run."""
         if self.failed is not None:
             return replace(outcome, status=Status.ASSERTION, roots=None)
         return outcome if outcome.roots is None else replace(outcome, roots=outcome.roots[: self._others])

@@ -11,7 +11,7 @@ from lmoc.ir.flat import Check
 from lmoc.messages.diagnostics import Report, SimulationError
 from lmoc.numerics.failures.assertions import broken
 from lmoc.numerics.failures.onset import onset
-from lmoc.numerics.observe.trajectory import Piece, Trajectory
+from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 
 
 def run_checks(run: Trajectory, watched: bool = False) -> Trajectory:
@@ -59,8 +59,8 @@ def _since(run: Trajectory, check: Check, index: int, row: int) -> float:
     slots = check.slots[row]
     used, place = np.unique(slots, return_inverse=True)
 
-    def holds(piece: Piece, t: float, x: np.ndarray) -> bool:
-        values = piece.observer(used, np.array([t]), x[None])[0][place]
+    def holds(segment: SegmentRecord, t: float, x: np.ndarray) -> bool:
+        values = segment.observer(used, np.array([t]), x[None])[0][place]
         return bool(np.all(evaluate(check.condition, lambda k, _: values[k], t)))
 
     return onset(run, index, holds)

@@ -194,7 +194,7 @@ def moving_risks(plan: Plan) -> Moving:
 
 
 def _switching(plan: Plan) -> np.ndarray:
-    """The registers of discrete variables, which change from piece to piece."""
+    """The registers of discrete variables, which change from segment to segment."""
     flat = plan.reduced.flat
     registers = plan.reduced.register_of[np.flatnonzero(flat.kind == Kind.DISCRETE)]
     return registers[registers >= 0]

@@ -42,7 +42,7 @@ class Flood:
         records : all events so far
         """
         now = clock.monotonic()
-        if self.progress is not None and now - self._told > _EVERY:  # pieces are too short to tell by themselves
+        if self.progress is not None and now - self._told > _EVERY:  # segments are too short to tell by themselves
             self._told = now
             self.progress(t, self.end)
         self._instants += 1

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.numerics.observe.slices import slice_of
-from lmoc.numerics.observe.trajectory import Piece, Trajectory
+from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 
 _FEW, _MOST = 16, 1024  # steps from one kept state to the next
 _AGREE = 1e-11  # relative difference of two ways
@@ -19,7 +19,7 @@ _HALVINGS = 60
 
 Array = np.ndarray
 Rates = Callable[[float, Array], Array]
-Holds = Callable[[Piece, float, Array], bool]
+Holds = Callable[[SegmentRecord, float, Array], bool]
 
 
 def onset(run: Trajectory, index: int, holds: Holds) -> float:
@@ -28,19 +28,19 @@ def onset(run: Trajectory, index: int, holds: Holds) -> float:
     Parameters
     ----------
     index : of the output time
-    holds : (piece, time, states) -> whether it does
+    holds : (segment, time, states) -> whether it does
 
     Returns
     -------
     s; the output time itself where nothing better is known
     """
     at = float(run.time[index])
-    piece = _piece(run, index)
-    times, states = piece.samples
+    segment = _segment(run, index)
+    times, states = segment.samples
     if index == 0 or not len(times) or not states.shape[1]:
         return at
-    part = slice_of(piece.observer.plan, piece.observer.plan.derivatives)
-    follow = piece.observer.followed(part)
+    part = slice_of(segment.observer.plan, segment.observer.plan.derivatives)
+    follow = segment.observer.followed(part)
 
     def rates(t: float, state: Array) -> Array:
         return follow(np.array([t]), state[None])[0]
@@ -49,13 +49,13 @@ def onset(run: Trajectory, index: int, holds: Holds) -> float:
     way = _way(rates, float(times[k]), states[k], at)
     if way is None:
         return at
-    if times[k] >= at or not any(holds(piece, *place) for place in way):  # what is known lies behind it
-        begin = max(piece.begin, float(run.time[index - 1]))
+    if times[k] >= at or not any(holds(segment, *place) for place in way):  # what is known lies behind it
+        begin = max(segment.begin, float(run.time[index - 1]))
         way = _way(rates, *way[-1], begin)
         if way is None:
             return at
         way = way[::-1]
-    good = [k for k, place in enumerate(way) if holds(piece, *place)]
+    good = [k for k, place in enumerate(way) if holds(segment, *place)]
     if not good:
         return way[0][0]
     low, state = way[good[-1]]
@@ -66,19 +66,19 @@ def onset(run: Trajectory, index: int, holds: Holds) -> float:
         middle = 0.5 * (low + high)
         if not low < middle < high:
             break
-        if holds(piece, middle, _step(rates, start, state, middle - start)):
+        if holds(segment, middle, _step(rates, start, state, middle - start)):
             low = middle
         else:
             high = middle
     return high
 
 
-def _piece(run: Trajectory, index: int) -> Piece:
-    """Return the piece in which an output time lies."""
-    for piece in run.pieces:
-        if index < len(piece.time):
-            return piece
-        index -= len(piece.time)
+def _segment(run: Trajectory, index: int) -> SegmentRecord:
+    """Return the segment in which an output time lies."""
+    for segment in run.segments:
+        if index < len(segment.time):
+            return segment
+        index -= len(segment.time)
     raise IndexError(index)
 
 

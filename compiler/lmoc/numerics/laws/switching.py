@@ -27,7 +27,7 @@ from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
 KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times
-NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a piece …
+NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a segment …
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
 LEAVING = 1e-16  # … or by this one where they grow from zero at once
 COARSEST = 13  # of such roots; by then all that is left of the terms is zero
@@ -53,7 +53,7 @@ class LawSwitching:
 
     def __init__(self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
         self.kinematics = ContactKinematics(plan, values, base, signals)
-        self.now: Instant | None = None  # where the present piece begins
+        self.now: Instant | None = None  # where the present segment begins
         self.mode = free_mode(self.kinematics.table)
         self.touched = np.zeros(self.kinematics.form.count, bool)  # laws whose motion was zero there
         self.forces = np.zeros(self.kinematics.form.count)  # of the laws, where the present mode has begun
@@ -92,8 +92,8 @@ class LawSwitching:
 
         Parameters
         ----------
-        t, x : where the piece begins
-        base, signals : those of the piece
+        t, x : where the segment begins
+        base, signals : those of the segment
         """
         evaluate = self.reader(base, signals)
         table, mode, n = self.kinematics.table, self.mode, self.kinematics.form.count

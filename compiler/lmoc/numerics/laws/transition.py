@@ -38,7 +38,7 @@ _RESOLVED = 1e3  # … or than this many errors that the integrator allows itsel
 
 @dataclass(frozen=True, eq=False)
 class Trigger:
-    """The reason for the end of a piece.
+    """The reason for the end of a segment.
 
     Attributes
     ----------

@@ -82,16 +82,16 @@ def measure(
     return Energy(stored, work - work[0], heat - heat[0], exchanged, held, reason)
 
 
-def exchanged_energy(flat: FlatDAE, pieces: Sequence[tuple[Observe, np.ndarray, np.ndarray]]) -> float:
+def exchanged_energy(flat: FlatDAE, segments: Sequence[tuple[Observe, np.ndarray, np.ndarray]]) -> float:
     """Return half of Σ |term - term at the start| over the terms of all stored energies, at its largest.
 
     Parameters
     ----------
-    pieces : for each piece of a run ``(variables, times, states) -> values``, some times and the states there
+    segments : for each segment of a run ``(variables, times, states) -> values``, some times and the states there
     """
-    count = sum(len(times) for _, times, _ in pieces)
+    count = sum(len(times) for _, times, _ in segments)
     most = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
-    thinned = [(observe, times[:: -(-count // most)], x[:: -(-count // most)]) for observe, times, x in pieces]
+    thinned = [(observe, times[:: -(-count // most)], x[:: -(-count // most)]) for observe, times, x in segments]
     times = np.concatenate([t for _, t, _ in thinned])
     total = np.zeros(len(times))
     for group, expression, own in _energy_groups(flat):

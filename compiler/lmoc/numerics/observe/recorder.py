@@ -54,12 +54,12 @@ class Recorder:
         return states if self._evaluate is None else self._evaluate(times, states)
 
     def record_start(self, time: float, x: np.ndarray) -> None:
-        """Keep the state where a piece begins, if that is the first output time."""
+        """Keep the state where a segment begins, if that is the first output time."""
         if len(self.times) and _is_same(self.times[0], time):
             self(0, x[None])
 
     def take_back(self, time: float) -> None:
-        """Forget the last output time, if it is that of an event: there the next piece has the value after it."""
+        """Forget the last output time, if it is that of an event: there the next segment has the value after it."""
         if self.reached and _is_same(self.times[self.reached - 1], time):
             self.reached -= 1
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_MOST = 5_000_000  # numbers that are kept of one piece
+_MOST = 5_000_000  # numbers that are kept of one segment
 
 
 class Solutions:

@@ -1,4 +1,4 @@
-"""The trajectory: pieces, each with its own states and its own way back to every variable of the flat model."""
+"""The trajectory: segments, each with its own states and its own way back to every variable of the flat model."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _CACHED = 2_000_000  # numbers of the largest result that is kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Piece:
-    """A stretch of a run with one reduction, one mode, one choice of coordinates.
+class SegmentRecord:
+    """A part of a run with one reduction, one mode, one choice of coordinates.
 
     Attributes
     ----------
     observer : from its states to the variables
-    begin : s, where it starts: the run's start, or where the piece before ends
+    begin : s, where it starts: the run's start, or where the segment before ends
     time : (k,) s, the output times in it
     table : (k, n) states at these times, or the kept variables
     samples : some of the times (s,) and the states there (s, n), whatever is kept
@@ -65,8 +65,8 @@ class Piece:
         form = self.reduced.switched
         return {} if form is None or self.mode is None else mode_words(self.reduced.flat, form.laws, self.mode.shown)
 
-    def until(self, count: int) -> Piece:
-        """Return the piece with its first output times alone."""
+    def until(self, count: int) -> SegmentRecord:
+        """Return the segment with its first output times alone."""
         return replace(self, time=self.time[:count], table=self.table[:count])
 
 
@@ -115,22 +115,22 @@ class Trajectory:
 
     Attributes
     ----------
-    pieces : at least one, in the order of time
+    segments : at least one, in the order of time
     kept : flat variables in the columns of their tables, None where these are the states
     last : s, (n,): where it has ended, and the state there
     stats : what it cost: solver, steps, evaluations, seconds, …
-    events : what has happened between the pieces
+    events : what has happened between the segments
     notes : what deserves a word about the run
     crossing : as of `End`
     begun : (n,), (registers,) the states and what does not change between events, before what laws and events do at the
         start; None without these, and for a run that continues another one
     planned : s, where the run was to end, though a model may have ended it earlier; or where it has failed
     unbooked : s, and why: from when on the energy ledger has no value
-    ended : the piece to whose end `last` belongs, where what a model does at its end (``when terminal()``) has made
+    ended : the segment to whose end `last` belongs, where what a model does at its end (``when terminal()``) has made
         another one: a run that goes on has not ended; None for the last one
     """
 
-    pieces: tuple[Piece, ...]
+    segments: tuple[SegmentRecord, ...]
     kept: np.ndarray | None
     last: tuple[float, np.ndarray]
     stats: dict[str, object]
@@ -140,13 +140,13 @@ class Trajectory:
     begun: tuple[np.ndarray, np.ndarray] | None = None
     planned: float = np.nan
     unbooked: tuple[float, str] = (np.inf, "")
-    ended: Piece | None = None
+    ended: SegmentRecord | None = None
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
     def observer(self) -> Observer:
-        """That of the first piece: parameter values and signals are the same in all."""
-        return self.pieces[0].observer
+        """That of the first segment: parameter values and signals are the same in all."""
+        return self.segments[0].observer
 
     @property
     def flat(self) -> FlatDAE:
@@ -155,20 +155,20 @@ class Trajectory:
     @cached_property
     def time(self) -> np.ndarray:
         """(k,) s, the output times."""
-        return _joined([piece.time for piece in self.pieces])
+        return _joined([segment.time for segment in self.segments])
 
     @cached_property
     def table(self) -> np.ndarray:
-        """(k, n) what is kept at these times, where it is the same in all pieces.
+        """(k, n) what is kept at these times, where it is the same in all segments.
 
         Raises
         ------
         ValueError
             The states are not those of one choice of coordinates.
         """
-        if self.kept is None and any(p.reduced is not self.pieces[0].reduced for p in self.pieces):
-            raise ValueError("the coordinates have changed in this run: its states are those of its pieces")
-        return _joined([piece.table for piece in self.pieces])
+        if self.kept is None and any(p.reduced is not self.segments[0].reduced for p in self.segments):
+            raise ValueError("the coordinates have changed in this run: its states are those of its segments")
+        return _joined([segment.table for segment in self.segments])
 
     @property
     def states(self) -> np.ndarray:
@@ -180,19 +180,19 @@ class Trajectory:
     @cached_property
     def end(self) -> End:
         """Return the complete final state."""
-        (time, x), piece = self.last, self.ended or self.pieces[-1]
-        values = piece.observer(np.arange(self.flat.count), np.array([time]), x[None])[0]
-        return End(time, tuple(piece.coordinates), x, values, piece.mode, self.crossing)
+        (time, x), segment = self.last, self.ended or self.segments[-1]
+        values = segment.observer(np.arange(self.flat.count), np.array([time]), x[None])[0]
+        return End(time, tuple(segment.coordinates), x, values, segment.mode, self.crossing)
 
     @property
     def coordinates(self) -> list[tuple[float, list[str]]]:
         """From when on which coordinates have been integrated."""
-        return _changes([(p.begin, p.coordinates) for p in self.pieces])
+        return _changes([(p.begin, p.coordinates) for p in self.segments])
 
     @property
     def modes(self) -> list[tuple[float, dict[str, str]]]:
         """From when on the laws have been in which mode, {law name: mode}; at one instant the last counts."""
-        found = {p.begin: p.words for p in self.pieces}
+        found = {p.begin: p.words for p in self.segments}
         return _changes(list(found.items()))
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -219,7 +219,7 @@ class Trajectory:
         """Variables of the flat model by number, (k, m)."""
         variables = np.asarray(variables, int)
         if self.kept is None:
-            return _joined([p.observer(variables, p.time, p.table, lasting=True) for p in self.pieces])
+            return _joined([p.observer(variables, p.time, p.table, lasting=True) for p in self.segments])
         result = np.empty((len(self.time), len(variables)))
         constant = self.flat.kind[variables] < Kind.INPUT
         result[:, constant] = self.observer.values[variables[constant]]
@@ -234,10 +234,10 @@ class Trajectory:
 
     def derivative(self, variable: int, order: int) -> np.ndarray | None:
         """Return a derivative of a variable over time (k,); None where it is not at hand."""
-        registers = [p.observer.derivative(variable, order) for p in self.pieces]
+        registers = [p.observer.derivative(variable, order) for p in self.segments]
         if self.kept is not None or min(registers) < 0:
             return None
-        parts = zip(self.pieces, registers, strict=True)
+        parts = zip(self.segments, registers, strict=True)
         return _joined([p.observer.register(r, p.time, p.table) for p, r in parts])
 
     def at(self, index: int) -> np.ndarray:
@@ -248,19 +248,19 @@ class Trajectory:
             result = np.full(len(everything), np.nan)
             result[self.kept] = self.table[index]
             return result
-        ends = np.cumsum([len(p.time) for p in self.pieces])
+        ends = np.cumsum([len(p.time) for p in self.segments])
         k = int(np.searchsorted(ends, index, "right"))
-        own, piece = slice(index - int(ends[k]) + len(self.pieces[k].time), None), self.pieces[k]
-        return piece.observer(everything, piece.time[own][:1], piece.table[own][:1])[0]
+        own, segment = slice(index - int(ends[k]) + len(self.segments[k].time), None), self.segments[k]
+        return segment.observer(everything, segment.time[own][:1], segment.table[own][:1])[0]
 
     def until(self, count: int) -> Trajectory:
         """Return the trajectory with its first output times alone."""
-        pieces, left = [], count
-        for piece in self.pieces:
-            if left > 0 or not pieces:
-                pieces.append(piece.until(left))
-            left -= len(piece.time)
-        return replace(self, pieces=tuple(pieces), _cache={})
+        segments, left = [], count
+        for segment in self.segments:
+            if left > 0 or not segments:
+                segments.append(segment.until(left))
+            left -= len(segment.time)
+        return replace(self, segments=tuple(segments), _cache={})
 
     @cached_property
     def residual(self) -> tuple[float, float] | None:
@@ -270,7 +270,7 @@ class Trajectory:
         """
         if "position_residual" in self.stats:
             return float(self.stats["position_residual"]), float(self.stats["velocity_residual"])  # type: ignore[arg-type]
-        found = [residuals(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
+        found = [residuals(p.observer, *p.samples) for p in self.segments if len(p.samples[0])]
         known = [f for f in found if f is not None]
         return (max(f[0] for f in known), max(f[1] for f in known)) if known else None
 
@@ -279,9 +279,9 @@ class Trajectory:
         """The energy ledger; None where the model has none or the run omits it."""
         for name in LEDGER:
             found = self.flat.find(name)
-            if found is None or not all(_is_integrated(p.observer, found) for p in self.pieces):
+            if found is None or not all(_is_integrated(p.observer, found) for p in self.segments):
                 return None
-        sampled = [(p.observer, *p.samples) for p in self.pieces if len(p.samples[0])]
+        sampled = [(p.observer, *p.samples) for p in self.segments if len(p.samples[0])]
         stored, work, heat = (self[f"ledger.{n}"] for n in ("stored", "work", "heat"))
         since, reason = self.unbooked
         work, heat = (np.where(self.time < since, values, np.nan) for values in (work, heat))

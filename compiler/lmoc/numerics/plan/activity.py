@@ -122,7 +122,7 @@ def lookout(
     ----------
     base : registers that do not change until the next event (`Plan.base`)
     span : s, the start and the end of the run
-    known : of the piece of the run before; returned where it holds on
+    known : of the segment of the run before; returned where it holds on
     """
     found, callables = plan.once(pulsing), _callables(plan, signals)
     key = (*((e, base[rows].tobytes()) for e, rows in found), *((id(s), order) for s, order in callables))

@@ -68,7 +68,7 @@ class Problem:
     whole : s, the end of the run of which this is a part; NaN where this is all of it
     held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
         None where nothing jumps
-    spent : by plan, what the pieces of the run so far have cost; kept up to date on the way
+    spent : by plan, what the segments of the run so far have cost; kept up to date on the way
     """
 
     system: System

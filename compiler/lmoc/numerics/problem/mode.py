@@ -1,4 +1,4 @@
-"""What the laws of a scene are in during a piece of a run."""
+"""What the laws of a scene are in during a segment of a run."""
 
 from __future__ import annotations
 

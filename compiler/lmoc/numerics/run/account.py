@@ -1,4 +1,4 @@
-"""Reports about one piece of a run: values that are not finite, and the reason why the run has stopped."""
+"""Reports about one segment of a run: values that are not finite, and the reason why the run has stopped."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
-from lmoc.numerics.observe.trajectory import Piece
+from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.options.options import Span
 from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.start.singular import BESIDE, StartSingular, starts_singular
-from lmoc.numerics.task.task import Stretch
+from lmoc.numerics.task.task import Segment
 from lmoc.structure.messages.equations import SHOWN
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _SLOW = (Status.TOO_MANY_STEPS, Status.TOO_LONG, Status.INTERRUPTED, Status.SPEN
 _GROWN = 1e6  # times its size in the first half: what grows so has left the scale of the scene
 
 
-def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) -> None:
+def check_start(segment: Segment, time: float, x: np.ndarray, report: Report) -> None:
     """Check that all derivatives are finite at the start.
 
     Equations that no derivative needs must have a solution too. Of their other values, those that are not finite
@@ -39,29 +39,29 @@ def check_start(stretch: Stretch, time: float, x: np.ndarray, report: Report) ->
     """
     hint = "look at the start values, and at divisions by zero"
     derivative = np.empty(len(x))
-    stretch.system.rhs(time, x, derivative)
+    segment.system.rhs(time, x, derivative)
     needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
-    program = None if needed else stretch.plan.full_program
-    near = stretch.system.registers
-    found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, near is not None)
+    program = None if needed else segment.plan.full_program
+    near = segment.system.registers
+    found, span, nonlinear = first_not_finite(segment.observer, time, x, program, near, near is not None)
     if needed or nonlinear:
-        singular = starts_singular(stretch, time, x) if np.isfinite(x).all() else ""
+        singular = starts_singular(segment, time, x) if np.isfinite(x).all() else ""
         if singular:
             found, hint = f"{singular}: {found}", BESIDE
         elif nonlinear:
             hint = "give start values (start = …) near a place where they hold, such as the angles of an assembled loop"
-        asked = _initial_equations(stretch)
+        asked = _initial_equations(segment)
         if asked:
             hint = f"perhaps the model does not allow {asked}; {hint}"
         report.error("E0535", f"{found} at the start", span, hint=hint)
-        raise StartSingular(report.diagnostics, stretch.plan.reduced.state_names, span)
+        raise StartSingular(report.diagnostics, segment.plan.reduced.state_names, span)
     if found:
         report.warning("W0537", f"{found} at the start", span, hint=hint, subject=Subject.NOT_FINITE)
 
 
-def _initial_equations(stretch: Stretch) -> str:
+def _initial_equations(segment: Segment) -> str:
     """Return the initial equations of a scene with their lines, for a hint; empty where it has none."""
-    flat = stretch.plan.reduced.flat
+    flat = segment.plan.reduced.flat
     rows = [(group, row) for group in flat.initial_groups for row in range(group.rows)]
     texts = []
     for group, row in rows[:SHOWN]:
@@ -71,33 +71,33 @@ def _initial_equations(stretch: Stretch) -> str:
     return f"the initial equation{'s' * (len(rows) > 1)} {', '.join(texts)}{more}" if rows else ""
 
 
-def check_values(stretch: Stretch, outcome: Outcome, everything: bool, report: Report) -> None:
-    """Warn of values that have become NaN during a piece, such as a square root, where the motion does not need them.
+def check_values(segment: Segment, outcome: Outcome, everything: bool, report: Report) -> None:
+    """Warn of values that have become NaN during a segment, such as a square root, where the motion does not need them.
 
     Parameters
     ----------
     everything : whether the states at all output times have been kept, not only some variables
     """
-    recorder = stretch.recorder
+    recorder = segment.recorder
     times, _ = recorder.taken()
     if report.says(Subject.NOT_FINITE) or not len(times):
         return
-    rows = suspects(stretch.observer, times, recorder.table) if everything else np.zeros(0, int)
-    if stretch.plan.once(moving_risks).others or not everything:
+    rows = suspects(segment.observer, times, recorder.table) if everything else np.zeros(0, int)
+    if segment.plan.once(moving_risks).others or not everything:
         rows = np.append(rows, len(times) - 1)
     for k in rows.tolist():
         time, x, near = float(times[k]), None, None
         if k == len(times) - 1:
-            time, x, near = outcome.time, outcome.x, registers_at_end(stretch.system, outcome)
+            time, x, near = outcome.time, outcome.x, registers_at_end(segment.system, outcome)
         else:
             x = recorder.table[k]
-        known, program = near is not None, stretch.plan.full_program
-        found, span, nonlinear = first_not_finite(stretch.observer, time, x, program, near, known)
+        known, program = near is not None, segment.plan.full_program
+        found, span, nonlinear = first_not_finite(segment.observer, time, x, program, near, known)
         if found and not nonlinear:  # nonlinear equations are solved along the motion, not from their start
             report.warning("W0537", f"{found} at t = {times[k]:g} s", span, subject=Subject.NOT_FINITE)
             return
 
-    without = unsolved(stretch.observer, *recorder.sampled())
+    without = unsolved(segment.observer, *recorder.sampled())
     if without is not None:
         sentence, span, time = without
         report.warning("W0537", f"{sentence} at t = {time:g} s", span, subject=Subject.NOT_FINITE)
@@ -115,24 +115,29 @@ def registers_at_end(system: System, outcome: Outcome) -> np.ndarray | None:
 
 
 def explanation(
-    stretch: Stretch, outcome: Outcome, span: Span, pieces: Sequence[Piece], sizes: np.ndarray | None, known: str
+    segment: Segment,
+    outcome: Outcome,
+    span: Span,
+    segments: Sequence[SegmentRecord],
+    sizes: np.ndarray | None,
+    known: str,
 ) -> str:
     """Return the sentence about a run that has stopped early.
 
     Parameters
     ----------
-    pieces : of the run
+    segments : of the run
     sizes : (n,) magnitudes of the states; None where nothing has been integrated
     known : the reason, where it is known better than from the status
     """
-    place = stretch.observer, stretch.system, outcome.time, outcome.x
+    place = segment.observer, segment.system, outcome.time, outcome.x
     found = ""
     if not known and outcome.status in (Status.NOT_FINITE, Status.COLLAPSED):
         found = lost_ahead(*place, span.end)
     if not known and not found and outcome.status is Status.COLLAPSED and sizes is not None:
         found = fastest(*place, sizes, span.end - span.start)
     if not known and outcome.status in _SLOW:
-        found = "; ".join(filter(None, (pace(outcome), growth(pieces, outcome))))
+        found = "; ".join(filter(None, (pace(outcome), growth(segments, outcome))))
     detail = f": {found}" if found else ""
     return f"the run stopped at t = {outcome.time:.6g} s of {span.end:g} s: {known or outcome.status.value}{detail}"
 
@@ -144,10 +149,10 @@ def pace(outcome: Outcome) -> str:
     return f"the last ones are {outcome.step:.2g} s long"
 
 
-def growth(pieces: Sequence[Piece], outcome: Outcome) -> str:
+def growth(segments: Sequence[SegmentRecord], outcome: Outcome) -> str:
     """Describe the state that has left all scale: how much larger it is than in the first half; empty if none has."""
-    last = pieces[-1]
-    alike = [p for p in pieces if p.coordinates == last.coordinates]
+    last = segments[-1]
+    alike = [p for p in segments if p.coordinates == last.coordinates]
     times = np.concatenate([p.samples[0] for p in alike])
     n = len(last.coordinates)
     if not len(times):
@@ -161,14 +166,14 @@ def growth(pieces: Sequence[Piece], outcome: Outcome) -> str:
     return f"{last.coordinates[k]} has grown to {outcome.x[k]:.3g} from at most {before[k]:.3g} in the first half"
 
 
-def note_coordinates(pieces: Sequence[Piece], changes: Changes | None, report: Report) -> None:
+def note_coordinates(segments: Sequence[SegmentRecord], changes: Changes | None, report: Report) -> None:
     """Report how often coordinates have changed, and between which, and which singular positions were passed.
 
     Parameters
     ----------
     changes : None where the coordinates could not have changed
     """
-    names = [tuple(p.coordinates) for p in pieces]
+    names = [tuple(p.coordinates) for p in segments]
     count = sum(a != b for a, b in pairwise(names))
     if count:
         sets = "; ".join(", ".join(n) for n in dict.fromkeys(names))

@@ -13,7 +13,7 @@ from lmoc.numerics.coordinates.change import carried_over, registers_at, with_so
 from lmoc.numerics.coordinates.passage import Passage, passage
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.observe.observer import Aside, Observer, Path
-from lmoc.numerics.observe.trajectory import Piece
+from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.options.formulations import STEPPED_IN_C
 from lmoc.numerics.plan.activity import Lookout
 from lmoc.numerics.plan.plan import Plan
@@ -21,7 +21,7 @@ from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.start.singular import BESIDE, StartSingular, starts_singular
-from lmoc.numerics.task.task import Stretch, Task
+from lmoc.numerics.task.task import Segment, Task
 from lmoc.support.records import dataclass
 
 _OFTEN = 3  # changes of coordinates after which …
@@ -53,22 +53,22 @@ class ShortSteps(Lookout):
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class Continuation:
     """The continuation of a run.
 
     Attributes
     ----------
-    stretch : the piece under way, or a new one
+    segment : the segment under way, or a new one
     x : (n,) its state
     until, longest : s, up to when the steps are no longer than that
-    between : what lies between the piece that has been under way and a new one
+    between : what lies between the segment that has been under way and a new one
     """
 
-    stretch: Stretch
+    segment: Segment
     x: np.ndarray
     until: float = -np.inf
     longest: float = np.inf
-    between: tuple[Piece, ...] = ()
+    between: tuple[SegmentRecord, ...] = ()
 
     def bounded(self, lookout: Lookout) -> Lookout:
         """Return what bounds the steps."""
@@ -103,8 +103,8 @@ class Changes:
         self._stalled, self._stalled_at = 0, -np.inf  # how often it has not come on, and from where
         self._continued: deque[float] = deque(maxlen=_MANY)  # s, where it has gone on in another way
 
-    def watch_over(self, stretch: Stretch, t: float, x: np.ndarray, first: bool) -> Status:
-        """Watch the coordinates of a piece from its beginning; return how they are judged there.
+    def watch_over(self, segment: Segment, t: float, x: np.ndarray, first: bool) -> Status:
+        """Watch the coordinates of a segment from its beginning; return how they are judged there.
 
         Parameters
         ----------
@@ -116,51 +116,51 @@ class Changes:
         StartSingular
             The run begins where nothing tells how it goes on.
         """
-        stretch.watch = watch = CoordinateWatch(stretch.system, stretch.base)
+        segment.watch = watch = CoordinateWatch(segment.system, segment.base)
         if self._watch is not None:
             watch.inherit(self._watch)
         self._watch = watch
         watch.bar(self._refused)
         status = watch.begin(t, x)
         if status is not Status.OK and first and not watch.determines:
-            raise _singular_start(stretch, self.task.report)
+            raise _singular_start(segment, self.task.report)
         return status
 
-    def onward(self, stretch: Stretch, outcome: Outcome, tolerance: np.ndarray) -> Way | None:
+    def onward(self, segment: Segment, outcome: Outcome, tolerance: np.ndarray) -> Continuation | None:
         """Return how to go on from where an integration has ended; None where no coordinates serve.
 
         Parameters
         ----------
         tolerance : (n,) of the state
         """
-        watch, t = stretch.watch, outcome.time
+        watch, t = segment.watch, outcome.time
         self._stalled = self._stalled + 1 if t == self._stalled_at else 0
         self._stalled_at = t
         watch.go_back()
         if self._hardly_gets_on(t):
-            self._nowhere(stretch, in_vain=True)
+            self._nowhere(segment, in_vain=True)
             return None
         if watch.lost_rank:
-            way = self._leaving_out_others(stretch, outcome) or self._beyond(stretch, tolerance)
+            continuation = self._leaving_out_others(segment, outcome) or self._beyond(segment, tolerance)
         else:
-            way = self._changed(stretch, outcome)
-        if way is not None:
-            return way
+            continuation = self._changed(segment, outcome)
+        if continuation is not None:
+            return continuation
         if not (watch.lost_rank or watch.passed_a_singular_place):
             watch.tolerate()
-            return Way(stretch, outcome.x)
+            return Continuation(segment, outcome.x)
         until = max(watch.last.t, watch.singular) if watch.lost_rank else watch.last.t
         distance = (until - t) / 4  # the way up to it is gone in shorter steps
         shortest = _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start)
         if self._stalled < _STALLED and distance > shortest and not watch.cornered:
-            return Way(stretch, outcome.x, until, distance)
-        self._nowhere(stretch)
+            return Continuation(segment, outcome.x, until, distance)
+        self._nowhere(segment)
         return None
 
-    def apart(self, stretch: Stretch, outcome: Outcome) -> Way | None:
-        """A piece in few coordinates again; None where the run has been in all coordinates from its start."""
+    def apart(self, segment: Segment, outcome: Outcome) -> Continuation | None:
+        """A segment in few coordinates again; None where the run has been in all coordinates from its start."""
         self.returned = outcome.time
-        return None if self._minimal is None else self._begun(stretch, outcome, *self._minimal)
+        return None if self._minimal is None else self._begun(segment, outcome, *self._minimal)
 
     def _hardly_gets_on(self, t: float) -> bool:
         """Return whether the last continuations have hardly come on."""
@@ -168,8 +168,8 @@ class Changes:
         many = len(self._continued) == _MANY
         return many and t - self._continued[0] < _MANY * _PACE * (self.task.span.end - self._continued[0])
 
-    def _all_together(self, stretch: Stretch, outcome: Outcome) -> Way | None:
-        """A piece in all coordinates of the loops, where they change too often; once in a run.
+    def _all_together(self, segment: Segment, outcome: Outcome) -> Continuation | None:
+        """A segment in all coordinates of the loops, where they change too often; once in a run.
 
         A change costs as much as hundreds of steps in C, and each one restarts the integration.
         """
@@ -182,48 +182,48 @@ class Changes:
         suits = requested.form.name == "auto" and task.options.solver in STEPPED_IN_C
         if ahead < _AHEAD or not suits or task.others is None:
             return None
-        made = task.others.of_loops(stretch.observer.signals, task.options.energy)
-        way = None if made is None else self._begun(stretch, outcome, *made)
-        if way is not None:
-            self._minimal, self.together = (stretch.plan, stretch.system), t
-        return way
+        made = task.others.of_loops(segment.observer.signals, task.options.energy)
+        continuation = None if made is None else self._begun(segment, outcome, *made)
+        if continuation is not None:
+            self._minimal, self.together = (segment.plan, segment.system), t
+        return continuation
 
-    def _leaving_out_others(self, stretch: Stretch, outcome: Outcome) -> Way | None:
-        """A new piece in which other constraints are the redundant ones; None where that is no better.
+    def _leaving_out_others(self, segment: Segment, outcome: Outcome) -> Continuation | None:
+        """A new segment in which other constraints are the redundant ones; None where that is no better.
 
         What is left of them may lose its rank at a place where all together do not.
         """
-        task, watch, reduced = self.task, stretch.watch, stretch.plan.reduced
+        task, watch, reduced = self.task, segment.watch, segment.plan.reduced
         if task.others is None or not reduced.left_out or self.happens is not None:
             return None
         until, margin = self._in_vain
         if watch.accepted.t <= until and watch.accepted.margin > margin / _NEARER:
             return None
         place, own = watch.accepted, reduced.constraints.variable
-        values = stretch.observer(own, np.array([place.t]), place.x[None])[0]
+        values = segment.observer(own, np.array([place.t]), place.x[None])[0]
         at = {reduced.flat.variable_name(v): x for v, x in zip(own.tolist(), values.tolist(), strict=True)}
-        signals, own_margin = stretch.observer.signals, _margin(stretch.system, stretch.base, place.t, place.x)
+        signals, own_margin = segment.observer.signals, _margin(segment.system, segment.base, place.t, place.x)
         for plan, system in task.others.leaving_out_others(reduced, at, signals, task.options.energy):
-            way = self._begun(stretch, outcome, plan, system)
-            if way is None or plan.reduced.constraints is None:
+            continuation = self._begun(segment, outcome, plan, system)
+            if continuation is None or plan.reduced.constraints is None:
                 continue
-            system.prepare(way.stretch.base, signals)
-            if _margin(system, way.stretch.base, place.t, way.x) > _WIDER * own_margin:
-                return way
+            system.prepare(continuation.segment.base, signals)
+            if _margin(system, continuation.segment.base, place.t, continuation.x) > _WIDER * own_margin:
+                return continuation
         self._in_vain = 2 * watch.singular - place.t, place.margin
         watch.go_back()
         return None
 
-    def _beyond(self, stretch: Stretch, tolerance: np.ndarray) -> Way | None:
-        """A new piece behind a place where the constraints depend on each other; None where none is found.
+    def _beyond(self, segment: Segment, tolerance: np.ndarray) -> Continuation | None:
+        """A new segment behind a place where the constraints depend on each other; None where none is found.
 
-        Output times in between become pieces of their own, each with the solutions of its blocks.
+        Output times in between become segments of their own, each with the solutions of its blocks.
         """
-        watch, end = stretch.watch, self.task.span.end
+        watch, end = segment.watch, self.task.span.end
         place, width = watch.accepted, 2 * (watch.singular - watch.accepted.t)
         found = None
         if 0 < width < end - self.task.span.start:
-            found = passage(stretch.system, (place.t, place.x, place.solutions), width, tolerance)
+            found = passage(segment.system, (place.t, place.x, place.solutions), width, tolerance)
         busy = found is not None and self.happens is not None and self.happens(found, watch.unknowns)
         self._busy = busy or (self._busy and found is None)  # nearer, rounding may hide it
         if found is None or busy:
@@ -234,68 +234,68 @@ class Changes:
         if singular is not None:
             self.passed.append(singular)
         begin = min(float(found.times[-1]), end)
-        between = self._standing(stretch, place.t, found.solutions[0], stretch.reached)
+        between = self._standing(segment, place.t, found.solutions[0], segment.reached)
         ahead = between.recorder.times
-        times = ahead[ahead < begin] if begin < end else ahead  # no other piece follows the last one
+        times = ahead[ahead < begin] if begin < end else ahead  # no other segment follows the last one
         states, solutions = found.at(times)
         aside = None if singular is None else Aside(singular, _ASIDE * width, found.at)
         between.observer.path = Path(times, states, watch.unknowns, solutions, aside)
         if len(times):
             between.recorder(0, states)
         states, solutions = found.at(np.array([begin]))
-        piece = self._standing(stretch, begin, solutions[0], between.reached)
-        return Way(piece, states[0], between=(between.piece(),) if len(times) else ())
+        made = self._standing(segment, begin, solutions[0], between.reached)
+        return Continuation(made, states[0], between=(between.record(),) if len(times) else ())
 
-    def _standing(self, stretch: Stretch, time: float, solutions: np.ndarray, first: int) -> Stretch:
-        """A piece that begins with these solutions of the blocks."""
-        old, task = stretch.observer, self.task
-        base = with_solutions(stretch.base, stretch.watch.unknowns, solutions)
+    def _standing(self, segment: Segment, time: float, solutions: np.ndarray, first: int) -> Segment:
+        """A segment that begins with these solutions of the blocks."""
+        old, task = segment.observer, self.task
+        base = with_solutions(segment.base, segment.watch.unknowns, solutions)
         observer = Observer(old.plan, old.values, base, old.signals)
-        piece = Stretch(observer, stretch.system, time, task.span.times, first, self.variables)
-        piece.mode = stretch.mode
-        return piece
+        made = Segment(observer, segment.system, time, task.span.times, first, self.variables)
+        made.mode = segment.mode
+        return made
 
-    def _changed(self, stretch: Stretch, outcome: Outcome) -> Way | None:
-        """A new piece with better coordinates, or with all of them; None where there are no better ones."""
-        way = self._all_together(stretch, outcome)
-        if way is not None:
-            return way
-        for variables, names in self._candidates(stretch):
+    def _changed(self, segment: Segment, outcome: Outcome) -> Continuation | None:
+        """A new segment with better coordinates, or with all of them; None where there are no better ones."""
+        continuation = self._all_together(segment, outcome)
+        if continuation is not None:
+            return continuation
+        for variables, names in self._candidates(segment):
             key = outcome.time, tuple(sorted(names))
             if key in self._tried:  # it has begun here with them already
                 continue
             self._tried.add(key)
             others, energy = self.task.others, self.task.options.energy
-            made = None if others is None else others.system(names, stretch.observer.signals, energy)
-            way = None if made is None else self._begun(stretch, outcome, *made)
-            if way is not None:
-                return way
-            own = stretch.plan.reduced.constraints
+            made = None if others is None else others.system(names, segment.observer.signals, energy)
+            continuation = None if made is None else self._begun(segment, outcome, *made)
+            if continuation is not None:
+                return continuation
+            own = segment.plan.reduced.constraints
             self._refused |= variables - set(own.variable[own.rows :].tolist())
         return None
 
-    def _candidates(self, stretch: Stretch) -> Iterator[tuple[set[int], list[str]]]:
-        reduced = stretch.plan.reduced
-        stretch.watch.bar(self._refused)
-        for columns in stretch.watch.better():
+    def _candidates(self, segment: Segment) -> Iterator[tuple[set[int], list[str]]]:
+        reduced = segment.plan.reduced
+        segment.watch.bar(self._refused)
+        for columns in segment.watch.better():
             variables = reduced.constraints.variable[columns].tolist()
             yield set(variables), [reduced.flat.variable_name(v) for v in variables]
 
-    def _begun(self, stretch: Stretch, outcome: Outcome, plan: Plan, system: System) -> Way | None:
-        """A piece with another system; None where its states are not known at the place."""
-        task, old = self.task, stretch.observer
-        w = registers_at(old, stretch.system, outcome.time, outcome.x)
+    def _begun(self, segment: Segment, outcome: Outcome, plan: Plan, system: System) -> Continuation | None:
+        """A segment with another system; None where its states are not known at the place."""
+        task, old = self.task, segment.observer
+        w = registers_at(old, segment.system, outcome.time, outcome.x)
         base = plan.base(task.values, old.signals)
         x = carried_over(old, w, plan, base)
         if not np.isfinite(x).all():
             return None
         observer = Observer(plan, task.values, base, old.signals)
-        piece = Stretch(observer, system, outcome.time, task.span.times, stretch.reached, self.variables)
-        return Way(piece, x)
+        made = Segment(observer, system, outcome.time, task.span.times, segment.reached, self.variables)
+        return Continuation(made, x)
 
-    def _nowhere(self, stretch: Stretch, in_vain: bool = False) -> None:
+    def _nowhere(self, segment: Segment, in_vain: bool = False) -> None:
         """Say why the run cannot go on: `in_vain` where one choice has followed the other."""
-        reduced, watch = stretch.plan.reduced, stretch.watch
+        reduced, watch = segment.plan.reduced, segment.watch
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
         if watch.lost_rank and self._busy:
             self.reason = (
@@ -327,13 +327,13 @@ def _margin(system: System, base: np.ndarray, t: float, x: np.ndarray) -> float:
     return watch.accepted.margin if watch.begin(t, x) is Status.OK else 0.0
 
 
-def _singular_start(stretch: Stretch, report: Report) -> StartSingular:
+def _singular_start(segment: Segment, report: Report) -> StartSingular:
     """Return the error where the coordinates do not serve at the start."""
-    reduced, variable = stretch.plan.reduced, stretch.watch.lost()
+    reduced, variable = segment.plan.reduced, segment.watch.lost()
     names, span = ", ".join(reduced.state_names), reduced.flat.declared_at(variable)
     message = f"the coordinates {names} do not determine {reduced.flat.variable_name(variable)} at the start"
     hint = "choose others, by states=[…] (--states) or stateSelect"
-    singular = starts_singular(stretch, stretch.watch.accepted.t, stretch.watch.accepted.x)
+    singular = starts_singular(segment, segment.watch.accepted.t, segment.watch.accepted.x)
     if singular:
         message, hint = f"{singular}: {message}", BESIDE
     report.error("E0535", message, span, hint=hint)

@@ -19,7 +19,7 @@ from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.failures.chatter import jumps
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.solutions import Solutions
-from lmoc.numerics.observe.trajectory import Piece, Trajectory
+from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.signals.signals import break_times
 from lmoc.support.distinct import distinct
@@ -79,19 +79,19 @@ def changed_values(
     return np.concatenate([found, np.full(count - len(found), np.nan)])
 
 
-def smooth_piece(trajectory: Trajectory) -> Piece:
-    """Return the only piece of a motion without events.
+def smooth_segment(trajectory: Trajectory) -> SegmentRecord:
+    """Return the only segment of a motion without events.
 
     Raises
     ------
     ModelError
         E0575: the motion is not of that kind.
     """
-    piece, flat = trajectory.pieces[0], trajectory.flat
-    plan = piece.observer.plan
+    segment, flat = trajectory.segments[0], trajectory.flat
+    plan = segment.observer.plan
     if flat.laws or flat.events is not None or trajectory.events:
         raise refused("the scene has laws or events, behind which derivatives jump")
-    if len(trajectory.pieces) > 1:
+    if len(trajectory.segments) > 1:
         raise refused("the coordinates change on the way")
     if plan.reduced.in_all_coordinates:
         raise refused("the loops are integrated in all their coordinates", "formulation='reduced'")
@@ -99,7 +99,7 @@ def smooth_piece(trajectory: Trajectory) -> Piece:
         raise refused("only some variables are kept of the run", "leave out keep")
     if plan.once(jumps):
         raise refused("the equations jump where a condition on the motion changes")
-    return piece
+    return segment
 
 
 class Sensitivities:
@@ -112,7 +112,7 @@ class Sensitivities:
     """
 
     def __init__(
-        self, piece: Piece, first: np.ndarray, directions: Sequence[Direction], rtol: float, explicit: bool
+        self, segment: SegmentRecord, first: np.ndarray, directions: Sequence[Direction], rtol: float, explicit: bool
     ) -> None:
         """
         Parameters
@@ -125,11 +125,11 @@ class Sensitivities:
         ModelError
             E0575: instants at which the equations have kinks depend on what is asked for, or the integration failed.
         """
-        self.piece, self.directions = piece, {d.name: d for d in directions}
-        self._sizes = np.max(np.abs(piece.samples[1]), axis=0, initial=0.0)
-        self._sizes = np.maximum(self._sizes, np.max(np.abs(piece.table), axis=0, initial=0.0))
+        self.segment, self.directions = segment, {d.name: d for d in directions}
+        self._sizes = np.max(np.abs(segment.samples[1]), axis=0, initial=0.0)
+        self._sizes = np.maximum(self._sizes, np.max(np.abs(segment.table), axis=0, initial=0.0))
         self._sizes = np.where(self._sizes > 0, self._sizes, 1.0)
-        self.tangents = _Sweep(piece, directions, self._sizes, rtol, explicit).go(first)
+        self.tangents = _Sweep(segment, directions, self._sizes, rtol, explicit).go(first)
 
     def __call__(self, name: str, by: str) -> np.ndarray:
         """Return the derivative (T,) of a variable by a quantity.
@@ -142,14 +142,14 @@ class Sensitivities:
         if by not in self.directions:
             raise KeyError(f"sensitivities were asked for by {', '.join(self.directions)}, not by '{by}'")
         direction, tangent = self.directions[by], self.tangents[list(self.directions).index(by)]
-        observer, piece = self.piece.observer, self.piece
+        observer, segment = self.segment.observer, self.segment
         variables = find(observer.flat, name)
         moved = np.max(np.abs(tangent) / self._sizes, initial=0.0)
         step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
 
         def values(change: float) -> np.ndarray:
             own = shifted(observer, direction, change)
-            return own(variables, piece.time, piece.table + change * tangent)
+            return own(variables, segment.time, segment.table + change * tangent)
 
         found = difference(values, step)
         return found[:, 0] if len(variables) == 1 else found
@@ -167,10 +167,10 @@ class _Sweep:
     """States and tangents, integrated together."""
 
     def __init__(
-        self, piece: Piece, directions: Sequence[Direction], sizes: np.ndarray, rtol: float, explicit: bool
+        self, segment: SegmentRecord, directions: Sequence[Direction], sizes: np.ndarray, rtol: float, explicit: bool
     ) -> None:
-        observer = self.observer = piece.observer
-        self.piece, self.directions, self.explicit = piece, directions, explicit
+        observer = self.observer = segment.observer
+        self.segment, self.directions, self.explicit = segment, directions, explicit
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
         self.rtol, self.sizes = max(_SHARE * rtol, _FINEST), sizes
         self.scale = np.array([d.size for d in directions])
@@ -232,8 +232,8 @@ class _Sweep:
         """Return the tangents (m, times, n) at the output times, from the states at the start (n,)."""
         from scipy.integrate import solve_ivp
 
-        piece, times = self.piece, self.piece.time
-        begin, end = piece.begin, float(times[-1])
+        segment, times = self.segment, self.segment.time
+        begin, end = segment.begin, float(times[-1])
         starts = np.stack([d.start for d in self.directions]) * self.scale[:, None]
         y = np.concatenate([first, starts.ravel()])
         found = np.full((len(times), len(y)), np.nan)
@@ -258,6 +258,6 @@ class _Sweep:
 
     def _agree(self, states: np.ndarray) -> None:
         """Refuse tangents along another motion than that of the run."""
-        apart = np.abs(states - self.piece.table) / self.sizes
+        apart = np.abs(states - self.segment.table) / self.sizes
         if not np.max(apart, initial=0.0) <= _APART * max(10 * self.rtol, 1e-12):
             raise refused("the motion depends on its values so much that it cannot be repeated within its tolerance")

@@ -28,7 +28,7 @@ from lmoc.numerics.options.options import (
 )
 from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.problem.system import System
-from lmoc.numerics.run.pieces import run_pieces, starting_place
+from lmoc.numerics.run.segments import run_segments, starting_place
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
 from lmoc.numerics.start.parameters import check_derived, check_parameters
 from lmoc.numerics.task.sizes import too_loose
@@ -180,7 +180,7 @@ def _run_at_its_size(
     """Run; where the motion is much smaller than its tolerances were chosen for, again with tolerances of its size."""
     said = list(task.report.diagnostics)
     for _ in range(_PASSES):
-        run = run_pieces(task, plan, system, base, initial)
+        run = run_segments(task, plan, system, base, initial)
         tolerant = task.options.atol is None and task.options.solver not in FIXED_STEP
         sizes = too_loose(run, task.values, task.sizes, run.stats["rtol"]) if tolerant else None
         if sizes is None:

@@ -29,7 +29,7 @@ def first_states(
     Parameters
     ----------
     time : s
-    base : registers of the piece, in which the unknowns of nonlinear blocks get their first guess
+    base : registers of the segment, in which the unknowns of nonlinear blocks get their first guess
     initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
     impacts : takes records of velocities that contradict each other at the start
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.messages.source import Span
-from lmoc.numerics.task.task import Stretch
+from lmoc.numerics.task.task import Segment
 
 BRANCHES = "the scene starts at a singular position, in which its constraints depend on each other"
 NEXT = "the scene starts next to a singular position, in which its constraints depend on each other"
@@ -17,18 +17,18 @@ BESIDE = "several motions may begin there, and nothing says which is meant: star
 _DEPENDENT, _ALMOST = 1e-9, 1e-4
 
 
-def starts_singular(stretch: Stretch, time: float, x: np.ndarray) -> str:
+def starts_singular(segment: Segment, time: float, x: np.ndarray) -> str:
     """Return a sentence where constraints depend on each other at a start, or almost; empty where they do not.
 
     Rows alone are brought to one length, too: beside a singular position all entries of a column may be small, which
     would count as a unit of its coordinate.
     """
-    if stretch.plan.reduced.constraints is None:
+    if segment.plan.reduced.constraints is None:
         return ""
     from lmoc.numerics.coordinates.tableau import in_rows_of_one_size, rank_margin  # most scenes have none
     from lmoc.numerics.coordinates.watch import CoordinateWatch
 
-    watch = CoordinateWatch(stretch.system, stretch.base)
+    watch = CoordinateWatch(segment.system, segment.base)
     watch.begin(time, x)
     place = watch.accepted
     if not np.isfinite(place.matrix).all():

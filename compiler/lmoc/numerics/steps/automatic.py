@@ -8,7 +8,7 @@ So it begins. Three things are looked at on the way:
   what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
   of the steps is made finer by as much, from the beginning on.
 * Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation; from
-  then on the pieces of the run begin along it.
+  then on the segments of the run begin along it.
 * DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
 
 The bounds come from charts of speed against accuracy over the models (`benchmarks/auto.py`).
@@ -184,7 +184,7 @@ def _suits_series(way: Way, modes: Modes, mean: float, ahead: float) -> bool:
     problem, spent = way.problem, way.spent
     if _is_stiff(modes, ahead, _series_patience(problem)):
         return False
-    whole = ahead + np.fmax(problem.whole - problem.end, 0.0)  # behind this piece the run goes on
+    whole = ahead + np.fmax(problem.whole - problem.end, 0.0)  # behind this segment the run goes on
     if not is_better(problem.system, np.inf if spent.series else spent.steps + whole / mean):
         return False
     spent.series = True

@@ -1,6 +1,6 @@
 """Steps of equal length: what the methods that make them have in common.
 
-The length is the user's, and no error is estimated. The last step of a piece ends where the piece does.
+The length is the user's, and no error is estimated. The last step of a segment ends where the segment does.
 """
 
 from __future__ import annotations

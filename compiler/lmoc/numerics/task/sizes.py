@@ -12,7 +12,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Evaluate, slice_of
-from lmoc.numerics.observe.trajectory import Piece, Trajectory
+from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.plan.plan import Plan
 
 Array = tuple[int, int]  # declared name (index of its block) and order of the derivative; -1 for what has no name
@@ -20,7 +20,7 @@ Sizes = Mapping[Array, float]
 
 ABSOLUTE = 1e-3  # absolute tolerance: this part of the size of a motion, times the relative one
 _LOOSE = 1e-3  # of the size that was assumed: of a smaller motion the absolute tolerance is no small part
-_LOOKED_AT = 5  # places of a piece at which rounding of the rates is judged
+_LOOKED_AT = 5  # places of a segment at which rounding of the rates is judged
 _EPSILON = 2e-16  # relative rounding of a number
 _MARGIN = 1e3  # so many times as much the stages of a step may make of it
 _REST = 1e-200  # what is smaller does not move: parts of it are zero in double precision
@@ -58,19 +58,19 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes, rtol: float) ->
     ----------
     rtol : relative tolerance of the run
     """
-    if not any(_is_small(piece, values, known) for piece in run.pieces):
+    if not any(_is_small(segment, values, known) for segment in run.segments):
         return None
     largest: dict[Array, float] = {}
     assumed: dict[Array, float] = {}
-    for piece in run.pieces:
-        for array, top, size in _extents(piece, values, known):
+    for segment in run.segments:
+        for array, top, size in _extents(segment, values, known):
             largest[array] = max(top, largest.get(array, 0.0))
             assumed[array] = size
     groups: dict[tuple[str, int], float] = {}
     for array, top in largest.items():
         group = _group(run.flat, array)
         groups[group] = max(top, groups.get(group, 0.0))
-    noise = _TIED if any(p.reduced.in_all_coordinates for p in run.pieces) else _NOISE
+    noise = _TIED if any(p.reduced.in_all_coordinates for p in run.segments) else _NOISE
     met = {array: max(top, noise * groups[_group(run.flat, array)]) for array, top in largest.items()}
     if not any(met[array] < _LOOSE * assumed[array] for array in met):
         return None
@@ -85,12 +85,12 @@ def too_loose(run: Trajectory, values: np.ndarray, known: Sizes, rtol: float) ->
 
 def _drift(run: Trajectory) -> dict[Array, float]:
     """Return how far rounding in the forces may have moved each array, and the one it is the rate of."""
-    length, drift = run.last[0] - run.pieces[0].begin, {}
-    for piece in run.pieces:
-        rounding = _rounding(piece)
-        if piece.rounding is not None:
-            rounding = np.fmax(rounding, piece.rounding)
-        arrays, number = piece.observer.plan.once(_arrays)
+    length, drift = run.last[0] - run.segments[0].begin, {}
+    for segment in run.segments:
+        rounding = _rounding(segment)
+        if segment.rounding is not None:
+            rounding = np.fmax(rounding, segment.rounding)
+        arrays, number = segment.observer.plan.once(_arrays)
         for k, rate in zip(number.tolist(), rounding.tolist(), strict=True):
             block, order = arrays[k]
             for lower in range(order + 1):
@@ -99,9 +99,9 @@ def _drift(run: Trajectory) -> dict[Array, float]:
     return drift
 
 
-def _rounding(piece: Piece) -> np.ndarray:
+def _rounding(segment: SegmentRecord) -> np.ndarray:
     """Return what rounding of the states makes of their rates (n,): forces in equilibrium cancel up to it."""
-    observer, (times, states) = piece.observer, piece.samples
+    observer, (times, states) = segment.observer, segment.samples
     plan = observer.plan
     few = np.unique(np.linspace(0, len(times) - 1, _LOOKED_AT).astype(int)) if len(times) else np.zeros(0, int)
     if not len(few):
@@ -125,9 +125,9 @@ def _rates(observer: Observer) -> Evaluate:
     return rates(plan, observer.base, observer.signals)
 
 
-def _is_small(piece: Piece, values: np.ndarray, known: Sizes) -> bool:
+def _is_small(segment: SegmentRecord, values: np.ndarray, known: Sizes) -> bool:
     """Return whether some component stays well below its assumed size, as one at least does where `too_loose` is."""
-    plan, (start, tops) = piece.observer.plan, _magnitudes(piece)
+    plan, (start, tops) = segment.observer.plan, _magnitudes(segment)
     if not len(tops):
         return False
     return bool(is_small(tops, assumed_sizes(plan, values, start, known), plan.ledger))
@@ -143,17 +143,17 @@ def is_small(tops: np.ndarray, assumed: np.ndarray, ledger: np.ndarray) -> np.nd
     return (tops < _LOOSE * assumed)[..., ~ledger].any(axis=-1)
 
 
-def _magnitudes(piece: Piece) -> tuple[np.ndarray, np.ndarray]:
-    """Return a state of a piece, and the largest magnitude of each component, at its steps where these are known."""
-    states = piece.samples[1]
-    if piece.largest is not None:
-        states = np.concatenate([states, piece.largest[None]])
+def _magnitudes(segment: SegmentRecord) -> tuple[np.ndarray, np.ndarray]:
+    """Return a state of a segment, and the largest magnitude of each component, at its steps where these are known."""
+    states = segment.samples[1]
+    if segment.largest is not None:
+        states = np.concatenate([states, segment.largest[None]])
     return (states[0], np.fmax.reduce(np.abs(states))) if len(states) else (np.zeros(0), np.zeros(0))
 
 
-def _extents(piece: Piece, values: np.ndarray, known: Sizes) -> list[tuple[Array, float, float]]:
-    """Return the largest value in a piece, and the assumed size, of each array whose size is not declared."""
-    plan, (start, tops) = piece.observer.plan, _magnitudes(piece)
+def _extents(segment: SegmentRecord, values: np.ndarray, known: Sizes) -> list[tuple[Array, float, float]]:
+    """Return the largest value in a segment, and the assumed size, of each array whose size is not declared."""
+    plan, (start, tops) = segment.observer.plan, _magnitudes(segment)
     if not len(tops):
         return []
     arrays, number = plan.once(_arrays)

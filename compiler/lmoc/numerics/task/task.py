@@ -1,4 +1,4 @@
-"""The data shared by all pieces of a run, and one piece in progress."""
+"""The data shared by all segments of a run, and one segment in progress."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import Recorder
-from lmoc.numerics.observe.trajectory import Piece
+from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.options.options import RunOptions, Span
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome
@@ -46,7 +46,7 @@ class Coordinates(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """The data shared by all pieces of a run.
+    """The data shared by all segments of a run.
 
     Attributes
     ----------
@@ -69,14 +69,14 @@ class Task:
     sizes: Sizes = field(default_factory=dict)
 
 
-class Stretch:
-    """A piece under way.
+class Segment:
+    """A segment under way.
 
     Attributes
     ----------
     begin : s
     first : number of output times that lie before it
-    mode, rounding : of the laws, as in `Piece`
+    mode, rounding : of the laws, as in `SegmentRecord`
     largest : (n,) the magnitude of each state at the steps; None where they were not looked at
     watch : judges its coordinates; None where their choice never divides by anything that changes
     loops : watches over its closures; None in minimal coordinates
@@ -99,7 +99,7 @@ class Stretch:
         """Number of output times behind."""
         return self.first + self.recorder.reached
 
-    def piece(self, outcome: Outcome | None = None) -> Piece:
+    def record(self, outcome: Outcome | None = None) -> SegmentRecord:
         """Return what it has given; where it failed behind its last output time, with the place reached."""
         times, table = self.recorder.taken()
         failed = outcome is not None and outcome.status.failed and np.isfinite(outcome.x).all()
@@ -109,11 +109,11 @@ class Stretch:
         if self.watch is not None:
             self.observer.path = self.watch.path
         sampled = self.recorder.sampled()
-        return Piece(self.observer, self.begin, times, table, sampled, self.mode, self.largest, self.rounding)
+        return SegmentRecord(self.observer, self.begin, times, table, sampled, self.mode, self.largest, self.rounding)
 
 
 class Cost:
-    """The accumulated cost of the pieces of a run.
+    """The accumulated cost of the segments of a run.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class Cost:
         stats |= {key: stats.get(key, 0) + value for key, value in counts.items()}
         used = dict.fromkeys([*filter(None, str(stats["solver"]).split(", ")), *solver.split(", ")])
         if len(used) > 1:
-            used.pop("none", None)  # a piece without extent or states, beside others
+            used.pop("none", None)  # a segment without extent or states, beside others
         stats["solver"] = ", ".join(used)
         stats["reason"] = stats["reason"] or reason
         stats["evaluation"] = outcome.evaluation or stats.get("evaluation") or system.description

@@ -7,7 +7,7 @@ import numpy as np
 from lmoc.numerics.observe.observer import find
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.task.sizes import ABSOLUTE, assumed_sizes
-from lmoc.numerics.task.task import Stretch, Task
+from lmoc.numerics.task.task import Segment, Task
 
 _SMALL = 10_000  # registers
 
@@ -25,49 +25,49 @@ class Tolerances:
         self._task = task
         self._kept: tuple[Plan, np.ndarray] | None = None
 
-    def absolute(self, stretch: Stretch, x: np.ndarray) -> np.ndarray:
+    def absolute(self, segment: Segment, x: np.ndarray) -> np.ndarray:
         """Return the absolute tolerances (n,); those of one plan are computed once, where it is first used.
 
         Parameters
         ----------
         x : (n,) the state there
         """
-        if self._kept is None or self._kept[0] is not stretch.plan:
-            self._kept = stretch.plan, self._computed(stretch, x)
+        if self._kept is None or self._kept[0] is not segment.plan:
+            self._kept = segment.plan, self._computed(segment, x)
         return self._kept[1]
 
-    def sizes(self, stretch: Stretch) -> np.ndarray | None:
+    def sizes(self, segment: Segment) -> np.ndarray | None:
         """Return the magnitudes (n,) that the absolute tolerances are relative to; None before the first step."""
-        known = self._kept is not None and self._kept[0] is stretch.plan
+        known = self._kept is not None and self._kept[0] is segment.plan
         return self._kept[1] / self.rtol if known else None
 
-    def _computed(self, stretch: Stretch, x: np.ndarray) -> np.ndarray:
+    def _computed(self, segment: Segment, x: np.ndarray) -> np.ndarray:
         """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
-        task, plan, atol = self._task, stretch.plan, self._task.options.atol
+        task, plan, atol = self._task, segment.plan, self._task.options.atol
         if atol is not None:
             result = np.full(len(x), atol, float)
         else:
             result = self.rtol * ABSOLUTE * assumed_sizes(plan, task.values, x, task.sizes)
         if plan.ledger.any():
-            stored = plan.once(_StoredAtStart).at(stretch, x)
+            stored = plan.once(_StoredAtStart).at(segment, x)
             result[plan.ledger] = np.fmax(result[plan.ledger], self.rtol * abs(stored))
         return result
 
 
 class _StoredAtStart:
-    """The energy at the beginning of a piece, kept for another run that begins at the same place."""
+    """The energy at the beginning of a segment, kept for another run that begins at the same place."""
 
     def __init__(self, plan: Plan) -> None:
         self._variable = find(plan.reduced.flat, "ledger.stored")
         self._place: tuple[float, bytes, bytes] | None = None
         self._found = np.nan
 
-    def at(self, stretch: Stretch, x: np.ndarray) -> float:
-        """Return the energy, J, at the state x (n,) where a piece begins."""
-        plan, observer = stretch.plan, stretch.observer
+    def at(self, segment: Segment, x: np.ndarray) -> float:
+        """Return the energy, J, at the state x (n,) where a segment begins."""
+        plan, observer = segment.plan, segment.observer
         small = plan.count <= _SMALL and not len(plan.sampled)  # then all that it depends on is quickly compared
-        place = (stretch.begin, x.tobytes(), observer.base.tobytes()) if small else None
+        place = (segment.begin, x.tobytes(), observer.base.tobytes()) if small else None
         if place is None or place != self._place:
-            values = observer(self._variable, np.array([stretch.begin]), x[None])
+            values = observer(self._variable, np.array([segment.begin]), x[None])
             self._place, self._found = place, float(values[0, 0])
         return self._found

@@ -46,10 +46,10 @@ class MetMode:
 def met_modes(trajectory: Trajectory) -> list[MetMode]:
     """Return the modes of the laws that a run has met, in their order."""
     found: dict[tuple[bool, ...], MetMode] = {}
-    for piece in trajectory.pieces:
-        if piece.mode is not None:
-            closed = tuple(piece.mode.closed.tolist())
-            found.setdefault(closed, MetMode(closed, piece.begin))
+    for segment in trajectory.segments:
+        if segment.mode is not None:
+            closed = tuple(segment.mode.closed.tolist())
+            found.setdefault(closed, MetMode(closed, segment.begin))
     return list(found.values())
 
 

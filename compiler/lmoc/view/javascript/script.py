@@ -75,30 +75,30 @@ def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
         For what the page cannot do: inputs that are Python functions, coordinates that change, …
     """
     _check(trajectory)
-    observer, piece = trajectory.observer, trajectory.pieces[0]
-    times, states = piece.samples
-    if not len(times) or times[0] != piece.begin:
+    observer, segment = trajectory.observer, trajectory.segments[0]
+    times, states = segment.samples
+    if not len(times) or times[0] != segment.begin:
         raise NotWritten("the start of the run is not among its output times")
     stop = trajectory.planned if stop is None else stop
-    first = _Scene(observer, piece.begin, stop, times[0], states[0], trajectory)
-    others = [_Scene(o, piece.begin, stop, t, x, trajectory) for o, t, x in _other_choices(trajectory)]
+    first = _Scene(observer, segment.begin, stop, times[0], states[0], trajectory)
+    others = [_Scene(o, segment.begin, stop, t, x, trajectory) for o, t, x in _other_choices(trajectory)]
     return _with_choices(first, others) if others else first.script()
 
 
 def _other_choices(trajectory: Trajectory) -> Iterator[tuple[Observer, float, np.ndarray]]:
     """Yield an observer, a time and the state there for each choice of coordinates that the run has changed to."""
-    first = trajectory.pieces[0]
+    first = trajectory.segments[0]
     known = [first.reduced]
-    for piece in sorted(trajectory.pieces, key=lambda p: not len(p.time)):  # those with output times first
-        if piece.reduced in known:
+    for segment in sorted(trajectory.segments, key=lambda p: not len(p.time)):  # those with output times first
+        if segment.reduced in known:
             continue
-        known.append(piece.reduced)
-        times, states = piece.samples
+        known.append(segment.reduced)
+        times, states = segment.samples
         if len(times):
-            yield piece.observer, times[0], states[0]
+            yield segment.observer, times[0], states[0]
         else:
             time, states = first.samples[0][0], first.samples[1]
-            yield piece.observer, time, passed(first.observer, time, states[0], piece.observer.plan)
+            yield segment.observer, time, passed(first.observer, time, states[0], segment.observer.plan)
 
 
 def _with_choices(first: _Scene, others: list[_Scene]) -> Script:
@@ -126,7 +126,7 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("friction has springs alone around it, whose switching the page does not compute")
     if any(e.kind == STEP for e in trajectory.events):
         raise NotWritten("a step of what is prescribed makes velocities jump, which the page does not compute")
-    changes = any(p.reduced is not reduced for p in trajectory.pieces)
+    changes = any(p.reduced is not reduced for p in trajectory.segments)
     if changes and (reduced.switched is not None or flat.events is not None):
         raise NotWritten("the coordinates of a scene with events change, which the page does not compute")
     for variable, _ in observer.plan.samplers:

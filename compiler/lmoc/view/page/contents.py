@@ -174,7 +174,7 @@ def _of_rounding(run: Result, numbers: np.ndarray) -> np.ndarray:
     A change in the tenth digit of the states then changes more than their fourth digit.
     """
     size, change = np.zeros(len(numbers)), np.zeros(len(numbers))
-    for piece in run.trajectory.pieces:
+    for piece in run.trajectory.segments:
         rows = _even(len(piece.time), LOOKED_AT) if len(piece.time) else []
         if run.trajectory.kept is not None or not len(rows):
             continue
@@ -339,7 +339,7 @@ def _short(value: float) -> float:
 
 def _script(run: Result) -> tuple[Script | None, str]:
     """Return the run as JavaScript, or why there is none."""
-    if len(run.time) < 2 or not len(run.trajectory.pieces[0].time):
+    if len(run.time) < 2 or not len(run.trajectory.segments[0].time):
         return None, "the run has fewer than two output times"
     try:
         script = write_script(run.trajectory)

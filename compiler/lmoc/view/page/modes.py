@@ -34,9 +34,9 @@ def modes_data(run: Result, names: list[str]) -> list[dict[str, Any]]:
         return []
     variables = np.array([int(flat.find(name)[0]) for name in names])  # type: ignore[index]
     registers = plan.reduced.register_of[variables]
-    if any(p.reduced is not run.reduced for p in run.trajectory.pieces) or (registers < 0).any():
+    if any(p.reduced is not run.reduced for p in run.trajectory.segments) or (registers < 0).any():
         return []
-    times, states = run.trajectory.pieces[0].samples
+    times, states = run.trajectory.segments[0].samples
     outputs = np.concatenate([plan.derivatives[:n], registers])
     program = needed_steps(plan.full_program, outputs, plan.count)
     jacobian = Jacobian(program, plan.states[:n], outputs, plan.count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import End, Item, Point
-from lmoc.view.scene.rows import Rows, Segment, lay_out
+from lmoc.view.scene.rows import Rows, RowSegment, lay_out
 from lmoc.view.scene.strip import BODIES, HELD, IN_LINE, PITCH, PUSHED, Direction, Strip, Style
 from lmoc.view.scene.text import escaped, width
 
@@ -37,8 +37,8 @@ class Layout:
             kinds = ("hub",) if a in strip.hubs or b in strip.hubs else kinds
             self.parts += [(element, a, b, kind) for kind in kinds]
         self.half = {n: self._half(n) for n in strip.nodes}
-        segments = [Segment(a, b, self._length(e, kind)) for e, a, b, kind in self.parts]
-        segments += [Segment(a, b, 60.0) for _, a, b in strip.frames if not self._linked(a, b)]
+        segments = [RowSegment(a, b, self._length(e, kind)) for e, a, b, kind in self.parts]
+        segments += [RowSegment(a, b, 60.0) for _, a, b in strip.frames if not self._linked(a, b)]
         self.rows: Rows = lay_out(strip.nodes, self.half, segments)
         self.pitch = self._pitch()
 

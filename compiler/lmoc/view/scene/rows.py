@@ -26,7 +26,7 @@ SLIGHT = 0.5  # what the middle of a bar may cost more than its end
 
 
 @dataclass(frozen=True)
-class Segment:
+class RowSegment:
     """An element between two nodes, from left to right as its ports say, at least `length` long."""
 
     a: int
@@ -56,7 +56,7 @@ class Rows:
     crossing: tuple[int, ...] = ()
 
 
-def lay_out(nodes: Sequence[int], half: Mapping[int, float], segments: Sequence[Segment]) -> Rows:
+def lay_out(nodes: Sequence[int], half: Mapping[int, float], segments: Sequence[RowSegment]) -> Rows:
     """Return the layout.
 
     Parameters
@@ -68,7 +68,7 @@ def lay_out(nodes: Sequence[int], half: Mapping[int, float], segments: Sequence[
 
 
 @lru_cache(maxsize=64)  # a strip is laid out several times before it is known how it is drawn
-def _laid_out(nodes: tuple[int, ...], halves: tuple[float, ...], segments: tuple[Segment, ...]) -> Rows:
+def _laid_out(nodes: tuple[int, ...], halves: tuple[float, ...], segments: tuple[RowSegment, ...]) -> Rows:
     half = dict(zip(nodes, halves, strict=True))
     turned = _turned(nodes, segments)
     directed = [(s.b, s.a, s.length) if k in turned else (s.a, s.b, s.length) for k, s in enumerate(segments)]
@@ -82,7 +82,7 @@ def _laid_out(nodes: tuple[int, ...], halves: tuple[float, ...], segments: tuple
     return Rows(along, row, search.spans(row), frozenset(turned), search.conflicts(row), crossing)
 
 
-def _turned(nodes: Sequence[int], segments: Sequence[Segment]) -> set[int]:
+def _turned(nodes: Sequence[int], segments: Sequence[RowSegment]) -> set[int]:
     """Segments that would close a directed cycle: those that lead back on a depth-first search."""
     leaving: dict[int, list[int]] = {n: [] for n in nodes}
     entered = set()

@@ -1,4 +1,4 @@
-"""The integration of one piece of a run: its problem, and the cases in which there is nothing to integrate."""
+"""The integration of one segment of a run: its problem, and the cases in which there is nothing to integrate."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import break_times
 from lmoc.numerics.steps import choice
 from lmoc.numerics.steps.standing import standing
-from lmoc.numerics.task.task import Cost, Stretch, Task
+from lmoc.numerics.task.task import Cost, Segment, Task
 from lmoc.numerics.task.tolerances import Tolerances
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
@@ -29,11 +29,11 @@ from lmoc.support.records import dataclass
 if TYPE_CHECKING:
     from lmoc.numerics.laws.step_length import Stepped
     from lmoc.numerics.laws.time_stepping import TimeStepping
-    from lmoc.numerics.run.changes import Way
+    from lmoc.numerics.run.changes import Continuation
 
 _SLOW = (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS, Status.SPENT)
 _MULTISTEP = frozenset({"cvode", "adams", "ida"})
-_NO_TIME = 1e-15  # of the time: a shorter piece is too short for the solvers, and nothing moves in it
+_NO_TIME = 1e-15  # of the time: a shorter segment is too short for the solvers, and nothing moves in it
 _FINEST = 1e-14  # relative tolerance
 _DRIFT = 0.1  # of the tolerance: from there on the states are moved onto what is closed
 ACCEPTED = 0.01  # share of the ranges of positions by which they may be off before a run warns of it
@@ -41,15 +41,15 @@ ACCEPTED = 0.01  # share of the ranges of positions by which they may be off bef
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """The bounds of the integration of a piece.
+    """The bounds of the integration of a segment.
 
     Attributes
     ----------
     begin, end : s
     longest : s, the longest step
-    roots : what ends the piece early; None where nothing switches
+    roots : what ends the segment early; None where nothing switches
     finer : factor on the tolerances
-    way : bounds the steps after a change of coordinates
+    continuation : bounds the steps after a change of coordinates
     kept : moves states onto what is closed (`LawSwitching.kept`); None where nothing drifts
     """
 
@@ -58,17 +58,17 @@ class Bounds:
     longest: float = np.inf
     roots: Roots | None = None
     finer: float = 1.0
-    way: Way | None = None
+    continuation: Continuation | None = None
     kept: Callable[..., np.ndarray] | None = None
 
 
-class PieceSolver:
-    """Integrates the pieces of one run.
+class SegmentSolver:
+    """Integrates the segments of one run.
 
     Attributes
     ----------
     tolerances : of the run
-    cost : of all its pieces so far
+    cost : of all its segments so far
     unresolved : (states,) what the latest method tells the states apart by no more where it begins, for methods that
         begin with order one
     errors : (states,) what the latest method has allowed itself in a step
@@ -84,38 +84,38 @@ class PieceSolver:
         self.unresolved: np.ndarray | float = 0.0
         self.errors: np.ndarray | float = 0.0
 
-    def at_once(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome | None:
-        """Return the outcome of a piece without states or without extent; None where there is something to do."""
+    def at_once(self, segment: Segment, x: np.ndarray, bounds: Bounds) -> Outcome | None:
+        """Return the outcome of a segment without states or without extent; None where there is something to do."""
         begin, end = bounds.begin, bounds.end
         if not len(x) and bounds.roots is None:
             reason = "no states"
         elif begin == end:
-            return self.cost.add(Outcome(begin, x, 0), stretch.system, "none", "only the start")
+            return self.cost.add(Outcome(begin, x, 0), segment.system, "none", "only the start")
         elif end - begin <= _NO_TIME * max(abs(begin), abs(end)):
             reason = "only an instant"
         else:
             return None
-        count = len(_times_ahead(stretch, end))
-        stretch.recorder(stretch.recorder.reached, np.tile(x, (count, 1)))
-        return self.cost.add(Outcome(end, x, count), stretch.system, "none", reason)
+        count = len(_times_ahead(segment, end))
+        segment.recorder(segment.recorder.reached, np.tile(x, (count, 1)))
+        return self.cost.add(Outcome(end, x, count), segment.system, "none", reason)
 
-    def __call__(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Outcome:
-        """Integrate a piece from a state (n,) to its end, or to what ends it earlier."""
+    def __call__(self, segment: Segment, x: np.ndarray, bounds: Bounds) -> Outcome:
+        """Integrate a segment from a state (n,) to its end, or to what ends it earlier."""
         options = self.task.options
-        problem = self._problem(stretch, x, bounds)
+        problem = self._problem(segment, x, bounds)
         if not len(x):
-            return self.cost.add(standing(problem), stretch.system, "none", "no states")
+            return self.cost.add(standing(problem), segment.system, "none", "no states")
         implicit = problem.index_one is not None
         outcome, method = choice.run(problem, "ida" if implicit else options.solver)
         if implicit:
             method["reason"] = f"for formulation {options.formulation}"
-        stretch.largest = None if bounds.roots is None else bounds.roots.largest
+        segment.largest = None if bounds.roots is None else bounds.roots.largest
         multistep = str(method["solver"]).rpartition(", ")[2] in _MULTISTEP
         self.errors = problem.rtol * np.abs(outcome.x) + problem.atol
         self.unresolved = self.errors if multistep else 0.0
-        return self.cost.add(outcome, stretch.system, method["solver"], method["reason"])
+        return self.cost.add(outcome, segment.system, method["solver"], method["reason"])
 
-    def march(self, stretch: Stretch, x: np.ndarray, begin: Callable[[], TimeStepping]) -> Stepped:
+    def march(self, segment: Segment, x: np.ndarray, begin: Callable[[], TimeStepping]) -> Stepped:
         """Go to the end of the run by steps of equal length, in which impulses of the laws take the place of events.
 
         Parameters
@@ -124,11 +124,11 @@ class PieceSolver:
         """
         from lmoc.numerics.laws.step_length import stepped
 
-        span, recorder, plan = self.task.span, stretch.recorder, stretch.plan
+        span, recorder, plan = self.task.span, segment.recorder, segment.plan
         done = recorder.reached
         problem = Problem(
-            stretch.system,
-            stretch.begin,
+            segment.system,
+            segment.begin,
             x,
             span.end,
             recorder.times[done:],
@@ -141,73 +141,73 @@ class PieceSolver:
         )
         positions = np.isin(plan.derivatives, plan.states) & ~plan.ledger
         found = stepped(problem, begin, positions, self.task.options.step is not None)
-        self.cost.add(found.outcome, stretch.system, MOREAU, REQUESTED)
+        self.cost.add(found.outcome, segment.system, MOREAU, REQUESTED)
         self.cost.stats |= {"step": found.step, "estimated_error": found.error}
         _report_steps(found, self.task.report)
         return found
 
-    def holding_jump(self, stretch: Stretch, t: float, x: np.ndarray) -> str:
+    def holding_jump(self, segment: Segment, t: float, x: np.ndarray) -> str:
         """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
-        found, span = stretch.plan.once(jumps), self.task.span
+        found, span = segment.plan.once(jumps), self.task.span
         if not found:
             return ""
-        return chatters(found, stretch.observer, stretch.system, (t, x), span.end - span.start)
+        return chatters(found, segment.observer, segment.system, (t, x), span.end - span.start)
 
-    def why_slow(self, stretch: Stretch, outcome: Outcome) -> str:
+    def why_slow(self, segment: Segment, outcome: Outcome) -> str:
         """Return why a run with ever shorter steps cannot go on, where a jump of an equation is the reason; else ""."""
         if outcome.status not in _SLOW:
             return ""
-        jump = self.holding_jump(stretch, outcome.time, outcome.x)
+        jump = self.holding_jump(segment, outcome.time, outcome.x)
         return f"{jump} ({FRICTION_HINT})" if jump else ""
 
-    def _problem(self, stretch: Stretch, x: np.ndarray, bounds: Bounds) -> Problem:
-        """Return what the integrator is given for a piece."""
+    def _problem(self, segment: Segment, x: np.ndarray, bounds: Bounds) -> Problem:
+        """Return what the integrator is given for a segment."""
         task, options, begin, end = self.task, self.task.options, bounds.begin, bounds.end
         corrected = None
         if bounds.kept is not None and options.solver in ONE_STEP:
             corrected = partial(bounds.kept, share=_DRIFT * self.tolerances.rtol)
-        loops, done, times = stretch.loops, stretch.recorder.reached, _times_ahead(stretch, end)
+        loops, done, times = segment.loops, segment.recorder.reached, _times_ahead(segment, end)
         whole = task.span.start, task.span.end
-        self._lookout = lookout(stretch.plan, stretch.base, task.signals, whole, self._lookout)
+        self._lookout = lookout(segment.plan, segment.base, task.signals, whole, self._lookout)
 
         def sink(first: int, states: np.ndarray) -> None:
             if loops is not None:
                 states = loops.output(times[first:], states)
             elif bounds.kept is not None:
                 states = np.array([bounds.kept(t, x) for t, x in zip(times[first:].tolist(), states)])
-            stretch.recorder(first + done, states)
+            segment.recorder(first + done, states)
 
         def held(t: float, x: np.ndarray) -> bool:
-            return bool(self.holding_jump(stretch, t, x))
+            return bool(self.holding_jump(segment, t, x))
 
         return Problem(
-            stretch.system,
+            segment.system,
             begin,
             x,
             end,
             times,
             max(self.tolerances.rtol * bounds.finer, _FINEST),
-            self.tolerances.absolute(stretch, x) * bounds.finer,
+            self.tolerances.absolute(segment, x) * bounds.finer,
             sink,
             max_step=bounds.longest,
             max_steps=min(options.max_steps, options.requested.form.most_steps),
             deadline=self._deadline,
             progress=self._progress,
-            lookout=self._lookout if bounds.way is None else bounds.way.bounded(self._lookout),
-            breaks=self._breaks(stretch, begin, end),
-            guard=stretch.watch or loops,
+            lookout=self._lookout if bounds.continuation is None else bounds.continuation.bounded(self._lookout),
+            breaks=self._breaks(segment, begin, end),
+            guard=segment.watch or loops,
             roots=bounds.roots,
             correction=corrected if loops is None else loops.correction,
-            compiled_guard=stretch.watch or (loops if loops is not None and loops.landing is not None else None),
+            compiled_guard=segment.watch or (loops if loops is not None and loops.landing is not None else None),
             index_one=None if loops is None else loops.index_one,
-            held=held if stretch.plan.once(jumps) else None,
+            held=held if segment.plan.once(jumps) else None,
             step=options.step_length(task.span),
             spent=self._spent,
         )
 
-    def _breaks(self, stretch: Stretch, begin: float, end: float) -> np.ndarray:
+    def _breaks(self, segment: Segment, begin: float, end: float) -> np.ndarray:
         """Return the times at which formulas of time and given signals have kinks or jumps."""
-        own = kinks.break_times(stretch.plan, stretch.base, begin, end)
+        own = kinks.break_times(segment.plan, segment.base, begin, end)
         if len(own) == kinks.MOST:
             text = f"the formulas of time have kinks or jumps after t = {own[-1]:g} s, too"
             self.task.report.warning("W0526", text)
@@ -227,7 +227,7 @@ def _report_steps(found: Stepped, report: Report) -> None:
         report.note("N0555", f"{text} their ranges, estimated from steps twice as long")
 
 
-def _times_ahead(stretch: Stretch, end: float) -> np.ndarray:
-    """Return the output times of a piece that are still ahead, up to a time."""
-    times = stretch.recorder.times
-    return times[stretch.recorder.reached : np.searchsorted(times, end, "right")]
+def _times_ahead(segment: Segment, end: float) -> np.ndarray:
+    """Return the output times of a segment that are still ahead, up to a time."""
+    times = segment.recorder.times
+    return times[segment.recorder.reached : np.searchsorted(times, end, "right")]

@@ -1,7 +1,7 @@
-"""One run as a sequence of pieces: start, integrate, change over, integrate, … until its end.
+"""One run as a sequence of segments: start, integrate, change over, integrate, … until its end.
 
-A piece has one reduction and one system. What ends it before the end of the run (other coordinates are better, a root)
-says what the next one is; states pass from one to the next by the variables they stand for.
+A segment has one reduction and one system. What ends it before the end of the run (other coordinates are better, a
+root) says what the next one is; states pass from one to the next by the variables they stand for.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lmoc.numerics.failures.flood import Flood
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import kept_variables
-from lmoc.numerics.observe.trajectory import End, Piece, Trajectory
+from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
 from lmoc.numerics.options.options import MOREAU, WHOLE_RUN
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.plan.steps import stepping_inputs
@@ -41,29 +41,29 @@ from lmoc.numerics.run.account import (
     note_coordinates,
     registers_at_end,
 )
-from lmoc.numerics.run.one_piece import Bounds, PieceSolver
+from lmoc.numerics.run.one_segment import Bounds, SegmentSolver
 from lmoc.numerics.start.first_states import first_states
 from lmoc.numerics.task.sizes import assumed_sizes
-from lmoc.numerics.task.task import Stretch, Task
+from lmoc.numerics.task.task import Segment, Task
 from lmoc.numerics.task.tolerances import Tolerances
 
 if TYPE_CHECKING:
     from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
     from lmoc.numerics.failures.assertions import Assertions
-    from lmoc.numerics.run.changes import Changes, Way
+    from lmoc.numerics.run.changes import Changes, Continuation
 
 _ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
-_FINER = 0.1  # factor on the tolerances of pieces after a change of coordinates
+_FINER = 0.1  # factor on the tolerances of segments after a change of coordinates
 
 
-def run_pieces(
+def run_segments(
     task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | Place
 ) -> Trajectory:
     """Run from the start to the end.
 
     Parameters
     ----------
-    plan, system, base : of the first piece; base as from `Plan.base`
+    plan, system, base : of the first segment; base as from `Plan.base`
     initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
 
     Raises
@@ -79,10 +79,10 @@ def run_pieces(
 def starting_place(
     task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
 ) -> Place:
-    """Return where a run would start. Parameters and errors as of `run_pieces`."""
+    """Return where a run would start. Parameters and errors as of `run_segments`."""
     run = _Run(task, plan, system, base)
     x = run._start(initial)
-    return Place(run.stretch.observer, registers_at(run.stretch.observer, system, task.span.start, x))
+    return Place(run.segment.observer, registers_at(run.segment.observer, system, task.span.start, x))
 
 
 class _Run:
@@ -95,13 +95,13 @@ class _Run:
         keep = options.keep
         self.variables = None if keep is None else kept_variables(observer.flat, keep, options.energy)
         self.tolerances = Tolerances(task, options.tolerance(observer.flat.experiment))
-        self.solver = PieceSolver(task, self.tolerances)
-        self.stretch = Stretch(observer, system, span.start, span.times, 0, self.variables)
-        self.pieces: list[Piece] = []
+        self.solver = SegmentSolver(task, self.tolerances)
+        self.segment = Segment(observer, system, span.start, span.times, 0, self.variables)
+        self.segments: list[SegmentRecord] = []
         self.ended: Status | None = None  # an event has ended the run
         self.longest = self._longest_step = np.inf if options.max_step is None else options.max_step
-        # the last piece and where it ends, before what the model does at its end
-        self.before_terminal: tuple[Piece, np.ndarray] | None = None
+        # the last segment and where it ends, before what the model does at its end
+        self.before_terminal: tuple[SegmentRecord, np.ndarray] | None = None
         self.lost = ""  # why the run cannot go on, where that is known better than from its status
         self.dynamics: HybridDynamics | None = None
         self.flood: Flood | None = None  # with events or laws
@@ -119,15 +119,15 @@ class _Run:
             failure = RunInterrupted if outcome.status is Status.INTERRUPTED else SimulationError
             if self.assertions is not None and self.assertions.failed is not None:
                 raise failure(self.assertions.reason(), outcome.time, run)
-            sizes = self.tolerances.sizes(self.stretch)
-            known = self.lost or self.solver.why_slow(self.stretch, outcome)
-            text = explanation(self.stretch, outcome, self.task.span, self.pieces, sizes, known)
+            sizes = self.tolerances.sizes(self.segment)
+            known = self.lost or self.solver.why_slow(self.segment, outcome)
+            text = explanation(self.segment, outcome, self.task.span, self.segments, sizes, known)
             raise failure(text, outcome.time, run)
         return run_checks(run, self.assertions is not None)
 
     def _to_the_end(self, x: np.ndarray) -> Outcome:
-        """Go from piece to piece until the end of the run, or until it fails."""
-        outcome = self._piece_from(x)
+        """Go from segment to segment until the end of the run, or until it fails."""
+        outcome = self._segment_from(x)
         while True:
             if outcome.status is Status.COORDINATES:
                 outcome = self._with_other_coordinates(outcome)
@@ -140,21 +140,21 @@ class _Run:
                 return replace(outcome, status=interruption())
             if x is None:
                 return outcome if self.ended is None else replace(outcome, status=self.ended)
-            outcome = self._piece_from(x)
+            outcome = self._segment_from(x)
 
-    def _piece_from(self, x: np.ndarray) -> Outcome:
-        """Integrate the current piece; where it is interrupted outside of the integration, nothing of it is left."""
-        begin = self.stretch.begin
+    def _segment_from(self, x: np.ndarray) -> Outcome:
+        """Integrate the current segment; where it is interrupted outside of the integration, nothing of it is left."""
+        begin = self.segment.begin
         try:
             return self._integrate(x, begin)
         except KeyboardInterrupt:
-            self.stretch.recorder.forget_after(begin)
+            self.segment.recorder.forget_after(begin)
             return Outcome(begin, x, 0, interruption())
 
     def _joined(self, outcome: Outcome, started: float) -> Trajectory:
-        """Return the pieces so far as one trajectory, with statistics and notes."""
+        """Return the segments so far as one trajectory, with statistics and notes."""
         began, lowered = self.task.clock
-        first, dynamics = self.pieces[0].observer.plan, self.dynamics
+        first, dynamics = self.segments[0].observer.plan, self.dynamics
         stats = self.solver.cost.stats | {
             "seconds": clock.perf_counter() - began,
             "lower_seconds": lowered - began,
@@ -162,38 +162,48 @@ class _Run:
             "states": first.state_count,
             "rtol": self.tolerances.rtol,
         }
-        if self.stretch.plan.reduced.in_all_coordinates and not self._went_over and self.stretch.loops is not None:
-            stats |= self.stretch.loops.stats
+        if self.segment.plan.reduced.in_all_coordinates and not self._went_over and self.segment.loops is not None:
+            stats |= self.segment.loops.stats
         if self.assertions is not None and not outcome.status.failed:
             self.assertions.tell(outcome.time, self.report)
-        note_coordinates(self.pieces, self.changes if "changes" in self.__dict__ else None, self.report)
+        note_coordinates(self.segments, self.changes if "changes" in self.__dict__ else None, self.report)
         notes = tuple(dict.fromkeys((*first.notes, *self.report.diagnostics)))
         records = (*self.impacts, *(() if dynamics is None else dynamics.records))
         crossing = None if dynamics is None else dynamics.crossing
         ended, x = self.before_terminal or (None, outcome.x)
         planned = outcome.time if outcome.status.failed else self.task.span.end
-        pieces, begun = tuple(self.pieces), self.begun
+        segments, begun = tuple(self.segments), self.begun
         unbooked = (np.inf, "") if dynamics is None else dynamics.stepping.unbooked
         return Trajectory(
-            pieces, self.variables, (outcome.time, x), stats, records, notes, crossing, begun, planned, unbooked, ended
+            segments,
+            self.variables,
+            (outcome.time, x),
+            stats,
+            records,
+            notes,
+            crossing,
+            begun,
+            planned,
+            unbooked,
+            ended,
         )
 
     # ------------------------------------------------------------------ the start
 
     def _start(self, initial: Mapping[str, float] | End | Place) -> np.ndarray:
-        stretch, report, span = self.stretch, self.report, self.task.span
-        plan, observer, system = stretch.plan, stretch.observer, stretch.system
+        segment, report, span = self.segment, self.report, self.task.span
+        plan, observer, system = segment.plan, segment.observer, segment.system
         signals = self.task.signals
-        states = first_states(observer, span.start, stretch.base, initial, report, self.impacts)
+        states = first_states(observer, span.start, segment.base, initial, report, self.impacts)
         steps = bool(stepping_inputs(plan, signals))
         if plan.reduced.switched is None and plan.reduced.flat.events is None and not steps:
-            x = states(stretch.base)
+            x = states(segment.base)
         else:
             x = self._start_of_events(states, initial)
         report.check()
-        system.prepare(self.stretch.base, self.stretch.observer.signals)
-        check_start(self.stretch, span.start, x, report)
-        self.stretch.recorder.record_start(self.stretch.begin, x)
+        system.prepare(self.segment.base, self.segment.observer.signals)
+        check_start(self.segment, span.start, x, report)
+        self.segment.recorder.record_start(self.segment.begin, x)
         if observer.flat.checks and self.task.options.solver not in (MOREAU, *WHOLE_RUN):
             from lmoc.numerics.failures.assertions import Assertions
 
@@ -206,9 +216,9 @@ class _Run:
         """Return the states at the start of a run with events, after what happens there."""
         from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
 
-        task, stretch = self.task, self.stretch
+        task, segment = self.task, self.segment
         span = task.span.start, task.span.end
-        self.dynamics = HybridDynamics(stretch.plan, task.values, stretch.base, task.signals, span, self.report)
+        self.dynamics = HybridDynamics(segment.plan, task.values, segment.base, task.signals, span, self.report)
         self.changes.happens = self.dynamics.happen_on
         self.flood = Flood(task.span.end, self.dynamics.places, self.report, task.progress)
 
@@ -228,20 +238,20 @@ class _Run:
         return x
 
     def _begin(self, time: float) -> None:
-        """Begin a piece with the values that hold now between events."""
-        old, now = self.stretch, self.dynamics
+        """Begin a segment with the values that hold now between events."""
+        old, now = self.segment, self.dynamics
         observer = Observer(old.plan, self.task.values, now.base(), now.signals)
-        self.stretch = Stretch(observer, old.system, time, self.task.span.times, old.reached, self.variables)
-        self.stretch.mode, self.stretch.rounding = now.mode, now.rounding
+        self.segment = Segment(observer, old.system, time, self.task.span.times, old.reached, self.variables)
+        self.segment.mode, self.segment.rounding = now.mode, now.rounding
         old.system.prepare(observer.base, now.signals)
 
     def _after(self, outcome: Outcome) -> np.ndarray | None:
-        """Return the state after what has ended a piece, and begin the next one; None at the end of the run."""
-        stretch, time = self.stretch, self.dynamics.instant(outcome)
+        """Return the state after what has ended a segment, and begin the next one; None at the end of the run."""
+        segment, time = self.segment, self.dynamics.instant(outcome)
         outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
-            outcome = self.dynamics.together(outcome, stretch.system)
+            outcome = self.dynamics.together(outcome, segment.system)
             solver, failed = self.solver, outcome.status.failed
             x = None if failed else self.dynamics.after(outcome, solver.unresolved, solver.errors)
         except Stopped as stopped:
@@ -253,23 +263,23 @@ class _Run:
         if x is None:
             return None
         self.flood.count(time, self.dynamics.records)
-        stretch.recorder.take_back(time)
-        check_values(stretch, outcome, self.variables is None, self.report)
-        self.pieces.append(stretch.piece())
+        segment.recorder.take_back(time)
+        check_values(segment, outcome, self.variables is None, self.report)
+        self.segments.append(segment.record())
         if self.dynamics.is_over:
-            self.before_terminal = self.pieces[-1], outcome.x
+            self.before_terminal = self.segments[-1], outcome.x
         self._begin(time)
-        self.stretch.recorder.record_start(self.stretch.begin, x)
+        self.segment.recorder.record_start(self.segment.begin, x)
         return x
 
     # ------------------------------------------------------------------ the way
 
-    def _integrate(self, x: np.ndarray, begin: float, way: Way | None = None) -> Outcome:
-        """Integrate the current piece from a state to its end.
+    def _integrate(self, x: np.ndarray, begin: float, continuation: Continuation | None = None) -> Outcome:
+        """Integrate the current segment from a state to its end.
 
         Parameters
         ----------
-        way : bounds the steps after a change of coordinates
+        continuation : bounds the steps after a change of coordinates
         """
         task, now = self.task, self.dynamics
         if task.options.solver == MOREAU:
@@ -278,11 +288,11 @@ class _Run:
         roots = None if now is None else now.roots(begin, x)
         watched = self.assertions
         if watched is not None:
-            if not watched.begin(self.stretch.observer, begin, x):
+            if not watched.begin(self.segment.observer, begin, x):
                 return Outcome(begin, x, 0, Status.ASSERTION)
             roots = watched.beside(roots)
-        bounds = Bounds(begin, end, self.longest, roots, way=way)
-        outcome = self.solver.at_once(self.stretch, x, bounds)
+        bounds = Bounds(begin, end, self.longest, roots, continuation=continuation)
+        outcome = self.solver.at_once(self.segment, x, bounds)
         if outcome is not None:
             return outcome
         status = self._judge_the_beginning(begin, x)
@@ -292,25 +302,25 @@ class _Run:
         if now is not None:
             bounds = replace(bounds, longest=min(self.longest, now.longest_step), kept=now.kept)
         # what follows from the states is known less well than they are, where one choice after the other divides by it
-        if self.pieces and (self.stretch.watch is not None or self._went_over):
+        if self.segments and (self.segment.watch is not None or self._went_over):
             bounds = replace(bounds, finer=_FINER)
-        outcome = self.solver(self.stretch, x, bounds)
+        outcome = self.solver(self.segment, x, bounds)
         if watched is not None:
             outcome = watched.after(outcome)
-        if self.stretch.loops is not None and outcome.status.failed:
-            self.lost = self.stretch.loops.why(outcome.status)
+        if self.segment.loops is not None and outcome.status.failed:
+            self.lost = self.segment.loops.why(outcome.status)
             if outcome.status is Status.SINGULAR and self._went_over:
                 outcome.status = Status.COORDINATES
         return outcome
 
     def _march(self, x: np.ndarray, begin: float) -> Outcome:
         """Go to the end by steps of equal length, in which impulses of the laws take the place of events."""
-        old, now = self.stretch, self.dynamics
+        old, now = self.segment, self.dynamics
         observer = Observer(old.plan, self.task.values, now.open, self.task.signals)
-        self.stretch = Stretch(observer, old.system, begin, self.task.span.times, old.first, self.variables)
-        self.stretch.recorder.record_start(self.stretch.begin, x)
+        self.segment = Segment(observer, old.system, begin, self.task.span.times, old.first, self.variables)
+        self.segment.recorder.record_start(self.segment.begin, x)
         old.system.prepare(observer.base, observer.signals)
-        found = self.solver.march(self.stretch, x, now.steps)
+        found = self.solver.march(self.segment, x, now.steps)
         now.records += found.steps.records
         return found.outcome
 
@@ -327,67 +337,67 @@ class _Run:
         return Changes(self.task, self.variables)
 
     def _judge_the_beginning(self, begin: float, x: np.ndarray) -> Status:
-        """Judge the coordinates where the piece begins, if what they divide by changes along the motion."""
-        stretch = self.stretch
-        if stretch.plan.reduced.constraints is None or stretch.watch is not None or not len(x):
+        """Judge the coordinates where the segment begins, if what they divide by changes along the motion."""
+        segment = self.segment
+        if segment.plan.reduced.constraints is None or segment.watch is not None or not len(x):
             return Status.OK
-        return self.changes.watch_over(stretch, begin, x, first=not self.pieces)
+        return self.changes.watch_over(segment, begin, x, first=not self.segments)
 
     def _with_other_coordinates(self, outcome: Outcome) -> Outcome:
         """Go on from where the coordinates have ceased to be good."""
-        loops = self.stretch.loops
+        loops = self.segment.loops
         if loops is not None:
-            way = self.changes.apart(self.stretch, outcome) if self._went_over and loops.is_near else None
-            longest = loops.length() if way is None else np.inf
-            if way is None and longest is not None:
+            continuation = self.changes.apart(self.segment, outcome) if self._went_over and loops.is_near else None
+            longest = loops.length() if continuation is None else np.inf
+            if continuation is None and longest is not None:
                 return self._in_shorter_steps(longest, outcome)
             self.lost, self.longest = loops.reason, self._longest_step
         else:
-            sizes = assumed_sizes(self.stretch.plan, self.task.values, outcome.x, self.task.sizes)
-            tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.stretch, outcome.x)
-            way = self.changes.onward(self.stretch, outcome, np.maximum(_FINER * tolerance, _ROUNDING * sizes))
+            sizes = assumed_sizes(self.segment.plan, self.task.values, outcome.x, self.task.sizes)
+            tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.segment, outcome.x)
+            continuation = self.changes.onward(self.segment, outcome, np.maximum(_FINER * tolerance, _ROUNDING * sizes))
             self.lost = self.changes.reason
-        if way is None:
+        if continuation is None:
             return replace(outcome, status=Status.SINGULAR)
         self.lost = ""
-        if way.stretch is not self.stretch:
+        if continuation.segment is not self.segment:
             self._finish(outcome)
-            self.pieces += way.between
-            self.stretch = way.stretch
+            self.segments += continuation.between
+            self.segment = continuation.segment
             if self.dynamics is not None:
-                self._adopt(way)
-            self.stretch.system.prepare(self.stretch.base, self.stretch.observer.signals)
-        return self._integrate(way.x, max(outcome.time, self.stretch.begin), way)
+                self._adopt(continuation)
+            self.segment.system.prepare(self.segment.base, self.segment.observer.signals)
+        return self._integrate(continuation.x, max(outcome.time, self.segment.begin), continuation)
 
-    def _adopt(self, way: Way) -> None:
-        """Have events and laws go on in the coordinates of a new piece."""
-        task, now, made = self.task, self.dynamics, way.stretch
+    def _adopt(self, continuation: Continuation) -> None:
+        """Have events and laws go on in the coordinates of a new segment."""
+        task, now, made = self.task, self.dynamics, continuation.segment
         unknowns = all_unknowns(made.plan)
         base = with_solutions(made.plan.base(task.values, task.signals), unknowns, made.base[unknowns])
-        now.adopt(made.plan, base, made.begin, way.x)
+        now.adopt(made.plan, base, made.begin, continuation.x)
         observer = Observer(made.plan, task.values, now.base(), now.signals)
-        self.stretch = Stretch(observer, made.system, made.begin, task.span.times, made.first, self.variables)
-        self.stretch.mode = now.mode
+        self.segment = Segment(observer, made.system, made.begin, task.span.times, made.first, self.variables)
+        self.segment.mode = now.mode
 
     def _stand_at(self, outcome: Outcome) -> None:
-        """Let events and laws begin at the solutions of the nonlinear blocks where the piece has ended."""
-        unknowns = self.stretch.plan.once(block_unknowns)
-        registers = registers_at_end(self.stretch.system, outcome) if len(unknowns) else None
+        """Let events and laws begin at the solutions of the nonlinear blocks where the segment has ended."""
+        unknowns = self.segment.plan.once(block_unknowns)
+        registers = registers_at_end(self.segment.system, outcome) if len(unknowns) else None
         if registers is not None:
             self.dynamics.stand_at(unknowns, registers[unknowns])
 
     def _watch_loops(self, begin: float, x: np.ndarray) -> None:
         """Have the closures watched, in a formulation where all coordinates of the loops are states."""
-        task, stretch = self.task, self.stretch
-        if stretch.loops is None and stretch.plan.reduced.in_all_coordinates:
+        task, segment = self.task, self.segment
+        if segment.loops is None and segment.plan.reduced.in_all_coordinates:
             from lmoc.numerics.formulations.watch import LoopWatch
             from lmoc.numerics.options.formulations import TABLE
 
-            scale = assumed_sizes(stretch.plan, task.values, x, task.sizes)
+            scale = assumed_sizes(segment.plan, task.values, x, task.sizes)
             wanted = task.options.requested.form
             form = TABLE["projected"] if wanted.name == "auto" else wanted
-            stretch.loops = LoopWatch(stretch.observer, scale, form, task.span)
-            stretch.loops.begin(begin, x)
+            segment.loops = LoopWatch(segment.observer, scale, form, task.span)
+            segment.loops.begin(begin, x)
 
     def _in_shorter_steps(self, longest: float, outcome: Outcome) -> Outcome:
         """Go on from before a step that has led too far where closures nearly depend on each other."""
@@ -395,9 +405,9 @@ class _Run:
         return self._integrate(outcome.x, outcome.time)
 
     def _finish(self, outcome: Outcome) -> None:
-        """Close the piece under way; one without extent leaves nothing behind."""
+        """Close the segment under way; one without extent leaves nothing behind."""
         if not outcome.status.failed:
-            check_values(self.stretch, outcome, self.variables is None, self.report)
-        piece = self.stretch.piece(outcome)
-        if len(piece.time) or outcome.time > piece.begin or outcome.status is not Status.COORDINATES:
-            self.pieces.append(piece)
+            check_values(self.segment, outcome, self.variables is None, self.report)
+        record = self.segment.record(outcome)
+        if len(record.time) or outcome.time > record.begin or outcome.status is not Status.COORDINATES:
+            self.segments.append(record)
