@@ -52,17 +52,17 @@ def test_bounds_are_those_of_the_whole_matrix(scene, monkeypatch):
 def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch):
     dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
     walked, options = 0, {"points": 73, "rtol": 1e-7, "solver": solver}
-    several = Loop.go_several
+    walk = Loop.walk
 
     def counted(*arguments):
         nonlocal walked
         walked += 1
-        return several(*arguments)
+        return walk(*arguments)
 
-    monkeypatch.setattr(Loop, "go_several", counted)
+    monkeypatch.setattr(Loop, "walk", counted)
     run = dae.simulate(**options)
     assert walked
-    monkeypatch.setattr(Loop, "batches", None)
+    monkeypatch.setattr(Loop, "walker", None)
     other = dae.simulate(**options)
     assert [held for _, held in run.coordinates] == [held for _, held in other.coordinates]
     np.testing.assert_allclose(run.end.x, other.end.x, rtol=1e-11)

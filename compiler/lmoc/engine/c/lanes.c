@@ -30,7 +30,7 @@ typedef struct {
   double *out;                    /* (lanes, outputs, n) */
   lmoc_steps *steps;              /* DOP853; or 0 */
   const lmoc_taylor *taylor;      /* series; or 0 */
-  lmoc_way *way;
+  lmoc_walk *walk;
 } lanes;
 
 static double norm(int64_t n, double rtol, const double *atol, const double *x, const double *v, const double *minus) {
@@ -139,7 +139,7 @@ static void with_dop853(const lanes *l, int64_t lane, leg *g) {
 
 static void along_series(const lanes *l, int64_t lane, leg *g) {
   const int64_t n = l->call->n;
-  lmoc_way *s = l->way;
+  lmoc_walk *s = l->walk;
   double *x = l->x + lane*n;
   memcpy(s->x, x, n * sizeof(double));
   s->time = s->before = g->time;

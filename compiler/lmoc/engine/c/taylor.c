@@ -64,7 +64,7 @@ static double defect(int64_t n, int64_t order, double h, double rtol, const doub
 }
 
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
-static int keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reached, const double *x) {
+static int keeps(const lmoc_taylor *y, const lmoc_walk *s, double h, double reached, const double *x) {
   const lmoc_step_hook *hook = s->hook;
   const int64_t least = hook->land ? 1 : LOOKS;
   for (int64_t pieces = least; pieces <= (hook->pieces < least ? least : hook->pieces); pieces *= 2) {
@@ -81,7 +81,7 @@ static int keeps(const lmoc_taylor *y, const lmoc_way *s, double h, double reach
 
 /* One step along `next`; the series that begins at its end into `q`. Returns 0; SHORT where no step is short enough,
    LOST where there is no value beyond, DOUBTFUL where the closures have to be looked at more closely. */
-static int step(const lmoc_taylor *y, lmoc_way *s) {
+static int step(const lmoc_taylor *y, lmoc_walk *s) {
   const int64_t n = y->call->n;
   double h = fmin(fmin(0.9 * length(n, y->order, s->rtol, s->atol, s->next), s->longest), s->end - s->time);
   for (;; s->tries++) {
@@ -113,7 +113,7 @@ void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h
 }
 
 /* The states at the output times that the last step has reached. Returns whether there was room for them. */
-static int output(const lmoc_taylor *y, lmoc_way *s) {
+static int output(const lmoc_taylor *y, lmoc_walk *s) {
   const int64_t n = y->call->n;
   for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++) {
     if (s->reached == s->room) return 0;
@@ -124,7 +124,7 @@ static int output(const lmoc_taylor *y, lmoc_way *s) {
 
 /* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
    Returns what that has; `x` is the state at `time`. */
-int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_way *s) {
+int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s) {
   const int64_t n = y->call->n;
   int found = 0;
   s->steps = s->tries = s->reached = 0;

@@ -11,7 +11,7 @@ typedef struct {
   int64_t order;
 } lmoc_taylor;
 
-/* A way of many steps. `next` is the series that begins at `time`, `q` that of the last step, from `before`. */
+/* A walk of many steps. `next` is the series that begins at `time`, `q` that of the last step, from `before`. */
 typedef struct {
   double time, before, end, longest, length, rtol;
   const double *atol;
@@ -21,13 +21,13 @@ typedef struct {
   double *out;                       /* … and the states at them, as far as there is room */
   int64_t outputs, reached, room;
   const lmoc_step_hook *hook;            /* or 0 */
-} lmoc_way;
+} lmoc_walk;
 
 /* Coefficients 0 … order of the states at (time, x) into q, (n, LENGTH). Returns 0 where all of them are numbers. */
 int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q);
 
 /* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
    Returns what that has; `x` is the state at `time`. */
-int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_way *s);
+int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s);
 
 #endif

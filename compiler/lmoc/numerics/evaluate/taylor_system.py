@@ -33,8 +33,8 @@ class WithSeries(ctypes.Structure):
     _fields_ = [("call", ctypes.POINTER(Call)), ("series", ctypes.POINTER(_Series)), ("order", ctypes.c_int64)]
 
 
-class Way(ctypes.Structure):
-    """A way of many steps (``lmoc_way`` in ``engine/c/taylor.h``)."""
+class Walk(ctypes.Structure):
+    """A walk of many steps (``lmoc_walk`` in ``engine/c/taylor.h``)."""
 
     _fields_ = [
         *[(name, ctypes.c_double) for name in ("time", "before", "end", "longest", "length", "rtol")],
@@ -111,12 +111,12 @@ class TaylorSystem(EngineSystem):
         return len(self._of.start.blocks)
 
     @staticmethod
-    def way(end: float, longest: float, rtol: float) -> Way:
-        """Return a way up to a time in steps no longer than that, at which nothing stands yet."""
-        return Way(end=end, longest=longest, rtol=rtol)
+    def new_walk(end: float, longest: float, rtol: float) -> Walk:
+        """Return a walk up to a time in steps no longer than that, at which nothing stands yet."""
+        return Walk(end=end, longest=longest, rtol=rtol)
 
-    def walk(self, way: Way) -> int:
+    def walk(self, walk: Walk) -> int:
         """Make steps with their output; returns what C does (``lmoc_taylor_walk`` in ``engine/c/taylor.c``)."""
-        found = int(self._engine.lmoc_taylor_walk(self._reference, ctypes.byref(way)))
-        self.evaluations += way.tries
+        found = int(self._engine.lmoc_taylor_walk(self._reference, ctypes.byref(walk)))
+        self.evaluations += walk.tries
         return found

@@ -11,7 +11,7 @@ from lmoc.engine.library import library
 from lmoc.lower.series import LENGTH
 from lmoc.numerics.evaluate.engine_stepper import EngineStepper, Steps
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.taylor_system import TaylorSystem, Way, WithSeries
+from lmoc.numerics.evaluate.taylor_system import TaylorSystem, Walk, WithSeries
 from lmoc.numerics.problem.status import Status
 
 LEG = np.dtype(
@@ -41,12 +41,12 @@ class _Lanes(ctypes.Structure):
         ("out", ctypes.c_void_p),
         ("steps", ctypes.POINTER(Steps)),
         ("taylor", ctypes.POINTER(WithSeries)),
-        ("way", ctypes.POINTER(Way)),
+        ("walk", ctypes.POINTER(Walk)),
     ]
 
 
 class Legs:
-    """Runs of one scene under way.
+    """Runs of one scene under walk.
 
     Attributes
     ----------
@@ -85,13 +85,13 @@ class Legs:
         else:
             self._system = own = system.plan.once(TaylorSystem)
             own.prepare(*system.given)
-            way, self._memory = own.way(end, longest, 0.0), np.zeros((2, n, LENGTH))
+            walk, self._memory = own.new_walk(end, longest, 0.0), np.zeros((2, n, LENGTH))
             self._places = np.zeros((2, n))
-            way.x, way.between = (a.ctypes.data for a in self._places)
-            way.q, way.next = (a.ctypes.data for a in self._memory)
+            walk.x, walk.between = (a.ctypes.data for a in self._places)
+            walk.q, walk.next = (a.ctypes.data for a in self._memory)
             series, call = own.with_series(order), ctypes.pointer(own.shared_call())
             blocks = base.shape[1], len(own.kernel.tape.blocks), own.start_blocks
-            self._lanes = _Lanes(call, *blocks, *arrays, *span, None, ctypes.pointer(series), ctypes.pointer(way))
+            self._lanes = _Lanes(call, *blocks, *arrays, *span, None, ctypes.pointer(series), ctypes.pointer(walk))
 
     def walk(self, which: np.ndarray, goes_on: bool = False) -> None:
         """Make the next legs of some runs, each to where it ends.

@@ -11,7 +11,7 @@ from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.lanes.legs import FOUND, Legs
 from lmoc.numerics.lanes.scene import Runs, sizes, starts, tolerances
 from lmoc.numerics.observe.recorder import Recorder, sampled_places
-from lmoc.numerics.observe.trajectory import Piece, Trajectory
+from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.options.options import RunOptions, Span
 from lmoc.numerics.problem.base import Outcome, Problem, Spent
 from lmoc.numerics.problem.status import Status
@@ -185,7 +185,7 @@ def _right_size(runs: Runs, states: np.ndarray, span: Span, rtol: float, good: n
     right = ~small
     for k in np.flatnonzero(small).tolist():
         observer = runs.observer(k)
-        piece = Piece(observer, span.start, span.times, states[k], (span.times[places], samples[k]))
-        run = Trajectory((piece,), None, (span.end, states[k, -1]), {})
+        segment = SegmentRecord(observer, span.start, span.times, states[k], (span.times[places], samples[k]))
+        run = Trajectory((segment,), None, (span.end, states[k, -1]), {})
         right[k] = too_loose(run, observer.values, {}, rtol) is None
     return right

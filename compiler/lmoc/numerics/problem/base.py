@@ -242,10 +242,10 @@ class Unattended(Protocol):
         """Go to an output time by as many steps as that takes; the integration's `x` is the state there."""
 
 
-class Batches(Protocol):
+class Walker(Protocol):
     """The ability of a method to make many steps with their output without Python between them."""
 
-    def several(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
+    def walk(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
         """Make up to `most` steps; keep the states at those of `times` that they reach, as far as there is room.
 
         Where there is none for all that the last step has reached, `Integration.interpolate` tells the others.
@@ -296,7 +296,7 @@ class Integration(ABC):
         return None
 
     @property
-    def batches(self) -> Batches | None:
+    def walker(self) -> Walker | None:
         """Return what makes many steps at once; None where the method cannot."""
         return None
 

@@ -35,7 +35,7 @@ class Walked:
     reached: int
 
 
-class Walker(Protocol):
+class StepperWalk(Protocol):
     """The ability of a stepper to make many steps without Python between them."""
 
     def walk(
@@ -67,7 +67,7 @@ class Stepper(ABC):
     f: np.ndarray
     x_new: np.ndarray
     k: np.ndarray
-    walker: Walker | None = None
+    walker: StepperWalk | None = None
 
     @abstractmethod
     def start(self, t: float, x: np.ndarray, rtol: float, atol: np.ndarray) -> None:

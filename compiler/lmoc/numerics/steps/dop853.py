@@ -1,7 +1,7 @@
 """DOP853: an explicit Runge–Kutta method of order 8 with dense output of order 7, for problems that are not stiff.
 
 Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), II.4 (step size), II.5 (method). Where the
-equations are compiled and nobody looks at the steps in Python, they are made in C by the same rules (`several`).
+equations are compiled and nobody looks at the steps in Python, they are made in C by the same rules (`walk`).
 """
 
 from __future__ import annotations
@@ -157,10 +157,10 @@ class Dop853(Integration):
     # ------------------------------------------------------------------ many steps in C
 
     @property
-    def batches(self) -> Dop853 | None:
+    def walker(self) -> Dop853 | None:
         return None if self.stepper.walker is None else self
 
-    def several(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
+    def walk(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
         if not self.finite:
             return Status.NOT_FINITE, 0
         kept = {name: getattr(self, name) for name in _KEPT}

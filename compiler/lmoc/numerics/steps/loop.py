@@ -11,7 +11,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from lmoc.numerics.problem.base import Batches, Expired, Integration, Outcome, Problem, Unattended, Watch
+from lmoc.numerics.problem.base import Expired, Integration, Outcome, Problem, Unattended, Walker, Watch
 from lmoc.numerics.problem.status import Status, interruption
 from lmoc.numerics.steps.roots import RootFinder
 
@@ -51,8 +51,8 @@ class Loop:
         run = self.run
         try:
             with run:
-                if self.batches is not None:
-                    status = self.go_in_batches(self.batches)
+                if self.walker is not None:
+                    status = self.go_by_walks(self.walker)
                 else:
                     watched = self.problem.needs_steps or self.problem.held is not None
                     unattended = None if watched else run.unattended
@@ -87,15 +87,15 @@ class Loop:
         return Status.OK
 
     @property
-    def batches(self) -> Batches | None:
+    def walker(self) -> Walker | None:
         """Return what makes many steps at once; None where somebody looks at each of them in Python."""
         problem = self.problem
         if problem.roots is not None or problem.held is not None:
             return None
         alone = problem.guard is None and problem.correction is None
-        return self.run.batches if alone or problem.compiled_guard is not None else None
+        return self.run.walker if alone or problem.compiled_guard is not None else None
 
-    def go_in_batches(self, method: Batches) -> Status:
+    def go_by_walks(self, method: Walker) -> Status:
         """Have the method make many steps at once, more of them from batch to batch as far as the scene is small."""
         problem, run, guard = self.problem, self.run, self.problem.compiled_guard
         largest = min(max(_ROWS // max(1, problem.system.plan.row_count), _LOOK), _MANY)
@@ -110,7 +110,7 @@ class Loop:
             number = min(most, left)
             hook = None if guard is None else guard.enter(number)
             if guard is None or hook is not None:
-                status = self.go_several(method, number, hook)
+                status = self.walk(method, number, hook)
             if status is Status.DOUBTFUL or (guard is not None and hook is None):
                 status = self.step()
             if self.watch.expired(run.t):
@@ -121,11 +121,11 @@ class Loop:
             most = min(2 * most, largest)
         return status
 
-    def go_several(self, method: Batches, most: int, hook: int | None) -> Status:
+    def walk(self, method: Walker, most: int, hook: int | None) -> Status:
         """Have the method make up to so many steps, and see to their output."""
         problem, run = self.problem, self.run
         room = self.most - (self.reached - self.handed)
-        status, reached = method.several(problem.times[self.reached :], room, most, hook)
+        status, reached = method.walk(problem.times[self.reached :], room, most, hook)
         if problem.compiled_guard is not None:
             problem.compiled_guard.leave(run.t, run.x)
         self.reached += reached

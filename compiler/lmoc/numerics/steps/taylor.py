@@ -66,46 +66,46 @@ class Taylor(Integration):
         n = len(problem.x)
         self.x = np.array(problem.x, float)
         self._between, self._series, self._atol = np.zeros(n), np.zeros((2, n, LENGTH)), np.array(problem.atol, float)
-        self._way = way = system.way(problem.end, problem.max_step, problem.rtol)
-        way.atol, way.between, way.x = (a.ctypes.data for a in (self._atol, self._between, self.x))
-        way.q, way.next = (a.ctypes.data for a in self._series)
+        self._walk = walk = system.new_walk(problem.end, problem.max_step, problem.rtol)
+        walk.atol, walk.between, walk.x = (a.ctypes.data for a in (self._atol, self._between, self.x))
+        walk.q, walk.next = (a.ctypes.data for a in self._series)
         self.jump(problem.x)
 
     def jump(self, x: np.ndarray) -> None:
-        way = self._way
+        walk = self._walk
         self.x[:] = x
-        self.before = way.before = way.time = self.t
+        self.before = walk.before = walk.time = self.t
         self.problem.system.evaluations += 1
-        self.finite = self.system.series(self.t, self.x, self.order, way.next)
+        self.finite = self.system.series(self.t, self.x, self.order, walk.next)
 
     def step(self) -> Status:
-        way = self._way
-        way.most, way.outputs, way.hook = 1, 0, None
+        walk = self._walk
+        walk.most, walk.outputs, walk.hook = 1, 0, None
         return self._walked()
 
     @property
-    def batches(self) -> Taylor:
+    def walker(self) -> Taylor:
         return self
 
-    def several(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
-        way, out = self._way, np.empty((min(room, len(times)), len(self.x)))
-        way.most, way.outputs, way.room, way.hook = most, len(times), len(out), hook
-        way.times, way.out = times.ctypes.data, out.ctypes.data
+    def walk(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
+        walk, out = self._walk, np.empty((min(room, len(times)), len(self.x)))
+        walk.most, walk.outputs, walk.room, walk.hook = most, len(times), len(out), hook
+        walk.times, walk.out = times.ctypes.data, out.ctypes.data
         status = self._walked()
-        self._collected.append(out[: way.reached])
-        return status, way.reached
+        self._collected.append(out[: walk.reached])
+        return status, walk.reached
 
     def _walked(self) -> Status:
         if not self.finite:
-            self._way.reached = 0
+            self._walk.reached = 0
             return Status.NOT_FINITE
-        way, problem = self._way, self.problem
-        found = self.system.walk(way)
-        problem.system.evaluations += way.tries
-        self.steps += way.steps
-        self.rejected += way.tries - way.steps
-        if way.steps:
-            self.before, self.t, self.step_size = way.before, way.time, way.length
+        walk, problem = self._walk, self.problem
+        found = self.system.walk(walk)
+        problem.system.evaluations += walk.tries
+        self.steps += walk.steps
+        self.rejected += walk.tries - walk.steps
+        if walk.steps:
+            self.before, self.t, self.step_size = walk.before, walk.time, walk.length
         if found:
             return _FAILED[found]
         if self.steps >= _LOOK and self.t - problem.t < self.steps * problem.shortest:
@@ -113,4 +113,4 @@ class Taylor(Integration):
         return Status.OK
 
     def interpolate(self, times: np.ndarray) -> np.ndarray:
-        return self.system.values(self.order, times - self.before, self._way.q)
+        return self.system.values(self.order, times - self.before, self._walk.q)
