@@ -112,6 +112,18 @@ def test_what_is_checked_after_construction_is_checked():
             dataclasses.replace(OURS[k](1.0), x=-1.0)
 
 
+def test_a_record_with_other_values_is_that_of_the_standard_library():
+    item = Event(1.0, "string", "taut", impulse=2.0)
+    assert records.replace(item, time=3.0, kind="slack") == dataclasses.replace(item, time=3.0, kind="slack")
+    assert item == Event(1.0, "string", "taut", impulse=2.0)
+    object.__setattr__(item, "found", 7)  # as a cached property does: of this item alone
+    assert not hasattr(records.replace(item, time=3.0), "found")
+    with pytest.raises(TypeError, match="no field instant"):
+        records.replace(item, instant=3.0)
+    with pytest.raises(TypeError, match="fields alone"):  # what the constructor checks would go unchecked
+        records.replace(OURS[0](1.0), x=-1.0)
+
+
 def test_copies_and_pickles_are_equal_also_before_the_first_instance_is_made():
     item = Event(1.0, "string", "taut")
     assert copy.copy(item) == copy.deepcopy(item) == pickle.loads(pickle.dumps(item)) == item

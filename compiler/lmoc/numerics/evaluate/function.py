@@ -12,6 +12,8 @@ from lmoc.lower.tape import Tape
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
 
+_FEW = 32  # times whose memory is kept from call to call
+
 
 class TapeFunction:
     """A tape that is called with states.
@@ -30,6 +32,8 @@ class TapeFunction:
         self._signals = [plan.samplers[k] for k in np.flatnonzero(varying)]
         self._places = np.ascontiguousarray(places, np.int32)
         self._call = self._kernel.call(plan.states, plan.states, self._sampled)
+        self._many = library().lmoc_many
+        self._few: _Room | None = None
         self._samplers: list[tuple[Signal, int]] = []
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
@@ -49,12 +53,31 @@ class TapeFunction:
 
     def many(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the results at several times, (times, size)."""
-        inputs = [sample(signal, order, times)[:, None] for signal, order in self._samplers]
-        given = np.ascontiguousarray(np.concatenate([states, *inputs], axis=1) if inputs else states, float)
-        times, nothing = np.ascontiguousarray(times, float), np.zeros(0)
-        out, good = np.empty((len(times), len(self._places))), np.empty(len(times), np.uint8)
-        library().lmoc_many(
-            self._call.reference, len(times), times.ctypes.data, given.ctypes.data, nothing.ctypes.data,
-            len(self._places), self._places.ctypes.data, out.ctypes.data, good.ctypes.data,
-        )  # fmt: skip
-        return out
+        count, n = len(times), len(self._plan.states)
+        room = self._room(count)
+        room.times[:count], room.given[:count, :n] = times, states
+        for k, (signal, order) in enumerate(self._samplers, n):
+            room.given[:count, k] = sample(signal, order, times)
+        self._many(self._call.reference, count, *room.addresses)
+        return room.out[:count].copy() if room is self._few else room.out
+
+    def _room(self, count: int) -> _Room:
+        """Return memory for so many times at least."""
+        if count <= _FEW and self._few is not None:
+            return self._few
+        width = len(self._plan.states) + len(self._sampled)
+        if count > _FEW:
+            return _Room(count, width, self._places)
+        self._few = _Room(_FEW, width, self._places)
+        return self._few
+
+
+class _Room:
+    """Memory for the arguments and results of a call at several times, with the addresses that C is given."""
+
+    def __init__(self, count: int, width: int, places: np.ndarray) -> None:
+        self.times, self.given, self.out = np.empty(count), np.empty((count, width)), np.empty((count, len(places)))
+        self._rest = np.zeros(0), np.empty(count, np.uint8), places
+        guesses, good = (a.ctypes.data for a in self._rest[:2])
+        own = self.times.ctypes.data, self.given.ctypes.data
+        self.addresses = *own, guesses, len(places), places.ctypes.data, self.out.ctypes.data, good

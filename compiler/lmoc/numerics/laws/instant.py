@@ -97,7 +97,7 @@ class Instant:
     @cached_property
     def acceleration(self) -> Array:
         """(n,) sizes of the levels that the states and the law's own friction make."""
-        held = np.diag(self.delassus) * self.stick
+        held = self.delassus.diagonal() * self.stick
         return np.abs(self.bias) + np.where(np.isfinite(held), held, 0.0)
 
 

@@ -112,7 +112,7 @@ def relax(
         No movement of the springs does.
     """
     table = kinematics.table
-    own = np.flatnonzero(table.degree == JENKINS)
+    own = (table.degree == JENKINS).nonzero()[0]
     at_lower, at_upper, lost = np.zeros_like(opening), np.zeros_like(opening), np.zeros(len(opening))
     if not len(own):
         return Relaxed(now, at_lower, at_upper, lost)

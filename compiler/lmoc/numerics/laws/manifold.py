@@ -34,12 +34,12 @@ def project(kinematics: ContactKinematics, now: Instant, gaps: Mask, rates: Mask
     Contradiction
         Newton's method does not converge.
     """
-    chosen = np.stack([gaps, rates])
-    if not chosen.any():
+    if not (gaps.any() or rates.any()):
         return now
+    chosen = np.array([gaps, rates])
     residue, terms = np.inf, np.zeros(int(chosen.sum()))
     for _ in range(MOST_NEWTON):
-        value = np.stack([now.gap, now.rate])[chosen]
+        value = np.array([now.gap, now.rate])[chosen]
         matrix = now.slope[chosen]
         terms = np.maximum(terms, np.abs(matrix) @ np.abs(now.x))  # what comes to rest is small beside what it was
         if (np.abs(value) <= CLOSE * terms).all():
@@ -56,7 +56,8 @@ def project(kinematics: ContactKinematics, now: Instant, gaps: Mask, rates: Mask
 
 def drift(kinematics: ContactKinematics, slope: Array) -> Array:
     """Return by what gaps or rates may have drifted, (k,), that have these derivatives by the states, (k, states)."""
-    return DRIFT * np.abs(slope) @ np.broadcast_to(kinematics.errors, slope.shape[1])
+    errors = kinematics.errors
+    return DRIFT * np.abs(slope) @ (errors if isinstance(errors, np.ndarray) else np.full(slope.shape[1], errors))
 
 
 def correction(matrix: Array, right: Array) -> Array:
@@ -65,8 +66,8 @@ def correction(matrix: Array, right: Array) -> Array:
     dx = np.zeros(matrix.shape[1])
     apart = groups(touched @ touched.T) if len(matrix) >= APART_FROM else [np.arange(len(matrix))]
     for rows in apart:
-        columns = np.flatnonzero(touched[rows].any(axis=0))
-        dx[columns] = _corrected(matrix[np.ix_(rows, columns)], right[rows])
+        columns = touched[rows].any(axis=0).nonzero()[0]
+        dx[columns] = _corrected(matrix[rows[:, None], columns], right[rows])
     return dx
 
 
@@ -82,7 +83,7 @@ def _corrected(matrix: Array, right: Array) -> Array:
         if share[row, column] <= DEPENDENT:
             break
         work[row] /= work[row, column]
-        others = np.flatnonzero(work[:, column])
+        others = work[:, column].nonzero()[0]
         others = others[others != row]
         work[others] -= np.outer(work[others, column], work[row])
         left[row] = False

@@ -237,7 +237,7 @@ def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) ->
     constant, share = np.zeros(n), np.zeros((n, n))
     dry = slides & table.dry
     constant[dry] = -direction[dry] * now.slip[dry]
-    on = np.flatnonzero(slides & table.contact)
+    on = (slides & table.contact).nonzero()[0]
     share[on, table.normal[on]] = -direction[on] * now.slip[on]
     return constant, share
 

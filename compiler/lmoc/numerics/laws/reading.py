@@ -22,13 +22,14 @@ def reader(kinematics: ContactKinematics) -> Reader:
     """Return ``(base, signals) -> (times, states) -> (times, 4 laws)``: motions, rates, forces and sticking limits.
 
     The motion is the gap of laws that have one, else the rate. Limits that are parameters are not among the values.
+    What it has returned last counts, no other.
     """
     plan = kinematics.plan
     if not can_lower(plan.program):
         update = updatable(plan, kinematics.signals)
         if update is not None:
             return lambda base, signals: _in_mode(kinematics, update, base, signals)
-    return readout_of(plan, _registers(kinematics)).bind
+    return readout_of(plan, _registers(kinematics)).binder()
 
 
 def rates(plan: Plan, base: Array, signals: Mapping[int, Signal]) -> Evaluate:

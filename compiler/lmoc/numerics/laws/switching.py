@@ -99,8 +99,9 @@ class LawSwitching:
         table, mode, n = self.kinematics.table, self.mode, self.kinematics.form.count
         closed, alone = mode.closed, mode.implied & ~mode.closed  # others hold these at rest, up to rounding
         stuck = closed & ~table.complementary
-        self.second = np.flatnonzero(stuck)
+        self.second = stuck.nonzero()[0]
         dry = not table.complementary.all()
+        some_alone = alone.any()
 
         def values(times: Array, states: Array) -> Array:
             found = evaluate(times, states)
@@ -111,7 +112,8 @@ class LawSwitching:
                 limit = np.where(table.normal == NONE, limit, limit * force[:, table.normal])
                 sliding = np.where(closed, limit - force, mode.direction * rate)
                 first = np.where(table.complementary, first, sliding)
-            first[:, alone] = 1.0
+            if some_alone:
+                first[:, alone] = 1.0
             return np.concatenate([first, (limit + force)[:, stuck]], axis=1) if len(self.second) else first
 
         apart = self._apart(values(np.array([t]), x[None])[0])
@@ -128,17 +130,20 @@ class LawSwitching:
         """
         now, table = self.now, self.kinematics.table
         with np.errstate(invalid="ignore", divide="ignore"):
-            held = np.abs(now.bias / np.diag(now.delassus)) + np.nan_to_num(now.stick)
             leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
             motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
-        scale = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
+            if self.mode.closed.any():
+                held = np.abs(now.bias / now.delassus.diagonal()) + np.nan_to_num(now.stick)
+                motion = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
         coarser = COARSER ** np.minimum(self.idle, COARSEST)
         concerned = self.mode.closed | self.touched | (self.idle > 0)
-        share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * scale
-        near = NEAR * coarser * scale
+        share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * motion
+        near = NEAR * coarser * motion
         driven = self.kinematics.scene.curved[0] & self.touched & ~self.mode.closed
-        near = np.where(driven, np.maximum(near, drift(self.kinematics, now.slope[0])), near)
-        near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
+        if driven.any():
+            near = np.where(driven, np.maximum(near, drift(self.kinematics, now.slope[0])), near)
+        if len(self.second):
+            near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
         return np.where(concerned & (np.abs(value) <= near), np.maximum(-value, 0.0) + share, 0.0)
 
     # ------------------------------------------------------------------ what stays closed
@@ -148,7 +153,7 @@ class LawSwitching:
         """(2, n) gaps and rates of closed laws that the integrator keeps at zero within its errors alone."""
         closed, table = self.mode.closed, self.kinematics.table
         gaps, rates = closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2)
-        return self.kinematics.scene.curved & np.stack([gaps, rates])
+        return self.kinematics.scene.curved & np.array([gaps, rates])
 
     def kept(self, t: float, x: Array, share: float = KEPT) -> Array:
         """Return a state moved onto what is closed: the same array where it is there, NaN where there is no way.
@@ -293,7 +298,7 @@ class LawSwitching:
             raise Stopped(Status.CONTRADICTION, reason) from None
         if found.undecided.any():
             self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(found.undecided).tolist()]))
-        for k in np.flatnonzero(found.impulse).tolist():
+        for k in found.impulse.nonzero()[0].tolist():
             self.impacts[k].append(t)
         self.mode, self.now, self.touched = found.mode, found.now, found.touched
         self.forces = found.settled.force
@@ -314,6 +319,8 @@ class LawSwitching:
         """Return by what gaps may miss zero, or overlap."""
         own = self.kinematics.table.unilateral & (self.kinematics.table.degree >= 1)
         share = OVERLAP * now.gap_scale[own].max(initial=0.0) + OVERLAP_ROUNDING
+        if not self.mode.closed.any():
+            return np.full(len(own), share)
         return np.maximum(share, np.where(self.mode.closed, drift(self.kinematics, now.slope[0]), 0.0))
 
     def _apart_from(self, now: Instant) -> NDArray[np.bool_]:
@@ -334,7 +341,7 @@ class LawSwitching:
         moved = own if trigger.jumped else own & ~self.mode.closed
         with np.errstate(invalid="ignore"):
             wrong = moved & ~trigger.closing & (now.gap < -self._allowed(now))
-        for k in np.flatnonzero(wrong)[:1].tolist():
+        for k in wrong.nonzero()[0][:1].tolist():
             reason = f"the gap of '{self.laws[k][0]}' is negative, {now.gap[k]:.6g}, at t = {t:.6g} s"
             raise Stopped(Status.CONTRADICTION, reason)
 
@@ -342,7 +349,7 @@ class LawSwitching:
         events = []
         was_held, is_held = before.shown, found.mode.shown
         passing = was_held & is_held & ~found.accumulated & (found.impulse != 0.0)
-        passed = tuple((self.laws[k][0], float(found.impulse[k])) for k in np.flatnonzero(passing).tolist())
+        passed = tuple((self.laws[k][0], float(found.impulse[k])) for k in passing.nonzero()[0].tolist())
         alone = not (found.impulse[~passing] != 0.0).any()  # nobody else has been hit: they are the impact
         for k, (name, laws) in enumerate(self.laws):
             was, now = was_held[k], is_held[k]

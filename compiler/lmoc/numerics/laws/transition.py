@@ -125,7 +125,8 @@ def transition(
         impact = _impact(table, before, sharing, mode.closed, table.restitution)
         now = _behind(kinematics, before, sharing, impact)
         least = np.maximum(np.maximum(least, _least_rate(now)), _rounded(before, sharing, impact))
-        errors = np.abs(now.slope[0]) @ np.broadcast_to(unresolved, len(x))
+        apart = unresolved if isinstance(unresolved, np.ndarray) else np.full(len(x), unresolved)
+        errors = np.abs(now.slope[0]) @ apart
         lowest = np.maximum(LEAST_HEIGHT * now.gap_scale, _RESOLVED * errors)
         over, until = _bounces_over(table, now, mode, striking, trigger, least, lowest)
         if over.any():
@@ -145,16 +146,18 @@ def transition(
     settled = _settled(table, now, mode, candidate, trigger)
     closed = settled.mode.closed
     now = project(kinematics, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
-    settled = replace(settled, mode=decide(kinematics, replace(relaxed, now=now), settled.mode))
+    sprung = table.degree == JENKINS
+    if sprung.any():
+        settled = replace(settled, mode=decide(kinematics, replace(relaxed, now=now), settled.mode))
     impulse, lost = np.zeros(len(held)), np.zeros(len(held))
     if impact is not None:
         impulse[sharing], lost[sharing] = impact.impulse, impact.lost
         lost[impulse.argmax()] += further  # what all later impacts take counts as this one's
-        rubbing = np.flatnonzero(sharing & table.contact)  # what friction takes counts as its contact's
+        rubbing = (sharing & table.contact).nonzero()[0]  # what friction takes counts as its contact's
         np.add.at(lost, table.normal[rubbing], lost[rubbing])
         impulse[rubbing] = lost[rubbing] = 0.0
     lost += relaxed.lost
-    touched = touching | (candidate & ~table.unilateral) | (table.degree == JENKINS)
+    touched = touching | (candidate & ~table.unilateral) | sprung
     undecided = _undecided(table, before, sharing, impact, over)
     law = impact.law if impact else ""
     return Transition(before, now, settled, impulse, lost, law, touched, over, until, undecided)
@@ -214,12 +217,12 @@ def _rubbing(table: Table, striking: Mask) -> Mask:
 
 
 def _impact(table: Table, now: Instant, striking: Mask, held: Mask, restitution: Array) -> Impact:
-    which = np.flatnonzero(striking)
-    rows = np.flatnonzero(table.contact[which])
-    normal = np.searchsorted(which, table.normal[which[rows]])
+    which = striking.nonzero()[0]
+    rows = table.contact[which].nonzero()[0]
+    normal = which.searchsorted(table.normal[which[rows]])
     friction = Friction(rows, normal, now.stick[which[rows]])
     with solving(which, "no impulses keep them"):
-        matrix, rate = now.delassus[np.ix_(which, which)], now.rate[which]
+        matrix, rate = now.delassus[which[:, None], which], now.rate[which]
         at_rest = held[which] & (np.abs(rate) <= _least_rate(now)[which])  # up to rounding, which would cost energy
         rate = np.where(at_rest, 0.0, rate)
         side = np.where(held[which] | (rate < 0.0), FREE, LOWER)  # what is closed takes part in most impacts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -40,11 +40,19 @@ class Readout:
 
     def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
         """Return ``(times, states) -> (times, registers)`` with the values of a run."""
+        return self.binder()(base, signals)
+
+    def binder(self) -> Callable[[np.ndarray, Mapping[int, Signal]], Evaluate]:
+        """Return `bind` for pieces of one run that follow each other: what it has returned last counts, no other."""
         if self._slice is not None:
-            return self._slice.bind(base, signals)
-        bound = self._bound()
-        bound.prepare(base, signals)
-        return bound.many
+            return self._slice.bind
+        function = self._bound()
+
+        def bind(base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
+            function.prepare(base, signals)
+            return function.many
+
+        return bind
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         """Take the registers (count,) that do not change between events, and the inputs."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -46,6 +45,7 @@ from lmoc.numerics.start.first_states import first_states
 from lmoc.numerics.task.sizes import assumed_sizes
 from lmoc.numerics.task.task import Segment, Task
 from lmoc.numerics.task.tolerances import Tolerances
+from lmoc.support.records import replace
 
 if TYPE_CHECKING:
     from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
@@ -248,7 +248,8 @@ class _Run:
     def _after(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state after what has ended a segment, and begin the next one; None at the end of the run."""
         segment, time = self.segment, self.dynamics.instant(outcome)
-        outcome = replace(outcome, time=time)
+        if time != outcome.time:
+            outcome = replace(outcome, time=time)
         try:
             self._stand_at(outcome)
             outcome = self.dynamics.together(outcome, segment.system)

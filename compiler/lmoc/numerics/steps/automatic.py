@@ -17,7 +17,6 @@ The bounds come from charts of speed against accuracy over the models (`benchmar
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.steps.modes import EIGENVALUES, Modes
 from lmoc.numerics.steps.series_rule import is_better
-from lmoc.support.records import dataclass
+from lmoc.support.records import dataclass, replace
 
 TRIAL = 40  # steps after which the rest of a run is judged
 CALIBRATED = 0.25  # factor on the tolerance of DOP853 for what is not linear: errors are then as asked for

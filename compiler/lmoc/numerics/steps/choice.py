@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -13,6 +12,7 @@ from lmoc.numerics.problem.base import REQUESTED, Outcome, Problem, Properties
 from lmoc.numerics.problem.status import Inapplicable, NotFound, Status, Unsuitable, interruption
 from lmoc.numerics.steps import loop
 from lmoc.numerics.steps.automatic import Used, automatically
+from lmoc.support.records import replace
 
 NAMES = (
     "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss", "rk4", "midpoint", "verlet",
