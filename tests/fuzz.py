@@ -37,13 +37,21 @@ _VERBS = {  # what is done with a model, and how often
     ("draw", "-o", "case.svg"): 1,
     ("draw", "--free-body", "-o", "case.svg"): 1,
     ("view", "--stop", "1", "-o", "case.html"): 1,
+    ("run", "--stop", "1", "--points", "11", "--set", "{parameter}=0"): 1,
+    ("equations", "--set", "{parameter}=0"): 1,
+    ("study", "--sample", "{parameter}~uniform(0.5,2)", "--runs", "3", "--stop", "0.5", "--keep", "{variable}"): 1,
+    ("fit", "--data", "measured.csv", "--free", "{parameter}", "--outputs", "x={variable}"): 1,
+    ("export", "-o", "case.fmu"): 1,
 }
+_MEASURED = "time,x\n0,0\n0.1,0.01\n0.2,0.05\n0.4,0.1\n"
 _TOKEN = re.compile(
     r'"(?:[^"\\]|\\.)*"|//[^\n]*|[A-Za-z_]\w*|\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\s+|:=|<=|>=|==|<>|.', re.S
 )
 _PROGRAM = re.compile(r"\b(?:model|block|package|connector|record|function|type)\s+(\w+)\b.*?\bend\s+\1\s*;", re.S)
 _ENDS = re.compile(r"[A-Za-z_]\w*(?:\[[^\]]*\])?\.[A-Za-z_]\w*")  # of connections: part.port
 _DECLARED = re.compile(r"^\s*(?:(?:parameter|inner|outer|input|output|replaceable|final|constant)\s+)*[\w.]+\s+(\w+)")
+_MODIFIED = re.compile(r"(\w+)\s*\(\s*(\w+)\s*=")  # part(parameter=…
+_PARAMETER = re.compile(r"\bparameter\s+\w+\s*(?:\([^)]*\))?\s*(\w+)")
 _NUMBERS = "0 1 -1 2 3 0.5 1e-3 1e3 1e-320 1e-308 1e12 1e308 1e400 100 65536 1000000 -0.0 3.14159".split()
 _WORDS = """der pre edge change reinit when if then else elseif end for loop while equation algorithm initial model
     extends parameter constant input output flow each final redeclare replaceable inner outer connect time sin sqrt log
@@ -229,6 +237,18 @@ def _constructs(text: str) -> list[tuple[str, int, int]]:
     return found
 
 
+def filled_in(verb: tuple[str, ...], text: str, choose: random.Random) -> tuple[str, ...]:
+    """The words of a command, with names of the program where a parameter or a variable has to be named."""
+    if not any("{" in word for word in verb):
+        return verb
+    parameters = [f"{part}.{name}" for part, name in _MODIFIED.findall(text)] + _PARAMETER.findall(text) or ["k"]
+    variables = _ENDS.findall(text) or ["x"]
+    names = {"{parameter}": choose.choice(parameters), "{variable}": choose.choice(variables)}
+    for place, name in names.items():
+        verb = tuple(word.replace(place, name) for word in verb)
+    return verb
+
+
 # --------------------------------------------------------------------------- one case, in a process of its own
 
 
@@ -236,6 +256,7 @@ def attempt(case: int, text: str, verb: tuple[str, ...], folder: Path) -> Findin
     """Run the command on a program, watched; what went wrong, if anything did."""
     program, said = folder / "case.lmo", folder / "said.txt"
     program.write_text(text, encoding="utf-8", errors="replace")
+    (folder / "measured.csv").write_text(_MEASURED)
     began, child = time.monotonic(), os.fork()
     if child == 0:
         _become_the_command([verb[0], str(program), *verb[1:]], said)
@@ -318,7 +339,7 @@ def work(job: int, cases: Iterator[int], seed: int, place: Path) -> None:
         for case in cases:
             choose = random.Random(f"{seed}:{case}")
             text, verb = mutator.program(choose), choose.choices(verbs, weights)[0]
-            found = attempt(case, text, verb, folder)
+            found = attempt(case, text, filled_in(verb, text, choose), folder)
             if found is not None:
                 (place / f"{case}.lmo").write_text(text, encoding="utf-8", errors="replace")
                 findings.write(json.dumps(asdict(found)) + "\n")
@@ -409,6 +430,7 @@ def _number(path: Path) -> int | None:
 def _show(case: int, seed: int) -> int:
     choose = random.Random(f"{seed}:{case}")
     text, verb = Mutator(seeds()).program(choose), choose.choices(list(_VERBS), list(_VERBS.values()))[0]
+    verb = filled_in(verb, text, choose)
     folder = PLACE / "only"
     folder.mkdir(parents=True, exist_ok=True)
     print(text)

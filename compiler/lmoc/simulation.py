@@ -122,7 +122,7 @@ def _doubts(prepared: Prepared) -> tuple[Diagnostic, ...]:
     if reduced.guess is None or np.array_equal(values, reduced.values[: len(values)], equal_nan=True):
         return () if reduced.guess is None else reduced.guess.doubts
     nothing = np.zeros(0, int), np.zeros(0)
-    return () if reduced.guess_at is None else reduced.guess_at(values, nothing).doubts
+    return () if reduced.guess_at is None else reduced.guess_at(reduced.flat.extended(values), nothing).doubts
 
 
 def start_values(session: Session, registers: np.ndarray) -> StartValues:

@@ -33,8 +33,8 @@ class Scene:
         return "\n".join(["model Random", *self.parts, "equation", *lines, "end Random;", ""])
 
 
-def graph(seed: int, parts: int) -> str:
-    """A random graph of parts on lines and shafts, joined by levers, pulleys, drums."""
+def graph(seed: int, parts: int, wheels: int = 0) -> str:
+    """A random graph of parts on lines and shafts, joined by levers, pulleys, drums, and by wheels on a road."""
     scene = Scene(seed)
     choose = scene.choose
     lines = [f"{scene.add('Fixed')}.flange"]
@@ -60,6 +60,11 @@ def graph(seed: int, parts: int) -> str:
                 body = scene.add("Inertia(J = 1)" if turn else "Mass(m = 1, g = 9.81)" if seed % 3 else "Mass(m = 1)")
                 scene.connect(f"{link}.{there}", f"{body}.{ports[0]}")
             places.append(f"{link}.{there}")
+    for _ in range(wheels):
+        wheel = scene.add(f"Wheel(r = {choose.choice((0.1, 0.3, 0.35))})")
+        scene.connect(f"{wheel}.shaft", choose.choice(shafts))
+        if choose.random() < 0.9:
+            scene.connect(f"{wheel}.flange", choose.choice(lines))
     return scene.text()
 
 

@@ -26,6 +26,10 @@ def of(picture: Picture, part: str) -> Item:
     return next(i for i in picture.items if i.part == part and i.symbol != "label")
 
 
+def all_of(picture: Picture, symbol: str) -> list[Item]:
+    return [i for i in picture.items if i.symbol == symbol]
+
+
 def texts(picture: Picture) -> list[str]:
     return [plain(s.text) for _, s, _ in picture.placed() if isinstance(s, Label)]
 
@@ -386,3 +390,25 @@ def test_a_building_is_upright_and_its_equal_floors_are_left_out():
     heights = [end.y for end in floors.values()]
     assert heights == sorted(heights, reverse=True) and len({round(end.x) for end in floors.values()}) == 1
     assert "… 17 × SpringDamper, 16 × Mass" in texts(found)
+
+
+def test_wheels_stand_on_one_road_below_their_bodies():
+    found = lmoc.compile_text("""model Cars "A car and its trailer"
+      Mass car(m = 1), trailer(m = 1); Spring hook(k = 1); Wheel front(r = 0.3), rear(r = 0.4), third(r = 0.3);
+      Inertia f(J = 1), r(J = 1); TorsionDamper bearing(c = 1); FixedShaft housing;
+    equation
+      connect(trailer.flange, hook.a); connect(hook.b, car.flange);
+      connect(front.flange, car.flange); connect(rear.flange, car.flange); connect(third.flange, trailer.flange);
+      connect(front.shaft, f.shaft); connect(rear.shaft, r.shaft); connect(third.shaft, bearing.a);
+      connect(bearing.b, housing.shaft);
+    end Cars;""").draw().picture
+    (road,) = all_of(found, "road")
+    wheels = {i.part: i for i in all_of(found, "wheel") if i.part}
+    disks = [i for i in all_of(found, "wheel") if any(getattr(s, "fill", "") == "body" for s in i.shapes)]
+    assert len(disks) == 3 and set(wheels) == {"front", "rear", "third", "f", "r"}
+    assert {round(i.ends[0].y + i.shapes[0].radius, 6) for i in disks} == {round(road.ends[0].y, 6)}
+    bottom = max(i.frame().place(v)[1] for i in all_of(found, "mass") for v in i.shapes[0].vertices)
+    assert all(i.ends[0].y - i.shapes[0].radius > bottom for i in disks)
+    assert wheels["f"].shapes[0].radius / wheels["r"].shapes[0].radius == pytest.approx(0.75)
+    assert wheels["f"].ends[0].moves == of(found, "car").ends[0].moves != () and wheels["f"].turn.factor == -1
+    assert wheels["third"].ends[0].x < wheels["front"].ends[0].x < wheels["rear"].ends[0].x

@@ -108,7 +108,7 @@ def executable(dae: CompiledDAE) -> Executable:
     run = dae.simulate(energy=False, inputs=zero_inputs)
     _refuse_run(flat, run)
     first = run.trajectory.segments[0]
-    base = plan.base(_extended(plan, dae.values), signals)
+    base = plan.base(plan.reduced.flat.extended(dae.values), signals)
     span = float(run.time[0]), float(run.time[-1])
     inputs = np.array([r for r, _ in plan.constants], int)
     right, observing, exported = _programs(plan)
@@ -197,10 +197,6 @@ def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
 
             signals[v] = Constant(float(evaluate(signal.shape, _no_column, 0.0)))
     return {**signals, **{v: Constant(0.0) for v in opened}}, opened
-
-
-def _extended(plan: Plan, values: np.ndarray) -> np.ndarray:
-    return np.concatenate([values, np.full(plan.reduced.flat.count - len(values), np.nan)])
 
 
 # ---------------------------------------------------------------------- programs
@@ -317,7 +313,7 @@ class _Tried:
         return len(found) == len(self.start) and np.array_equal(found, self.start)
 
     def _break_times(self, values: np.ndarray) -> np.ndarray:
-        base = self.plan.base(_extended(self.plan, values), self.signals)
+        base = self.plan.base(self.plan.reduced.flat.extended(values), self.signals)
         return kinks.break_times(self.plan, base, *self.span)
 
 

@@ -424,6 +424,10 @@ class FlatDAE:
             values[given] = numbers
         return values
 
+    def extended(self, values: np.ndarray) -> np.ndarray:
+        """Return parameter values (count,) of the model that this one adds variables to: those have none (NaN)."""
+        return np.concatenate([values, np.full(self.count - len(values), np.nan)])
+
     def row_text(self, group: Group, row: int) -> str:
         """One equation in the user's names."""
         names = group.slots[row]

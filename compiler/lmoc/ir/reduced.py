@@ -240,7 +240,7 @@ class Reduced:
         ----------
         values : (≤ flat.count,) of the flat model that was given; the variables that a switched form adds have none
         """
-        values = np.concatenate([values, np.full(self.flat.count - len(values), np.nan)])
+        values = self.flat.extended(values)
         if values.tobytes() == self._made_for:  # some guards cost as much as a reduction
             return None
         guard = next((g for g in self.guards if not g.holds(values)), None)

@@ -63,4 +63,4 @@ def _registers(kinematics: ContactKinematics) -> NDArray[np.int64]:
     gap, rate, _, _, stick = kinematics.registers
     motion = np.where(gap >= 0, gap, rate)
     found = np.concatenate([motion, rate, kinematics.force, stick])
-    return np.where(found >= 0, found, kinematics.plan.states[0])
+    return np.where(found >= 0, found, found.max())

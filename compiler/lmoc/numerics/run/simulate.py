@@ -83,10 +83,6 @@ class Simulator:
         rates = np.flatnonzero(flat.kind == Kind.INPUT)
         return np.concatenate([used, np.stack([rates, np.ones_like(rates)])], axis=1)
 
-    def _extended(self, values: np.ndarray) -> np.ndarray:
-        """Return parameter values with room for the variables that the reduction has added to the flat model."""
-        return np.concatenate([values, np.full(self.reduced.flat.count - len(values), np.nan)])
-
     def run(
         self,
         values: np.ndarray | None = None,
@@ -131,7 +127,7 @@ class Simulator:
     ) -> tuple[Task, Plan, System, np.ndarray]:
         """Return what a run does, with its plan, its system, and the registers that stay as they are."""
         began = clock.perf_counter()
-        values = self._extended(self.reduced.values if values is None else values)
+        values = self.reduced.flat.extended(self.reduced.values if values is None else values)
         report = Report()
         span = check_options(options, self.reduced, report, initial)
         signals = bind_signals(self.reduced.flat, inputs, report, self.orders, (span.start, span.end))

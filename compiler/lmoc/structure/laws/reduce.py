@@ -34,13 +34,13 @@ def reduce_with_laws(
     report = Report() if report is None else report
     given = flat.parameter_values() if values is None else values
     loose, loosened = free(flat)
-    first = reduce(loose, _extended(given, loose), states, report)
+    first = reduce(loose, loose.extended(given), states, report)
     report.check()
     degree = relative_degree(loosened, first)
     _report_not_felt(flat, degree, report)
     form, places = switched(flat, degree)
     named = [name for name in first.state_names if form.find(name) is not None]  # others are rates without a name
-    reduced = reduce(form, _extended(given, form), named, report)
+    reduced = reduce(form, form.extended(given), named, report)
     alike = _in_order_of(reduced, replace(first, switched=loosened))
     guards = reduced.guards if alike is None else (*reduced.guards, *alike.guards)
     return replace(reduced, switched=places, lawful=flat, free=alike, guards=guards)
@@ -63,11 +63,6 @@ def _in_order_of(reduced: Reduced, free: Reduced) -> Reduced | None:
         quadratures=free.quadratures[quadratures],
         quadrature_derivatives=free.quadrature_derivatives[quadratures],
     )
-
-
-def _extended(values: np.ndarray, flat: FlatDAE) -> np.ndarray:
-    """Return parameter values with room for the variables that a form has added."""
-    return np.concatenate([values, np.full(flat.count - len(values), np.nan)])
 
 
 def _report_not_felt(flat: FlatDAE, degree: np.ndarray, report: Report) -> None:

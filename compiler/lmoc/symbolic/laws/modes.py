@@ -100,7 +100,7 @@ class Lawful:
         Its states are those of the mode in which all laws are open, where these can be: places of bodies, no gaps.
         """
         flat, form = free(self.flat)
-        values = np.concatenate([self.prepared.values, np.full(flat.count - self.flat.count, np.nan)])
+        values = flat.extended(self.prepared.values)
         states = self.in_mode(np.zeros(self.count, bool)).reduced.state_names
         try:
             reduced = self.reduce(flat, values, states)

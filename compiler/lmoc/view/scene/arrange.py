@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.strip import Strip
 
-JOINTS = ("pulley", "drum", "arm", "lever", "beam", "guide", "slider", "pin")
+JOINTS = ("pulley", "drum", "wheel", "arm", "lever", "beam", "guide", "slider", "pin")
 
 
 def strips_of(graph: Graph, elements: Iterable[Element], domain: str) -> list[Strip]:

@@ -226,15 +226,15 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         move = hanging.style.variables.get(axle)
         moves = (Move(move, *hanging.direction(axle), None, GROUP),) if move else ()
         for centre, _ in own:
-            items.append(_rod(axle, End(centre, depth, moves), End(centre, low, moves)))
+            items.append(rod(axle, End(centre, depth, moves), End(centre, low, moves)))
         if len(own) > 1:
-            items.append(_rod(axle, End(own[0][0], low, moves), End(own[-1][0], low, moves), 3.0))
-        items.append(_rod(axle, End(middle, low, moves), End(middle, low + 14, moves)))
+            items.append(rod(axle, End(own[0][0], low, moves), End(own[-1][0], low, moves), 3.0))
+        items.append(rod(axle, End(middle, low, moves), End(middle, low + 14, moves)))
         block = block.beside(load.at(middle, low + 14))
     return Block(tuple(items)).beside(block)
 
 
-def _rod(node: int, a: End, b: End, thick: float = 2.0) -> Item:
+def rod(node: int, a: End, b: End, thick: float = 2.0) -> Item:
     """A rod from an axle to what hangs there."""
     return replace(symbols.line("rod", "", a, b, thick), nodes=(node, node))
 

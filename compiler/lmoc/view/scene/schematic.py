@@ -14,6 +14,7 @@ from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.levers import draw_lever
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import End
+from lmoc.view.scene.road import draw_road
 from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
 from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Strip, Style
 from lmoc.view.scene.wheels import Drum, Turning, decorated, gear_row, gears_of, turning, wheel
@@ -81,7 +82,7 @@ class Schematic:
 
     def block(self) -> Block:
         """Return everything, joints first, then what no joint has taken along."""
-        blocks = [*self._levers(), *self._belts(), *self._ropes()]
+        blocks = [*self._levers(), *self._belts(), *self._roads(), *self._ropes()]
         blocks += [b for s in self.lines if id(s) not in self.hanging.used and (b := self._line(s)) is not None]
         blocks += [b for s in self.shafts if id(s) not in self.wheel_shafts and (b := self._shaft(s)) is not None]
         blocks = [b for b in blocks if b.items]
@@ -152,6 +153,36 @@ class Schematic:
             shafts = {node: self._turning(port) for node, port in ports.items()}
             blocks.append(draw_belt(belt, shafts, self.graph, self.hanging))
         return blocks
+
+    def _roads(self) -> list[Block]:
+        groups: dict[int, list[Element]] = {}
+        for element in self._joints(("wheel",)):
+            node = element.port("flange").node
+            strip = self.hanging.strips.get(node)
+            groups.setdefault(node if strip is None else id(strip), []).append(element)
+        return [self._road(wheels) for wheels in groups.values()]
+
+    def _road(self, wheels: Sequence[Element]) -> Block:
+        """The wheels of one line; where that is in use, or too long, it is drawn apart."""
+        strip = self.hanging.strips.get(wheels[0].port("flange").node)
+        shafts = {w.name: self._rolling(w.port("shaft")) for w in wheels}
+        if strip is not None and (id(strip) in self.hanging.used or not self.hanging.shown(strip)):
+            strip = None
+        block = draw_road(wheels, strip, shafts, self.hanging)
+        left, _, right, _ = block.corners
+        if strip is not None and (right - left > WIDTH or tangled(block)):
+            self.hanging.used.discard(id(strip))
+            block = draw_road(wheels, None, shafts, self.hanging)
+        return block
+
+    def _rolling(self, port: Port) -> Turning:
+        """The shaft of a wheel; one that the ground holds does not go along with the wheel and is drawn apart."""
+        before = set(self.wheel_shafts)
+        shaft = self._turning(port)
+        if shaft is None or shaft.legs:
+            self.wheel_shafts = before
+            return Turning(port.node, (), ())
+        return shaft
 
     def _ropes(self) -> list[Block]:
         joints = self._rope_joints()
