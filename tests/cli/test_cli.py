@@ -232,6 +232,15 @@ def test_every_stage_can_be_shown(lmoc, scene, stage):
     assert "Oscillator" in answer.out
 
 
+@pytest.mark.parametrize("name", ["h07_ball_on_string", "h17_backlash", "h19_bouncing_ball", "friction_stop"])
+@pytest.mark.parametrize("stage", ["reduce", "lower"])
+def test_every_stage_of_a_scene_with_laws_and_events_can_be_shown(lmoc, name, stage):
+    """The run sets the modes of laws and the values of relations: nobody else has to give them."""
+    answer = lmoc("show", ROOT / "models" / "laws" / f"{name}.lmo", "--stage", stage)
+    assert answer.code == 0, answer.err
+    assert "parameters" in answer.out and not answer.err
+
+
 def test_the_jacobian_of_a_chain_is_shown_as_it_is_stored(lmoc, tmp_path):
     """Sorted by reverse Cuthill–McKee, a chain has a narrow band whatever the order of its states."""
     (tmp_path / "chain.lmo").write_text(

@@ -214,8 +214,8 @@ class Reduced:
         return tuple(note.message for note in self.notes if note.subject is Subject.LEFT_OUT)
 
     def register_name(self, register: int) -> str:
-        """A register in the user's names; helpers are ``#n``."""
-        variable = int(self.registers.variable[register])
+        """A register in the user's names; helpers, and those that a plan adds, are ``#n``."""
+        variable = -1 if register >= self.registers.count else int(self.registers.variable[register])
         if variable < 0:
             return f"#{register}"
         return self.flat.jet_name(variable, int(self.registers.order[register]))

@@ -83,6 +83,19 @@ class Simulator:
         rates = np.flatnonzero(flat.kind == Kind.INPUT)
         return np.concatenate([used, np.stack([rates, np.ones_like(rates)])], axis=1)
 
+    def with_modes(self, signals: Mapping[int, Signal]) -> dict[int, Signal]:
+        """Return signals with those that the run itself sets: all laws open, and what events change as it begins."""
+        found = dict(signals)
+        if self.reduced.switched is not None:
+            from lmoc.numerics.laws.switching import all_open
+
+            found |= all_open(self.reduced.switched)
+        if self.reduced.flat.events is not None:
+            from lmoc.numerics.events.event_handler import held
+
+            found |= held(self.reduced.flat.events)
+        return found
+
     def run(
         self,
         values: np.ndarray | None = None,
@@ -132,20 +145,13 @@ class Simulator:
         span = check_options(options, self.reduced, report, initial)
         signals = bind_signals(self.reduced.flat, inputs, report, self.orders, (span.start, span.end))
         report.check()
-        if self.reduced.switched is not None:
-            from lmoc.numerics.laws.switching import all_open
-
-            signals = {**signals, **all_open(self.reduced.switched)}
+        signals = self.with_modes(signals)
         if options.solver == MOREAU:
             from lmoc.numerics.laws import time_stepping
 
             time_stepping.refuse(self.reduced, report)
             report.check()
             signals = {**signals, **time_stepping.recorded(self.reduced.switched)}
-        if self.reduced.flat.events is not None:  # they have values of their own, which the run sets
-            from lmoc.numerics.events.event_handler import held
-
-            signals = {**signals, **held(self.reduced.flat.events)}
         note_held_ends(signals, self.reduced.flat, np.array([span.start, span.end]), report)
         plan, system = self.system(signals, options.energy, report)
         lowered = clock.perf_counter()

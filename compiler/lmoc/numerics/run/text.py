@@ -31,7 +31,8 @@ def lower(reduced: Reduced, report: Report) -> Lowered:
     ModelError
         A signal is missing, or lacks a derivative.
     """
-    return Lowered(reduced, *Simulator(reduced).system(default_signals(reduced.flat), True, report))
+    simulator = Simulator(reduced)
+    return Lowered(reduced, *simulator.system(simulator.with_modes(default_signals(reduced.flat)), True, report))
 
 
 def lowered_text(lowered: Lowered) -> str:
