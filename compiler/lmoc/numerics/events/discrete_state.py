@@ -24,7 +24,7 @@ from lmoc.support.records import dataclass
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
 _ULP = 2.0**-52
 _ZERO = 1e-10  # of the largest values: what is smaller may be a zero with rounding
-_NOISES = 32.0  # times the change by rounding that is measured, within which a function may be zero
+_NOISES = 4.0  # times the bound for its rounding, within which a function is zero
 _EQUAL = 1e-13  # of the largest difference: two sides of a relation that are no farther apart are equal
 _TRIALS = 1024  # combinations of values of relations that are tried: all those of ten
 _FEW = 3  # relations that are changed at once among all
@@ -108,6 +108,8 @@ class DiscreteState:
         self.zero = np.zeros(layout.zero_count)
         # what a function that has just crossed zero may come back by rounding, and its largest magnitude since
         self.margin, self.largest = np.zeros(layout.zero_count), np.zeros(layout.zero_count)
+        self._known: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None  # (t, x, discrete values, rounding)
+        self._begun = time
         self.literal = True  # relations of time are taken as they are written, not as what they are right behind
         self.supposed: np.ndarray | None = None  # mask of relations whose values are being tried
         self.early: frozenset[int] = frozenset()  # relations that are then taken as what they were right before
@@ -115,7 +117,7 @@ class DiscreteState:
 
     def adopt(self, layout: EventLayout, base: np.ndarray) -> None:
         """Look at the same variables through another plan."""
-        self.layout = layout
+        self.layout, self._known = layout, None
         self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
 
     # ----------------------------------------------------------------------- looking
@@ -137,21 +139,58 @@ class DiscreteState:
     def _widen(self, t: float, x: np.ndarray) -> None:
         """Set the margins of functions that are zero but for rounding: a relation does not react to that.
 
-        How much rounding there is shows when the states are changed by it: the acceleration of a wheel at rest behind
-        open clutches is a sum that cancels, 1e-15 or −2e-15, as it comes. What is exactly zero and stays that does not
-        pass through zero, and has no margin: the force between two teeth in their play.
+        The acceleration of a wheel at rest behind open clutches is a sum that cancels, 1e-15 or −2e-15, as it comes.
+        What is exactly zero and stays that does not pass through zero, and has no margin: the force between two teeth
+        in their play.
         """
         height = np.abs(self.zero)
-        size = max(1.0, float(np.abs(x).max(initial=0.0)), float(height.max(initial=0.0)))
-        near = (height <= _ZERO * size) & ((height > 0) | (self.margin > 0)) & ~self.layout.rounded
+        near = self._may_be_rounding(t, x, height) & ((height > 0) | (self.margin > 0))
         if not near.any():
             return
-        noise, stays = np.zeros(len(height)), height == 0
+        stays = height == 0
         for signs in (np.ones(len(x)), np.where(np.arange(len(x)) % 2, 1.0, -1.0)):
-            by_rounding = self.layout.zeros(t, x * (1.0 + signs * _ULP)) - self.zero
-            noise = np.fmax(noise, np.abs(by_rounding))
             stays &= self.layout.zeros(t + _ULP * max(abs(t), 1.0), x + signs * _ULP * np.fmax(np.abs(x), 1.0)) == 0
-        self.margin[near] = np.where(stays, 0.0, np.fmax(self.margin, _NOISES * noise))[near]
+        margin = np.fmax(self.margin, _NOISES * self.rounding(t, x))
+        near &= height <= margin
+        self.margin[near] = np.where(stays, 0.0, margin)[near]
+
+    def _may_be_rounding(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
+        """Return which functions are so small that their rounding is worth a look, (zeros,)."""
+        size = max(1.0, float(np.abs(x).max(initial=0.0)), float(np.abs(self.zero).max(initial=0.0)))
+        terms = np.zeros(len(height)) if self._known is None else self._known[3] / _ULP
+        return (height <= _ZERO * np.fmax(terms, size)) & ~self.layout.rounded
+
+    def rounding(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return bounds for the rounding of the zero functions, (zeros,).
+
+        A state that does not move is off by what the rounding of its rate has added up to. Bounds found last are kept
+        as long as the discrete values are the same and neither states nor the time have doubled or halved.
+        """
+        discrete = self.v[self.layout.events.discrete]
+        if self._known is not None:
+            known_t, known_x, known_discrete, found = self._known
+            grown = abs(t) > 2.0 * abs(known_t) or bool((np.abs(x) > 2.0 * np.abs(known_x)).any())
+            shrunk = 2.0 * abs(t) < abs(known_t) or 2.0 * np.abs(x).max(initial=0.0) < np.abs(known_x).max(initial=0.0)
+            if not (grown or shrunk) and np.array_equal(discrete, known_discrete, equal_nan=True):
+                return found
+        w, plan = self.base.copy(), self.layout.plan
+        w[plan.states] = x
+        for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
+            w[register] = self.signals[variable].value(t, order)
+        count = self.layout.zero_count
+        rates = _finite(self.layout.rounding(w, t))[count:]
+        found = _finite(self.layout.rounding(w, t, (plan.states, 2.0 * (t - self._begun) * rates)))[:count]
+        self._known = t, x.copy(), discrete.copy(), found
+        return found
+
+    def quiet(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
+        """Return which root functions are zero but for rounding where they are no higher than so much, (roots,)."""
+        mask = np.zeros(len(height), bool)
+        height = height[: self.layout.zero_count] - self.margin
+        near = self._may_be_rounding(t, x, height)
+        if near.any():
+            mask[: len(near)] = near & (height <= _NOISES * self.rounding(t, x))
+        return mask
 
     def remember(self) -> None:
         """``pre(v) := v``."""
@@ -434,6 +473,11 @@ class DiscreteState:
 def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return where two arrays differ; what is no number is like itself."""
     return (a != b) & ~(np.isnan(a) & np.isnan(b))
+
+
+def _finite(value: np.ndarray) -> np.ndarray:
+    """Return an array with zeros for what is no finite number."""
+    return np.nan_to_num(value, nan=0.0, posinf=0.0)
 
 
 def decide(op: str, zero: np.ndarray) -> np.ndarray:

@@ -190,7 +190,7 @@ class EventHandler:
         """Return what ends the present segment earlier."""
         if not self.layout.zero_count:
             return None
-        return Roots(self.discrete.roots, self.discrete.signs())
+        return Roots(self.discrete.roots, self.discrete.signs(), quiet=self.discrete.quiet)
 
     @property
     def is_over(self) -> bool:

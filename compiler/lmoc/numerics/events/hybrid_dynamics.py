@@ -24,7 +24,7 @@ from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import Outcome, Roots
+from lmoc.numerics.problem.base import Outcome, Roots, joined
 from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
@@ -203,10 +203,7 @@ class HybridDynamics:
             self._law_roots = len(found[0].signs)
         if self.handler is not None and self.handler.layout.zero_count:
             found.append(self.handler.roots)
-        self._roots = found[0] if found else None
-        if len(found) == 2:
-            signs = np.concatenate([r.signs for r in found])
-            self._roots = Roots(lambda ts, xs: np.concatenate([r.values(ts, xs) for r in found], axis=1), signs)
+        self._roots = joined(found) if found else None
         self._signs = None if self._roots is None else self._roots.signs.copy()
         return self._roots
 

@@ -11,6 +11,7 @@ from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply
+from lmoc.numerics.solve.rounding import Rounding
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
@@ -59,6 +60,7 @@ class EventLayout:
         self.zero_count = at
         self.count = plan.count + at
         program = (*plan.full_program, *steps)
+        self._program = program
         self.zeros = Readout(plan, program, self.count, plan.count + np.arange(at))
         self.seen = self._seen(of_time)
         self.values = Readout(plan, program, self.count, register[self.seen])
@@ -89,6 +91,12 @@ class EventLayout:
         found = np.unique(np.concatenate(read)).astype(int)
         continuous = (flat.kind[found] == Kind.UNKNOWN) | (flat.kind[found] == Kind.INPUT)
         return found[continuous & (self.plan.reduced.register_of[found] >= 0)]
+
+    @cached_property
+    def rounding(self) -> Rounding:
+        """The rounding of the zero functions, and behind them of the rates of the states."""
+        registers = np.concatenate([self.plan.count + np.arange(self.zero_count), self.plan.derivatives])
+        return Rounding(self._program, registers, self.count)
 
     @cached_property
     def rates(self) -> Readout:

@@ -18,7 +18,7 @@ from lmoc.ir.flat import Check, FlatDAE
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.following import Following
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.problem.base import Outcome, Roots
+from lmoc.numerics.problem.base import Outcome, Roots, joined
 from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 
@@ -106,21 +106,19 @@ class Assertions:
     def beside(self, roots: Roots | None) -> Roots:
         """Return root functions with those of the relations behind the others."""
         self._others = 0 if roots is None else len(roots.signs)
-        others = [] if roots is None else [roots.values]
         count = sum(len(w.relations) * len(w.place) for w in self._watched)
-        signs = np.concatenate([np.zeros(0) if roots is None else roots.signs, np.zeros(count)])
 
         def values(times: Array, states: Array) -> Array:
             seen = self._values(times, states)
-            own = [f for w in self._watched for f in w.functions(seen, times)]
-            return np.concatenate([*(other(times, states) for other in others), *own], axis=1)
+            return np.concatenate([f for w in self._watched for f in w.functions(seen, times)], axis=1)
 
         def reached(t: float, x: Array, which: Array, signs: Array) -> bool:
             if which[self._others :].any():
                 self._look(t, x)
             return bool(which[: self._others].any()) or self.failed is not None
 
-        return Roots(values, signs, reached)
+        own = Roots(values, np.zeros(count))
+        return replace(own if roots is None else joined([roots, own]), reached=reached)
 
     def after(self, outcome: Outcome) -> Outcome:
         """Return the outcome of a segment as it were without the relations, or that an assertion has ended the run."""

@@ -6,7 +6,7 @@ import signal
 import threading
 import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field
 from typing import Protocol
@@ -147,12 +147,31 @@ class Roots:
         Called with each root in order, `which` (m,) of them change sign there, to `signs`. True ends the integration
         there, False lets it go on.
     largest : (n,) the magnitude of each state where the functions have been looked at; kept on the way
+    quiet : callable (t, x, heights (m,)) -> (m,) bool
+        Which functions that have been no higher than so much in a step are zero but for rounding: they have no roots
     """
 
     values: Callable[[np.ndarray, np.ndarray], np.ndarray]
     signs: np.ndarray
     reached: Callable[[float, np.ndarray, np.ndarray, np.ndarray], bool] = lambda t, x, which, signs: True
     largest: np.ndarray | None = None
+    quiet: Callable[[float, np.ndarray, np.ndarray], np.ndarray] = lambda t, x, heights: np.zeros(len(heights), bool)
+
+
+def joined(found: Sequence[Roots]) -> Roots:
+    """Return root functions one behind the other."""
+    if len(found) == 1:
+        return found[0]
+    ends = np.cumsum([len(one.signs) for one in found])[:-1]
+
+    def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        return np.concatenate([one.values(times, states) for one in found], axis=1)
+
+    def quiet(t: float, x: np.ndarray, heights: np.ndarray) -> np.ndarray:
+        parts = zip(found, np.split(heights, ends), strict=True)
+        return np.concatenate([one.quiet(t, x, own) for one, own in parts])
+
+    return Roots(values, np.concatenate([one.signs for one in found]), quiet=quiet)
 
 
 @dataclass

@@ -42,6 +42,10 @@ class Interpreter:
         for block in self._blocks.values():
             block.reset()
 
+    def matrix(self, step: Solve, w: np.ndarray, time: float) -> np.ndarray:
+        """∂residuals/∂unknowns of a block, (instances, size, size), after the program has run on `w`."""
+        return self._blocks[id(step)].matrix(w, time)
+
     def sparse_matrix(self, step: Solve, w: np.ndarray, time: float):
         """∂residuals/∂unknowns of a block with one instance, as a scipy CSC matrix."""
         from scipy.sparse import csc_matrix

@@ -124,7 +124,7 @@ class RootFinder:
             if times[0] == self._place[0]:
                 states[0] = self._place[1]
             np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
-            values = self.roots.values(times, states)
+            values = self._without_rounding(end, states[-1], self.roots.values(times, states))
             if len(self._inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
                 return times, values
             if len(self._inside) >= _MANY_SAMPLES and self._length < np.inf:
@@ -134,6 +134,14 @@ class RootFinder:
                 if self._length < np.inf:
                     continue
             self._inside = np.linspace(0.0, 1.0, 2 * len(self._inside) - 1)
+
+    def _without_rounding(self, t: float, x: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return samples in which functions that are zero but for rounding keep their sign."""
+        wrong = (values * self.signs <= 0).any(axis=0) | _unresolved(values, self.signs)
+        if wrong.any():
+            quiet = wrong & self.roots.quiet(t, x, np.abs(values).max(axis=0))
+            values[:, quiet] = self.signs[quiet] * np.abs(values[:, quiet]).max(axis=0, initial=0.0)
+        return values
 
     def _shares(self) -> np.ndarray:
         """Return where a step is looked at: at equal distances, and beside its ends."""
@@ -261,8 +269,8 @@ def locate(
     near : (times, values) of the function there and around, for the first guess
     """
     known: tuple[np.ndarray, np.ndarray] | None = None
+    least = _TIGHT * max(abs(a), abs(b))  # from zero on, of the bracket: what is 1e-320 s behind it has no digits
     for _ in range(_MOST_CALLS):
-        least = _TIGHT * max(abs(a), abs(b))
         if b - a <= 2 * least:
             break
         if near is not None and known is None:
