@@ -65,6 +65,34 @@ def test_what_is_zero_starts_as_zero() -> None:
     assert run["r1"][0] == pytest.approx(-10) and run["r2"][0] == run["r3"][0] == 0.0
 
 
+FRICTION = MACHINE.replace("Real a, sa, f", "Real sa, f")
+WHEEL = f"""model Friction input Real v, a;{FRICTION} end Friction;
+  model M Friction weak(fmax = 0.5), strong(fmax = 5);
+    Real x(start = 0, fixed = true), v(start = 1, fixed = true), load = {{load}};
+  equation der(x) = v; weak.v = v; strong.v = v; weak.a = der(v); strong.a = der(v);
+    der(v) = load - weak.f - strong.f; end M;"""
+
+
+def test_of_two_frictions_that_hold_one_wheel_the_stronger_one_takes_what_is_left() -> None:
+    """Both held, the equations would not say who bears how much: what an elimination makes of that is rounding."""
+    run = lmoc.compile_text(WHEEL.format(load="2 - time"), model="M").simulate(stop=6, points=601)
+    at = np.sqrt(3.5**2 + 2) - 3.5  # where v = 1 + 2 t - t²/2 - 5.5 t vanishes
+    (stops,) = [e.time for e in run.events if e.name == "strong.locked" and e.after == "true"]
+    assert stops == pytest.approx(at, abs=1e-6)
+    rest = (run.time > 0.28) & (run.time < 6)
+    assert np.abs(run["v"][rest]).max() < 1e-9
+    assert np.abs(run["weak.f"][rest]) == pytest.approx(0.5, abs=1e-9)
+    assert run["strong.f"][rest] == pytest.approx(2 - run.time[rest] - run["weak.f"][rest], abs=1e-9)
+
+
+def test_rounding_of_one_function_says_nothing_about_another() -> None:
+    """A current of nanoamperes beside a pressure of megapascals that cancels."""
+    run = lmoc.compile_text("""model M Real p(start = 1e7, fixed = true), q(start = 2e7, fixed = true);
+      Real i(start = -1e-12, fixed = true); Boolean flows = i > 0, pushes = p + q - 3e7 > 0;
+      equation der(p) = 1e6*sin(time); der(q) = -1e6*sin(time); der(i) = 1e-12; end M;""").simulate(stop=2, points=201)
+    assert [(e.name, e.time) for e in run.events] == [("flows", pytest.approx(1.0, abs=1e-6))]
+
+
 TYPES = """package Modelica
   package Math package Vectors
     function interpolate input Real x[:]; input Real y[:]; input Real xi; input Integer iLast = 1;

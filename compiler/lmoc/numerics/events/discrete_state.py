@@ -8,7 +8,6 @@ again, until no event follows (Modelica specification 3.6, 8.6 and appendix B).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from itertools import chain, combinations, islice
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import EventLayout
+from lmoc.numerics.events.trials import NOISES, prefer_regular, try_relations
 from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.observe.one_state import why_not
 from lmoc.numerics.signals.signals import Signal
@@ -24,11 +24,6 @@ from lmoc.support.records import dataclass
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
 _ULP = 2.0**-52
 _ZERO = 1e-10  # of the largest values: what is smaller may be a zero with rounding
-_NOISES = 4.0  # times the bound for its rounding, within which a function is zero
-_EQUAL = 1e-13  # of the largest difference: two sides of a relation that are no farther apart are equal
-_TRIALS = 1024  # combinations of values of relations that are tried: all those of ten
-_FEW = 3  # relations that are changed at once among all
-_SETTLING = 20  # rounds in which the values behind a combination agree, or do not
 _ROUNDS = 100  # of solving at one instant, and of events that follow each other at it
 
 
@@ -140,19 +135,16 @@ class DiscreteState:
         """Set the margins of functions that are zero but for rounding: a relation does not react to that.
 
         The acceleration of a wheel at rest behind open clutches is a sum that cancels, 1e-15 or −2e-15, as it comes.
-        What is exactly zero and stays that does not pass through zero, and has no margin: the force between two teeth
-        in their play.
+        What is zero without a sum has no rounding, and no margin: the force between two teeth in their play.
         """
         height = np.abs(self.zero)
         near = self._may_be_rounding(t, x, height) & ((height > 0) | (self.margin > 0))
         if not near.any():
             return
-        stays = height == 0
-        for signs in (np.ones(len(x)), np.where(np.arange(len(x)) % 2, 1.0, -1.0)):
-            stays &= self.layout.zeros(t + _ULP * max(abs(t), 1.0), x + signs * _ULP * np.fmax(np.abs(x), 1.0)) == 0
-        margin = np.fmax(self.margin, _NOISES * self.rounding(t, x))
+        rounding = self.rounding(t, x)
+        margin = np.where((height == 0) & (rounding == 0), 0.0, np.fmax(self.margin, NOISES * rounding))
         near &= height <= margin
-        self.margin[near] = np.where(stays, 0.0, margin)[near]
+        self.margin[near] = margin[near]
 
     def _may_be_rounding(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Return which functions are so small that their rounding is worth a look, (zeros,)."""
@@ -163,7 +155,8 @@ class DiscreteState:
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return bounds for the rounding of the zero functions, (zeros,).
 
-        A state that does not move is off by what the rounding of its rate has added up to. Bounds found last are kept
+        A state is off by a digit of itself or of its way, whatever number it has come to, and by what the rounding of
+        its rate has added up to. Bounds found last are kept
         as long as the discrete values are the same and neither states nor the time have doubled or halved.
         """
         discrete = self.v[self.layout.events.discrete]
@@ -173,15 +166,21 @@ class DiscreteState:
             shrunk = 2.0 * abs(t) < abs(known_t) or 2.0 * np.abs(x).max(initial=0.0) < np.abs(known_x).max(initial=0.0)
             if not (grown or shrunk) and np.array_equal(discrete, known_discrete, equal_nan=True):
                 return found
+        w, plan = self.registers(t, x), self.layout.plan
+        count, passed = self.layout.zero_count, t - self._begun
+        rates = _finite(self.layout.rounding(w, t))[count:]
+        way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
+        found = _finite(self.layout.rounding(w, t, (plan.states, _ULP * way + 2.0 * passed * rates)))[:count]
+        self._known = t, x.copy(), discrete.copy(), found
+        return found
+
+    def registers(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return (layout.count,) registers with all that is given at a place."""
         w, plan = self.base.copy(), self.layout.plan
         w[plan.states] = x
         for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
             w[register] = self.signals[variable].value(t, order)
-        count = self.layout.zero_count
-        rates = _finite(self.layout.rounding(w, t))[count:]
-        found = _finite(self.layout.rounding(w, t, (plan.states, 2.0 * (t - self._begun) * rates)))[:count]
-        self._known = t, x.copy(), discrete.copy(), found
-        return found
+        return w
 
     def quiet(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Return which root functions are zero but for rounding where they are no higher than so much, (roots,)."""
@@ -189,7 +188,7 @@ class DiscreteState:
         height = height[: self.layout.zero_count] - self.margin
         near = self._may_be_rounding(t, x, height)
         if near.any():
-            mask[: len(near)] = near & (height <= _NOISES * self.rounding(t, x))
+            mask[: len(near)] = near & (height <= NOISES * self.rounding(t, x))
         return mask
 
     def remember(self) -> None:
@@ -269,18 +268,18 @@ class DiscreteState:
         begun, seen = self.v.copy(), set()
         flipped = np.zeros(len(self.v), bool)
         while len(seen) < _ROUNDS:
-            changed = self._turn(t, x)
+            changed = self.turn_once(t, x)
             if not changed.any():
-                return
+                return prefer_regular(self, t, x, begun)
             flipped[discrete[changed]] = True
             key = self.v[discrete].tobytes()
             if key in seen:
                 break
             seen.add(key)
-        if not self._try_relations(t, x, begun, flipped):
+        if not try_relations(self, t, x, begun, flipped):
             raise Unsettled(discrete[changed])
 
-    def _turn(self, t: float, x: np.ndarray) -> np.ndarray:
+    def turn_once(self, t: float, x: np.ndarray) -> np.ndarray:
         """Solve once for the continuous values, then for the discrete ones; (discrete,) which have changed."""
         discrete = self.layout.events.discrete
         self.push()
@@ -288,59 +287,6 @@ class DiscreteState:
         before = self.v[discrete].copy()
         self.assign()
         return differ(before, self.v[discrete])
-
-    def _try_relations(self, t: float, x: np.ndarray, begun: np.ndarray, flipped: np.ndarray) -> bool:
-        """Find values of relations with which all equations hold, those with the fewest changes first.
-
-        Tried are those that flip, in all combinations; then a few of all those in the equations of what has changed,
-        since one that does not flip may be what keeps the others from agreeing.
-
-        Parameters
-        ----------
-        begun : (flat.count,) values before
-        flipped : (flat.count,) mask of what has changed
-        """
-        own = np.flatnonzero(~self.layout.rounded)
-        flips = own[flipped[self.layout.zero_target[own]]]
-        if self._try(t, x, begun, flips, len(flips)):
-            return True
-        read = np.zeros(len(self.v), bool)
-        for step in self.layout.plan.reduced.discrete:
-            if step.relation < 0:
-                read[step.slots[flipped[step.target]]] = True
-        return self._try(t, x, begun, own[read[self.layout.zero_target[own]]], _FEW)
-
-    def _try(self, t: float, x: np.ndarray, begun: np.ndarray, zeros: np.ndarray, most: int) -> bool:
-        """Try values of relations, with at most so many of them changed."""
-        targets = self.layout.zero_target[zeros]
-        self.supposed = np.zeros(len(self.v), bool)
-        self.supposed[targets] = True
-        changes = chain.from_iterable(combinations(range(len(zeros)), k) for k in range(most + 1))
-        try:
-            for change in islice(changes, _TRIALS):
-                self.v[:] = begun
-                others = targets[list(change)]
-                self.v[others] = 1.0 - self.v[others]
-                if self._settles(t, x) and self._agrees(zeros, targets):
-                    return True
-        finally:
-            self.supposed = None
-        return False
-
-    def _settles(self, t: float, x: np.ndarray) -> bool:
-        """Return whether the other values agree with those that are being tried, and take them."""
-        return any(not self._turn(t, x).any() for _ in range(_SETTLING))
-
-    def _agrees(self, zeros: np.ndarray, targets: np.ndarray) -> bool:
-        """Return whether relations have the values that are being tried; where both sides are equal, either will do.
-
-        A friction that holds no more than its limit slides and does not move: two of them on one shaft at rest.
-        """
-        ops = np.array([self.layout.relation_at(k).op for k in zeros.tolist()])
-        value = self.zero[zeros]
-        found = np.where(ops == "gt", value > 0, value >= 0)
-        rounding = _EQUAL * max(1.0, float(np.abs(self.zero).max(initial=0.0)))
-        return bool(((found == (self.v[targets] > 0)) | (np.abs(value) <= np.fmax(self.margin[zeros], rounding))).all())
 
     def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
         """Carry out everything that happens at an instant.

@@ -10,10 +10,11 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.program import Apply
-from lmoc.numerics.solve.rounding import Rounding
+from lmoc.ir.program import Apply, needed_steps
+from lmoc.numerics.events.switching_blocks import SwitchingBlocks
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.solve.rounding import Rounding
 from lmoc.support.records import dataclass
 
 
@@ -97,6 +98,12 @@ class EventLayout:
         """The rounding of the zero functions, and behind them of the rates of the states."""
         registers = np.concatenate([self.plan.count + np.arange(self.zero_count), self.plan.derivatives])
         return Rounding(self._program, registers, self.count)
+
+    @cached_property
+    def switching(self) -> SwitchingBlocks:
+        """The implicit blocks whose matrices depend on discrete values."""
+        registers = np.concatenate([self.plan.count + np.arange(self.zero_count), self.plan.derivatives])
+        return SwitchingBlocks(needed_steps(self._program, registers, self.count), self.registers, self.count)
 
     @cached_property
     def rates(self) -> Readout:

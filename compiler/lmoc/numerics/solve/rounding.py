@@ -108,7 +108,7 @@ def shape_rounding(shape: Expr, values: np.ndarray, off: np.ndarray, time: float
 
 
 def _node_rounding(node: Expr, args: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the value of a node and by how much it is off: the largest change by each argument, and its own rounding."""
+    """Return the value of a node and by how much it is off: the changes by its arguments, and its own rounding."""
     operation = OPERATIONS[node.op]
     values = [value for value, _ in args]
     value = np.asarray(operation(*values), float) + np.zeros(len(values[0]))
