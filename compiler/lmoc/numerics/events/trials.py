@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from itertools import chain, combinations, islice
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from lmoc.numerics.events.discrete_state import DiscreteState
+from lmoc.numerics.events.layout import EventLayout
 
 NOISES = 4.0  # times the bound for its rounding, within which a function is zero
 _TRIALS = 1024  # combinations of values of relations that are tried: all those of ten
@@ -17,7 +16,24 @@ _FEW = 3  # relations that are changed at once among all
 _SETTLING = 20  # rounds in which the values behind a combination agree, or do not
 
 
-def try_relations(discrete: DiscreteState, t: float, x: np.ndarray, begun: np.ndarray, flipped: np.ndarray) -> bool:
+class Discrete(Protocol):
+    """What is tried on: `discrete_state.DiscreteState`."""
+
+    layout: EventLayout
+    v: np.ndarray
+    zero: np.ndarray
+    margin: np.ndarray
+    base: np.ndarray
+    supposed: np.ndarray | None
+
+    def push(self) -> None: ...
+    def look(self, t: float, x: np.ndarray) -> None: ...
+    def turn_once(self, t: float, x: np.ndarray) -> np.ndarray: ...
+    def registers(self, t: float, x: np.ndarray) -> np.ndarray: ...
+    def rounding(self, t: float, x: np.ndarray) -> np.ndarray: ...
+
+
+def try_relations(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray, flipped: np.ndarray) -> bool:
     """Find values of relations with which all equations hold, those with the fewest changes first.
 
     Tried are those that flip, in all combinations; then a few of all those in the equations of what has changed,
@@ -35,7 +51,7 @@ def try_relations(discrete: DiscreteState, t: float, x: np.ndarray, begun: np.nd
     return _try(discrete, t, x, begun, _read_by(discrete, flipped), _FEW)
 
 
-def prefer_regular(discrete: DiscreteState, t: float, x: np.ndarray, begun: np.ndarray) -> None:
+def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray) -> None:
     """Where a block is singular with the values found, take others with which it is not, if there are any.
 
     Of two frictions that hold one shaft, one slides without moving, and the other one takes what is left of the load:
@@ -63,7 +79,7 @@ def prefer_regular(discrete: DiscreteState, t: float, x: np.ndarray, begun: np.n
     discrete.look(t, x)
 
 
-def _read_by(discrete: DiscreteState, changed: np.ndarray) -> np.ndarray:
+def _read_by(discrete: Discrete, changed: np.ndarray) -> np.ndarray:
     """Return the zero functions of the relations in the discrete equations of what has changed."""
     own = np.flatnonzero(~discrete.layout.rounded)
     read = np.zeros(len(discrete.v), bool)
@@ -74,7 +90,7 @@ def _read_by(discrete: DiscreteState, changed: np.ndarray) -> np.ndarray:
 
 
 def _try(
-    discrete: DiscreteState,
+    discrete: Discrete,
     t: float,
     x: np.ndarray,
     begun: np.ndarray,
@@ -101,12 +117,12 @@ def _try(
     return False
 
 
-def _settles(discrete: DiscreteState, t: float, x: np.ndarray) -> bool:
+def _settles(discrete: Discrete, t: float, x: np.ndarray) -> bool:
     """Return whether the other values agree with those that are being tried, and take them."""
     return any(not discrete.turn_once(t, x).any() for _ in range(_SETTLING))
 
 
-def _agrees(discrete: DiscreteState, t: float, x: np.ndarray, zeros: np.ndarray, targets: np.ndarray) -> bool:
+def _agrees(discrete: Discrete, t: float, x: np.ndarray, zeros: np.ndarray, targets: np.ndarray) -> bool:
     """Return whether relations have the values that are being tried; where both sides are equal, either will do.
 
     A friction that holds no more than its limit slides and does not move: two of them on one shaft at rest.
@@ -122,7 +138,7 @@ def _agrees(discrete: DiscreteState, t: float, x: np.ndarray, zeros: np.ndarray,
     return True
 
 
-def _asked(discrete: DiscreteState, zeros: np.ndarray, value: np.ndarray) -> np.ndarray:
+def _asked(discrete: Discrete, zeros: np.ndarray, value: np.ndarray) -> np.ndarray:
     """Return the values of relations by those of their functions."""
     ops = np.array([discrete.layout.relation_at(k).op for k in zeros.tolist()])
     return np.where(ops == "gt", value > 0, value >= 0)
