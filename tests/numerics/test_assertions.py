@@ -75,10 +75,13 @@ def test_beside_laws_and_events(points):
     assert run["m.q"] == pytest.approx(plain["m.q"], abs=1e-9)
 
 
-def test_an_error_between_two_impacts():
+@pytest.mark.parametrize("solver", ["auto", "dop853", "taylor"])
+@pytest.mark.parametrize("stop", [1.1, 3, 30])
+def test_an_error_between_two_impacts(solver, stop):
+    """Also where a step of a series reaches the end of the run, of which the hop is a small part."""
     text = BALL.replace("LEVEL", "AssertionLevel.error")
     with pytest.raises(lmoc.SimulationError, match="high again") as failed:
-        lmoc.compile_text(text).simulate(stop=3, points=2, rtol=1e-10)
+        lmoc.compile_text(text).simulate(stop=stop, points=2, rtol=1e-10, solver=solver)
     fall = sqrt(2 / 9.81)
     rise = 0.8 * 9.81 * fall
     assert failed.value.time == pytest.approx(fall + (rise - sqrt(rise**2 - 2 * 9.81 * 0.6)) / 9.81, abs=1e-9)

@@ -57,6 +57,22 @@ def assert_roots(found, expected, tolerance=DIGITS):
     np.testing.assert_allclose([t for t, _ in found], [t for t, _ in expected], rtol=tolerance, atol=0)
 
 
+@pytest.mark.parametrize("length", [0.3, 1e-2, 1e-4, 1e-6])
+def test_a_hop_is_seen_that_is_over_in_a_small_part_of_a_step(length):
+    """It begins where the step does, and all samples behind it are as before it."""
+    found = roots_of(lambda t: t * (length - t), signs=[-1])
+    assert len(found) == 2 and found[0][0] < 1e-3 * length
+    assert found[1][0] == pytest.approx(length, rel=1e-12)
+
+
+def test_a_dip_between_samples_is_seen_wherever_it_is():
+    """Also beside the ends of the step, where the samples are closer; with a third power of time in it."""
+    for place in np.linspace(0.005, 0.995, 67).tolist():
+        found = roots_of(lambda t, a=place: (t - a) ** 2 * (1 + 0.3 * t) - 4e-6, signs=[1])
+        assert len(found) == 2, place
+        assert [t for t, _ in found] == pytest.approx([place - 0.002, place + 0.002], abs=5e-4)
+
+
 def test_all_roots_of_a_step_in_order():
     found = roots_of(lambda t: t - 0.2, lambda t: t - 0.7, lambda t: 0.5 - t, lambda t: np.cos(np.pi * t / 1.8))
     assert_roots(found, [(0.2, (0,)), (0.5, (2,)), (0.7, (1,)), (0.9, (3,))])

@@ -28,6 +28,7 @@ _MOST_CALLS = 60
 _NONE = np.zeros(0, int)
 _POINTS = 5  # of inverse interpolation
 _NEWTON, _SETTLED = 30, 1e-15  # steps of Newton's method on a polynomial in 0 … 1, and the shortest one
+_LOW = 0.02  # of what three samples differ by: below it a minimum between them may be below zero
 _GOLDEN = (5**0.5 - 1) / 2
 _NARROWED = 30  # golden sections towards an extremum
 
@@ -159,7 +160,7 @@ class RootFinder:
         the time and the function, None where there is none; the functions that are to be looked at one by one
         """
         heights = values * self.signs
-        below, dips, known = heights < 0, _dips(heights).any(axis=0), self.signs != 0
+        below, dips, known = heights < 0, _dips(times, heights).any(axis=0), self.signs != 0
         crosses = below.any(axis=0)
         if not (crosses | dips | ~known).any():
             return None, _NONE
@@ -198,8 +199,9 @@ class RootFinder:
                 return float(times[0])
             if heights[i] < 0:
                 return locate(lambda t: sign * curve(t), times[i - 1], times[i], heights[i - 1], heights[i])
-            if i + 1 < len(times) and _may_dip(*heights[i - 1 : i + 2]):
-                low = lowest(lambda t: sign * float(curve(np.array([t]))[0]), times[i - 1], times[i + 1])
+            three = slice(i - 1, i + 2)
+            if i + 1 < len(times) and _dips(times[three], heights[three]).any():
+                low = _lowest(lambda t: sign * float(curve(np.array([t]))[0]), times[three], heights[three])
                 if low[1] < 0:
                     return locate(lambda t: sign * curve(t), times[i - 1], low[0], heights[i - 1], low[1])
         return None
@@ -233,19 +235,36 @@ def _to_beside(samples: int) -> np.ndarray:
     return np.array([np.prod([(at - b) / (a - b) for b in range(5) if b != a]) for a in range(5)])
 
 
-def _dips(heights: np.ndarray) -> np.ndarray:
-    """Return where `_may_dip` or something like it says so, (times - 2, m)."""
-    before, inner, behind = heights[:-2], heights[1:-1], heights[2:]
-    return (inner > 0) & (inner <= np.minimum(before, behind)) & (2 * inner < np.maximum(before, behind))
+def _dips(times: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Return where smooth functions may be below zero between neighbouring samples that are not, (times - 2, …).
 
-
-def _may_dip(before: float, here: float, behind: float) -> bool:
-    """Return whether a smooth function may be below zero between places where it is not.
-
-    Where it has turned and is no higher than it has come down; else it would take a curvature that the samples do not
-    show.
+    Where one has turned and is no higher than it has come down, or where the parabola through three samples comes near
+    zero: as of a hop that is over in a small part of a long step, at whose samples all is as before. Else it would take
+    a curvature that the samples do not show.
     """
-    return 0 < here <= min(before, behind) and here < max(before, behind) - here
+    before, inner, behind = heights[:-2], heights[1:-1], heights[2:]
+    turned = (inner > 0) & (inner <= np.minimum(before, behind)) & (2 * inner < np.maximum(before, behind))
+    place, value = _vertices(times, heights)
+    least, most = np.minimum(np.minimum(before, behind), inner), np.maximum(np.maximum(before, behind), inner)
+    with np.errstate(invalid="ignore"):
+        inside = (place > 0.0) & (place < 1.0)
+        return turned | ((least >= 0) & inside & (value < np.minimum(_LOW * (most - least), least)))
+
+
+def _vertices(times: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places, as shares, and the values of the minima of the parabolas through three neighbours each.
+
+    NaN or outside of 0 … 1 where there is none between them.
+    """
+    before, inner, behind = heights[:-2], heights[1:-1], heights[2:]
+    wide, first = times[2:] - times[:-2], times[1:-1] - times[:-2]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = (first / wide).reshape(-1, *[1] * (heights.ndim - 1))
+        slope = (inner - before) / share  # of the line from the first to the second
+        bent = (behind - before - slope) / (1.0 - share)  # half the second derivative
+        at_first = slope - share * bent
+        place = np.where(bent > 0.0, -at_first / (2.0 * bent), np.nan)
+        return place, before - at_first**2 / (4.0 * bent)
 
 
 def locate(
@@ -333,6 +352,17 @@ def _guess(a: float, b: float, at_a: float, at_b: float, known: tuple[np.ndarray
         if a < place < b:
             return place
     return (at_a * b - at_b * a) / (at_a - at_b)
+
+
+def _lowest(curve: Callable[[float], float], times: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
+    """Return a place and value of a minimum among three samples: that of their parabola if it is below zero there."""
+    share = float(_vertices(times, heights)[0][0])
+    if 0.0 < share < 1.0:
+        place = float(times[0] + share * (times[2] - times[0]))
+        value = curve(place)
+        if value < 0:
+            return place, value
+    return lowest(curve, float(times[0]), float(times[2]))
 
 
 def lowest(curve: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
