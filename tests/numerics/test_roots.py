@@ -194,3 +194,12 @@ def test_a_function_that_oscillates_often_in_a_step_is_followed_in_parts_of_it(r
 def test_a_jump_that_no_part_of_a_step_follows_is_located():
     found = roots_of(lambda t: np.where(t < 0.71234, 1.0, -1.0))
     assert_roots(found, [(0.71234, (0,))], 1e-14)
+
+
+@pytest.mark.parametrize("ulps", [1, 3, 20, 900])
+def test_a_step_of_a_few_units_of_the_last_digit_ends(ulps):
+    """What a function does between them is rounding; where it has changed its sign at the end, it has crossed zero."""
+    end = 1.0 + ulps * 2.0**-52
+    assert roots_of(lambda t: 1.0 + 1e-3 * np.sin(1e20 * t), ends=(1.0, end), signs=[1.0]) == []
+    found = roots_of(lambda t: np.where(t < end, 1.0, -1.0) + 1e-3 * np.sin(1e20 * t), ends=(1.0, end), signs=[1.0])
+    assert_roots(found, [(end, (0,))])

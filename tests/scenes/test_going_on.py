@@ -54,6 +54,17 @@ def test_a_bouncing_ball_is_cut_at_a_bounce():
     check(dae, 2.0, [bounce, bounce + 1e-13, 1.0])
 
 
+def test_a_run_ends_wherever_it_is_stopped_beside_a_bounce():
+    """Of a step of a few units of the last digit of time no more is seen than its ends."""
+    dae = lmoc.compile(MODELS / "h19_bouncing_ball.lmo")
+    bounce = dae.simulate(rtol=RTOL, stop=2.0).events[1].time
+    for ulps in range(-12, 13):
+        with lmoc.budget(20):
+            run = dae.simulate(stop=bounce + ulps * 2.0**-52, rtol=RTOL, points=2)
+        assert [e.kind for e in run.events] in (["impact"] * 2, ["impact"]), ulps
+        assert abs(run["ball.q"][-1]) < 1e-12
+
+
 def test_samples_and_discrete_values():
     check(lmoc.compile_text(SAMPLED), 3.0, [0.1, 0.35, 0.35 - 1e-13, 1.7, 0.2, 1.9])
 

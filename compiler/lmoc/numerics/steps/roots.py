@@ -22,6 +22,7 @@ _COARSE = 0.02  # of a function's change in a step: what samples may be off by t
 _MANY_SAMPLES = 65  # in a part of a step; where more are needed, the part is made shorter
 _MOST_SAMPLES = 500  # in a step, where no part is short enough
 _SHORTEST = 1 / 512  # of a step, a part
+_APART = 16  # units of the last digit of time: samples that are closer show rounding
 _TIGHT = 4e-16  # of the time: two places that close are one
 _NEAR = np.array([1e-2, 1e-4, 1e-6, 1e-9, 1e-12])  # shares of a bracket
 _MOST_CALLS = 60
@@ -113,7 +114,8 @@ class RootFinder:
 
         They reach to the end of the last step, or of a part of it where the functions change too often in all of it.
         A step is as long as the states allow. They say nothing about a body that is held fast, while the force that
-        holds it follows the load. After a root, the rest of the step is looked at as closely as before it.
+        holds it follows the load. After a root, the rest of the step is looked at as closely as before it. Of a step of
+        a few units of the last digit of time, as before a stop at an event, more samples show rounding alone.
         """
         while True:
             end = min(begin + self._length, run.t) if begin + 1.01 * self._length < run.t else run.t
@@ -126,15 +128,17 @@ class RootFinder:
                 states[0] = self._place[1]
             np.fmax(self.roots.largest, np.abs(states).max(axis=0), out=self.roots.largest)
             values = self._without_rounding(end, states[-1], self.roots.values(times, states))
-            if len(self._inside) > _MOST_SAMPLES or not _unresolved(values, self.signs).any():
+            count = len(self._inside)
+            told_apart = end - begin > count * _APART * np.spacing(max(abs(begin), abs(end)))
+            if count > _MOST_SAMPLES or not told_apart or not _unresolved(values, self.signs).any():
                 return times, values
-            if len(self._inside) >= _MANY_SAMPLES and self._length < np.inf:
+            if count >= _MANY_SAMPLES and self._length < np.inf:
                 # a part, or all of the step again where not even the shortest is followed: a jump, or noise
                 self._length = min(self._length, end - begin) / 2
                 self._length = np.inf if self._length < self._shortest else self._length
                 if self._length < np.inf:
                     continue
-            self._inside = np.linspace(0.0, 1.0, 2 * len(self._inside) - 1)
+            self._inside = np.linspace(0.0, 1.0, 2 * count - 1)
 
     def _without_rounding(self, t: float, x: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return samples in which functions that are zero but for rounding keep their sign."""
