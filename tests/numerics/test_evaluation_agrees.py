@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2] / "models"
 MODELS = sorted(ROOT.glob("*/*.lmo"))
 # 0.2 s are many turns of a linkage, and friction by signs as written chatters
 NOT_LONG = [p for p in MODELS if p.parent.name not in ("classic", "failures")]
+STEP = 1e-3  # s, of scenes whose equations have kinks
 SMALL = {"N": 20}  # the large scenes, short
 
 
@@ -128,12 +129,16 @@ def test_shapes_and_scalars_agree(path: Path) -> None:
         assert_entries_close(system.jacobian(0.21, y)[np.ix_(order, order)], jacobian, row)
 
 
-def trajectory(system: System, plan: Plan, x0: np.ndarray, grid: np.ndarray, rtol: float) -> np.ndarray:
+def trajectory(
+    system: System, plan: Plan, x0: np.ndarray, grid: np.ndarray, rtol: float, step: float | None = None
+) -> np.ndarray:
     rows = [x0[None]]
     atol, end = np.full(len(x0), rtol * 1e-3), float(grid[-1])
     begin, times = float(grid[0]), grid[1:]
-    problem = Problem(system, begin, x0, end, times, rtol, atol, lambda _, states: rows.append(states.copy()))
-    outcome = integrate(problem, "dop853")
+    problem = Problem(
+        system, begin, x0, end, times, rtol, atol, lambda _, states: rows.append(states.copy()), step=step
+    )  # fmt: skip
+    outcome = integrate(problem, "dop853" if step is None else "rk4")
     assert not outcome.status.failed
     return np.concatenate(rows)
 
@@ -149,6 +154,8 @@ def test_trajectories_agree(path: Path) -> None:
     rtol, grid = 1e-7, np.linspace(0, min(0.2, dae.flat.experiment.stop or 0.2), 5)
     if not len(x0):
         return
-    reference = trajectory(found.pop("numpy"), plan, x0, grid, rtol)
+    # where a kink rejects a step is rounding, and what the steps then are; of equal ones rounding is all that differs
+    step = STEP if any("event(" in str(g.right) for g in plan.reduced.flat.groups) else None
+    reference = trajectory(found.pop("numpy"), plan, x0, grid, rtol, step)
     for system in found.values():
-        assert_close(trajectory(system, plan, x0, grid, rtol), reference, 10 * rtol)
+        assert_close(trajectory(system, plan, x0, grid, rtol, step), reference, 10 * rtol if step is None else 1e-10)
