@@ -18,7 +18,7 @@ from lmoc.expression.evaluate import evaluate
 from lmoc.expression.functions import CALLABLE, FUNCTIONS, Kind
 from lmoc.ir.program import Apply
 from lmoc.lower.blocks import values_tape
-from lmoc.numerics.evaluate.casadi_system import Lowered
+from lmoc.numerics.evaluate.casadi_system import CasadiDerivatives
 
 EDGES = [-math.inf, -3.0, -1.0, -0.5, -0.0, 0.0, 0.5, 1.0, 2.0, 3.0, 700.0, math.inf, math.nan]
 RANDOM = random.Random(11)
@@ -50,7 +50,7 @@ def test_casadi_and_c_agree_with_numpy(name):
     count = at.size + rows
     program = (Apply(node(name), np.arange(at.size).reshape(rows, arity), at.size + np.arange(rows)),)
     expected, outputs = by_numpy(name, at), at.size + np.arange(rows)
-    lowered = Lowered(program, count, np.arange(at.size), [], [], outputs).function()
+    lowered = CasadiDerivatives(program, count, np.arange(at.size), [], [], outputs).function()
     found = {"casadi": np.array(lowered(0.0, at.ravel(), [], [])).ravel()}
     kernel = Kernel(values_tape(program, count))
     kernel.w[: at.size] = at.ravel()
@@ -71,7 +71,7 @@ def test_casadi_keeps_what_has_no_value():
     shapes = [x / x, function("sqrt", x) ** 2, x * (1 / x), function("sqrt", x) * function("sqrt", x), (x + x) / x]
     for shape in shapes:
         program = (Apply(shape, np.array([[0]]), np.array([1])),)
-        rhs = Lowered(program, 2, np.array([0]), [], [], np.array([1])).function()
+        rhs = CasadiDerivatives(program, 2, np.array([0]), [], [], np.array([1])).function()
         for number in (0.0, -1.0):
             with np.errstate(all="ignore"):
                 expected = float(evaluate(shape, lambda k, order, number=number: np.float64(number)))

@@ -58,7 +58,7 @@ def indices(inner: st.SearchStrategy) -> st.SearchStrategy:
 
 def grown(inner: st.SearchStrategy) -> st.SearchStrategy:
     """Expressions with `inner` ones in them."""
-    subscripts = inner | make(tree.Colon) | make(tree.End)
+    subscripts = inner | make(tree.Colon) | make(tree.EndSubscript)
     parts = tuples(make(tree.RefPart, name=names, subscripts=tuples(subscripts, 0, 2)), 1, 2)
     refs = make(tree.Ref, parts=parts, absolute=st.booleans())
     comprehension = make(tree.Comprehension, element=inner, indices=indices(inner))

@@ -93,7 +93,7 @@ def test_references() -> None:
     e = expression(".a.b[1, :, end - 1].c")
     assert e.absolute and [p.name for p in e.parts] == ["a", "b", "c"]
     first, colon, last = e.parts[1].subscripts
-    assert isinstance(colon, tree.Colon) and isinstance(last.left, tree.End) and first.value == 1
+    assert isinstance(colon, tree.Colon) and isinstance(last.left, tree.EndSubscript) and first.value == 1
     assert str(e) == ".a.b[1, :, end - 1].c"
 
 
@@ -276,4 +276,5 @@ def test_any_change_of_a_program_is_understood_or_reported(path: Path, changes: 
 
 def test_comments_between_words_that_belong_together() -> None:
     c = the_class("initial /* a */ // b\n equation x[end /* c */] = 1; equation for i in r loop end /* d */ for;")
-    assert len(c.initial_equations) == 1 and isinstance(c.initial_equations[0].left.parts[0].subscripts[0], tree.End)
+    assert len(c.initial_equations) == 1
+    assert isinstance(c.initial_equations[0].left.parts[0].subscripts[0], tree.EndSubscript)

@@ -13,7 +13,7 @@ from lmoc.view.javascript.script import method
 from lmoc.view.page import join
 from lmoc.view.page.join import joined
 from lmoc.view.scene import symbols
-from lmoc.view.scene.picture import End
+from lmoc.view.scene.picture import Anchor
 
 pytestmark = needs_node
 
@@ -194,7 +194,7 @@ def test_a_slack_string_is_as_long_as_it_is():
 
 @pytest.mark.parametrize("x, y", [(80, 0), (60, 40), (0, 70), (-50, -30), (-20, 90)])
 def test_the_page_hangs_a_slack_string_where_the_still_picture_does(x, y):
-    item = replace(symbols.string("string", End(10, 20), End(10 + x, 20 + y)), slack=15.0)
+    item = replace(symbols.string("string", Anchor(10, 20), Anchor(10 + x, 20 + y)), slack=15.0)
     frame, (shape,) = item.frame(), item.drawn
     text = run_script(joined("sag.js") + f"console.log(JSON.stringify(sagging({json.dumps(asdict(frame))}, 15)));")
     control = [float(v) for v in text.split("Q")[1].split()[:2]]

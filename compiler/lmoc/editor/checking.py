@@ -17,7 +17,7 @@ MOST_MODELS = 20  # of one text that are checked
 
 
 @dataclass(frozen=True)
-class Place:
+class FileRange:
     """A range of characters of a file."""
 
     file: str
@@ -32,11 +32,11 @@ class Finding:
     code: str
     severity: str
     message: str
-    place: Place | None
+    place: FileRange | None
     expected: str
     found: str
     hint: str
-    labels: tuple[tuple[Place, str], ...]
+    labels: tuple[tuple[FileRange, str], ...]
 
 
 @dataclass(frozen=True)
@@ -105,5 +105,5 @@ def _finding(d: Diagnostic) -> Finding:
     return Finding(d.code, d.severity, d.message, d.span and _place(d.span), d.expected, d.found, d.hint, labels)
 
 
-def _place(span: Span) -> Place:
-    return Place(span.source.name, span.start, span.end)
+def _place(span: Span) -> FileRange:
+    return FileRange(span.source.name, span.start, span.end)

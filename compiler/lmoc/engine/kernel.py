@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.engine.library import address, library
-from lmoc.lower.tape import Block, Tape
+from lmoc.lower.tape import SolveBlock, Tape
 
 RESCUE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 
@@ -104,7 +104,7 @@ class Kernel:
         self._last = np.zeros(1, np.uintp)  # the call whose solution stands in the registers
         self.addresses = self.w.ctypes.data, ctypes.addressof(self._tape)
 
-    def _block(self, block: Block) -> _Block:
+    def _block(self, block: SolveBlock) -> _Block:
         instances, size = block.unknowns.shape
         tables = [np.ascontiguousarray(t, np.int32) for t in block.tables]
         pivots = np.zeros((instances if block.kept else 1) * size, np.int32)
@@ -220,6 +220,6 @@ class Kernel:
             self._library.lmoc_go_back(call.reference)
 
 
-def _guess(block: Block) -> np.ndarray:
+def _guess(block: SolveBlock) -> np.ndarray:
     """Registers of the guesses of a block's unknowns, -1 for none."""
     return np.full(block.unknowns.size, -1) if block.step.guess is None else block.step.guess.ravel()

@@ -11,7 +11,7 @@ import numpy as np
 
 from lmoc.export.executable import Executable
 from lmoc.export.variables import Variable
-from lmoc.lower.tape import Block, Tape
+from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
 from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
@@ -41,7 +41,7 @@ class _Writer:
     def reals(self, values: np.ndarray) -> str:
         return self.array("double", np.asarray(values, float), _real)
 
-    def block(self, block: Block, patient: bool) -> str:
+    def block(self, block: SolveBlock, patient: bool) -> str:
         instances, size = block.unknowns.shape
         tables = [self.ints(t) for t in block.tables]
         pattern = ["0", "0"] if block.pattern is None else [self.ints(p) for p in block.pattern]

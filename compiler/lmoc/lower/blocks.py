@@ -12,7 +12,7 @@ from lmoc.lower.chain_rule import ChainRule
 from lmoc.lower.derivatives import Ahead, Derivatives, write_derivatives
 from lmoc.lower.matrices import block_matrix
 from lmoc.lower.steps import write_step
-from lmoc.lower.tape import Block, Tape
+from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.lower.writer import Writer
 from lmoc.support.sizes import DENSE_IN_C
 
@@ -100,7 +100,7 @@ def _block(writer: Writer, step: Solve, rule: ChainRule, found: Derivatives, kep
     fill, pattern = block_matrix(writer, (instances, size), found.results, instance, row, rule.columns % size)
     work = 0 if step.linear else writer.reserve(instances * (2 * size + 2))
     return writer.block(
-        Block(
+        SolveBlock(
             step, step.unknowns, step.residuals, fill, np.zeros((instances, 0, size), np.int32), pattern,
             writer.reserve(fill.size if kept else fill.shape[1]), writer.reserve(size), work, 0, kept,
         )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.lower.chain_rule import Implicit
-from lmoc.lower.tape import Block
+from lmoc.lower.tape import SolveBlock
 from lmoc.lower.writer import Writer
 from lmoc.support.sizes import DENSE_IN_C
 
@@ -55,5 +55,5 @@ def write_implicit(writer: Writer, stage: Implicit, place: np.ndarray) -> None:
     place[stage.first : stage.stop] = x + (instance * width + column) * size + row
     step = stage.step
     a, b = writer.reserve(fill.shape[1]), writer.reserve(size)
-    number = writer.block(Block(step, step.unknowns, step.residuals, fill, right, pattern, a, b, 0, x, False))
+    number = writer.block(SolveBlock(step, step.unknowns, step.residuals, fill, right, pattern, a, b, 0, x, False))
     writer.on_block("implicit", number)

@@ -29,7 +29,7 @@ from lmoc.lower.derivatives import Ahead, Derivatives, write_derivatives
 from lmoc.lower.matrices import block_matrix
 from lmoc.lower.recurrences import Nodes, NoSeries, constant_registers, prepared
 from lmoc.lower.steps import single_node
-from lmoc.lower.tape import Block, Tape
+from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.lower.writer import Writer
 from lmoc.support.records import dataclass
 
@@ -220,7 +220,7 @@ class _SeriesWriter:
             raise NoSeries("several large blocks at once")
         none = np.zeros((instances, 0, size), np.int32)
         a, b = writer.reserve(fill.size), writer.reserve(size)
-        block = Block(step, step.unknowns, step.residuals, fill, none, pattern, a, b, 0, 0, True)
+        block = SolveBlock(step, step.unknowns, step.residuals, fill, none, pattern, a, b, 0, 0, True)
         number = writer.block(block)
         writer.on_block("factor", number)
         return number

@@ -37,7 +37,7 @@ CHUNK = 256  # rows worked on at once (``LMOC_CHUNK``)
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class SolveBlock:
     """Implicit equations, as instructions refer to them. Tables hold places.
 
     Attributes
@@ -90,7 +90,7 @@ class Tape:
     time: int
     code: np.ndarray
     index: np.ndarray
-    blocks: tuple[Block, ...]
+    blocks: tuple[SolveBlock, ...]
     results: np.ndarray
 
     def instructions(self) -> Iterator[tuple[int, str, list[int]]]:

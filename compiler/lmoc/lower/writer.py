@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from lmoc.lower.operations import NUMBER
-from lmoc.lower.tape import Block, Tape
+from lmoc.lower.tape import SolveBlock, Tape
 
 _MANY = 256  # registers written at once after which nothing is taken for known
 _Known = dict[tuple[int, ...], tuple[int, int]]
@@ -25,7 +25,7 @@ class Writer:
     def __init__(self, registers: int) -> None:
         self.registers, self.size = registers, registers
         self.code: list[tuple[int, ...] | None] = []
-        self.blocks: list[Block] = []
+        self.blocks: list[SolveBlock] = []
         self._constants: dict[bytes, int] = {}
         self._number: dict[int, float] = {}
         self._tables: list[np.ndarray] = []
@@ -157,7 +157,7 @@ class Writer:
 
     # ------------------------------------------------------------------ blocks
 
-    def block(self, block: Block) -> int:
+    def block(self, block: SolveBlock) -> int:
         """Return its number."""
         self.blocks.append(block)
         return len(self.blocks) - 1

@@ -16,7 +16,7 @@ import numpy as np
 
 from lmoc.messages.budgeted import told
 from lmoc.messages.diagnostics import Diagnostic, ModelError, RunInterrupted, SimulationError
-from lmoc.numerics.options.options import Span
+from lmoc.numerics.options.options import TimeSpan
 from lmoc.numerics.problem.status import Status
 from lmoc.run import Run
 from lmoc.session import Session
@@ -101,7 +101,7 @@ class Runner:
         self.session, self.request = session, request
 
     @property
-    def span(self) -> Span:
+    def span(self) -> TimeSpan:
         """The span of the runs and their output times.
 
         Raises

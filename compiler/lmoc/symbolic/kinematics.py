@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from lmoc.ir.flat import Kind
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, Outline, jet_symbol
+from lmoc.symbolic.system import Outline, SymbolicInterpreter, jet_symbol
 
 if TYPE_CHECKING:
     import sympy
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Kinematics:
     """Known motion: parameters, inputs, states and potentials, in jets of the coordinates."""
 
-    def __init__(self, interpreter: Interpreter, system: Outline, potentials: list[int]):
+    def __init__(self, interpreter: SymbolicInterpreter, system: Outline, potentials: list[int]):
         reduced = interpreter.reduced
         self.interpreter = interpreter
         self.coordinates = [system.states[q] for q, _ in system.coordinates]

@@ -23,7 +23,7 @@ from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.motion import Motion, ports_of_elements, power_by_coordinate
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.sorting import with_few_minus_signs
-from lmoc.symbolic.system import Interpreter, Outline, jet_symbol
+from lmoc.symbolic.system import Outline, SymbolicInterpreter, jet_symbol
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import ROUNDING, Trial
 
@@ -51,7 +51,7 @@ class FirstKind:
     closures: tuple[sympy.Expr, ...]
     multipliers: tuple[sympy.Symbol, ...]
     power: tuple[sympy.Expr, ...]
-    interpreter: Interpreter
+    interpreter: SymbolicInterpreter
 
 
 def derive_first_kind(reduced: Reduced, values: np.ndarray) -> FirstKind | None:
@@ -66,7 +66,7 @@ def derive_first_kind(reduced: Reduced, values: np.ndarray) -> FirstKind | None:
     own = reduced.invariants
     if own is None or (own.lower[1] < 0).any():
         return None
-    interpreter = Interpreter(reduced, values, MOST_TERMS)
+    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS)
     outline = interpreter.outline()
     ports = ports_of_elements(reduced.flat)
     try:
@@ -102,7 +102,7 @@ def numbered(letter: str, count: int, flat: FlatDAE) -> tuple[sympy.Symbol, ...]
     return tuple(sp.Symbol(name) for name in names)
 
 
-def _closures(interpreter: Interpreter, own: Invariants) -> tuple[sympy.Expr, ...]:
+def _closures(interpreter: SymbolicInterpreter, own: Invariants) -> tuple[sympy.Expr, ...]:
     import sympy as sp
 
     interpreter.fill(np.unique(np.concatenate([read(step) for step in own.program])).tolist())
@@ -145,7 +145,9 @@ def _is_multiplier(power: Sequence[sympy.Expr], force: sympy.Symbol, sign: int, 
 class _Place:
     """Moves states onto the closures, positions before velocities, by the shortest steps of Newton's method."""
 
-    def __init__(self, interpreter: Interpreter, kinematics: Kinematics, closures: tuple[sympy.Expr, ...]) -> None:
+    def __init__(
+        self, interpreter: SymbolicInterpreter, kinematics: Kinematics, closures: tuple[sympy.Expr, ...]
+    ) -> None:
         import sympy as sp
 
         self.parameters = interpreter.parameters.variable

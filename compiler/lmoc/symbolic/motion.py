@@ -25,7 +25,7 @@ from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, Outline, SymbolicSystem, jet_symbol, symbolic_system
+from lmoc.symbolic.system import Outline, SymbolicInterpreter, SymbolicSystem, jet_symbol, symbolic_system
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import Trial
 
@@ -76,7 +76,7 @@ def derive(reduced: Reduced, values: np.ndarray, forces: bool = False, solved: b
     ModelError
         E0660 where the scene is too large, or has neither form.
     """
-    interpreter = Interpreter(reduced, values, MOST_TERMS)
+    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS)
     outline = interpreter.outline()
     found = None if solved else _balanced(interpreter, outline, values, forces)
     if found is not None:
@@ -117,7 +117,7 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
     )
 
 
-def _balanced(interpreter: Interpreter, outline: Outline, values: np.ndarray, forces: bool) -> Motion | None:
+def _balanced(interpreter: SymbolicInterpreter, outline: Outline, values: np.ndarray, forces: bool) -> Motion | None:
     """Equations that divide by nothing that moves; None where there are not enough of them."""
     ports = ports_of_elements(interpreter.reduced.flat)
     try:

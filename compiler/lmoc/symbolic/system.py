@@ -171,7 +171,7 @@ def symbolic_system(
         E0660 where the scene is too large, or implicit equations have no closed solution.
     """
     flat = reduced.flat
-    interpreter = Interpreter(reduced, reduced.values if values is None else values, most)
+    interpreter = SymbolicInterpreter(reduced, reduced.values if values is None else values, most)
     interpreter.run(reduced.rhs)
     outputs = _outputs(flat)
     wanted = [(flat.variable_name(v), v) for v in outputs] + _named(flat, variables)
@@ -211,7 +211,7 @@ def _only(flat, name: str) -> int:
     return int(found[0])
 
 
-class Interpreter:
+class SymbolicInterpreter:
     """Runs programs with SymPy expressions in the registers.
 
     Attributes
@@ -339,7 +339,7 @@ def _times(c: float, x: sympy.Expr) -> sympy.Expr:
     return x if c == 1.0 else -x if c == -1.0 else exact(c) * x
 
 
-def arrange(value: sympy.Expr, interpreter: Interpreter) -> sympy.Expr:
+def arrange(value: sympy.Expr, interpreter: SymbolicInterpreter) -> sympy.Expr:
     """A right-hand side as compact as it goes without expanding what the user wrote: linear ones in lowest terms."""
     reduced = interpreter.reduced
     moving = {interpreter.w[int(r)] for r in [*reduced.states, *reduced.quadratures]}

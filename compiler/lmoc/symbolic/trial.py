@@ -14,7 +14,7 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.symbolic.numeric import NumericSystem
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter, jet_symbol
+from lmoc.symbolic.system import SymbolicInterpreter, jet_symbol
 
 if TYPE_CHECKING:
     import sympy
@@ -35,7 +35,7 @@ class Trial:
 
     def __init__(
         self,
-        interpreter: Interpreter,
+        interpreter: SymbolicInterpreter,
         values: np.ndarray,
         onto: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
     ):

@@ -133,8 +133,8 @@ class ExpressionActions:
     def false(self, v: list, start: int, end: int) -> tree.Boolean:
         return tree.Boolean(False, self.span(start, end))
 
-    def last(self, v: list, start: int, end: int) -> tree.End:
-        return tree.End(self.span(start, end))
+    def last(self, v: list, start: int, end: int) -> tree.EndSubscript:
+        return tree.EndSubscript(self.span(start, end))
 
     # ----------------------------------------------------------- operators
 

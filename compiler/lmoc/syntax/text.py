@@ -143,7 +143,7 @@ _LAYOUT = {
     tree.Array: _array,
     tree.Matrix: _matrix,
     tree.Colon: lambda e: (_PRIMARY, ":"),
-    tree.End: lambda e: (_PRIMARY, "end"),
+    tree.EndSubscript: lambda e: (_PRIMARY, "end"),
     tree.Tuple: _results,
 }
 

@@ -150,7 +150,7 @@ class Colon(Node):
 
 
 @node
-class End(Node):
+class EndSubscript(Node):
     """``end`` in a subscript."""
     span: Span
 
@@ -164,7 +164,7 @@ class Tuple(Node):
 
 Expression = (
     Number | String | Boolean | Ref | Unary | Binary | If | Call | Comprehension | Range | Array | Matrix
-    | Colon | End | Tuple
+    | Colon | EndSubscript | Tuple
 )  # fmt: skip
 
 # -------------------------------------------------------------- modifications

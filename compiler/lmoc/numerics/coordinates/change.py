@@ -15,7 +15,7 @@ from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class RunState:
     """Where a run in one choice of coordinates stands: where one in others may begin.
 
     Attributes

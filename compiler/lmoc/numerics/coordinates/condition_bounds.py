@@ -15,8 +15,8 @@ import numpy as np
 
 from lmoc.numerics.coordinates.bounds_kernel import BoundsKernel
 from lmoc.numerics.coordinates.bounds_layout import BoundsLayout
+from lmoc.numerics.coordinates.constraint_state import ConstraintState
 from lmoc.numerics.coordinates.entries import at_hand, evaluate, reads_of_entries
-from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.step_check import CheckLimits, Step, StepCheck
 from lmoc.numerics.coordinates.tableau import Tableau
 from lmoc.numerics.plan.plan import Plan
@@ -73,7 +73,7 @@ class ConditionBounds:
     place : where the next step begins; None where that has not been told
     """
 
-    place: Place | None
+    place: ConstraintState | None
 
     def __init__(self, system: System, parts: ConditionParts, registers: np.ndarray, evaluation: BoundsKernel) -> None:
         own = system.plan.reduced.constraints
@@ -86,7 +86,7 @@ class ConditionBounds:
         self._ratio: np.ndarray
         self._check: StepCheck | None = None
 
-    def begin(self, place: Place, scales: Scales) -> None:
+    def begin(self, place: ConstraintState, scales: Scales) -> None:
         """Stand at a place, and judge in these sizes from now on."""
         self.place = place
         matrix, table, before, _, factor, size, bound, scale, short = self._given
@@ -128,7 +128,7 @@ class ConditionBounds:
         plain = table.reshape(self._table).copy()
         return matrix, Tableau(plain * self._ratio, sign, plain)
 
-    def go_on(self, place: Place) -> None:
+    def go_on(self, place: ConstraintState) -> None:
         """Stand at the end of the step."""
         self.place = place
         matrix, table, before, after, *_ = self._given
@@ -155,7 +155,7 @@ class ConditionBounds:
         """Return the ends of the steps judged in C, and the factors of rows and columns where these are others now."""
         return self._check.places(), self._check.scales()
 
-    def stand(self, places: list[Step], factor: np.ndarray, ranges: np.ndarray) -> Place:
+    def stand(self, places: list[Step], factor: np.ndarray, ranges: np.ndarray) -> ConstraintState:
         """Stand at the last of the places to which steps judged in C have led, if there is one; returns it.
 
         Parameters
@@ -167,7 +167,7 @@ class ConditionBounds:
         self._measure(ranges)
         matrix, found = self._of(self._given[0], self._given[1], last.found.sign)
         least, coordinates = self._check.least, self._given[2].copy()
-        self.place = Place(t, x, matrix, found, matrix * factor, least, solutions, coordinates)
+        self.place = ConstraintState(t, x, matrix, found, matrix * factor, least, solutions, coordinates)
         return self.place
 
     def sizes(self, size: np.ndarray) -> np.ndarray:

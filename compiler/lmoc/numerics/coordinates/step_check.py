@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.engine.kernel import StepHook
 from lmoc.engine.library import address
 from lmoc.numerics.coordinates.bounds_kernel import BoundsKernel
-from lmoc.numerics.coordinates.place import Place
+from lmoc.numerics.coordinates.constraint_state import ConstraintState
 from lmoc.numerics.coordinates.tableau import SHARE
 from lmoc.numerics.problem.system import InC
 
@@ -69,7 +69,7 @@ class StepCheck:
         self._hook = StepHook(own, address("lmoc_step_check_look"), None, address("lmoc_step_check_keep"), 1)
         self.address = ctypes.addressof(self._hook)
 
-    def enter(self, place: Place, by: CheckLimits, most: int) -> None:
+    def enter(self, place: ConstraintState, by: CheckLimits, most: int) -> None:
         """Begin a record of up to `most` steps from a place."""
         check, self._places = self._check, np.empty((most, self._width))
         check.sign, check.least, check.limit, check.sure = place.found.sign, place.least, by.limit, by.sure

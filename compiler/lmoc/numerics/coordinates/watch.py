@@ -12,10 +12,10 @@ from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.bounds_kernel import NEIGHBOURS, UNEXPLAINED
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
 from lmoc.numerics.coordinates.condition_bounds import ConditionBounds, Scales, parts_of
+from lmoc.numerics.coordinates.constraint_state import ConstraintState
 from lmoc.numerics.coordinates.entries import entries_of
 from lmoc.numerics.coordinates.equilibration import Equilibration
 from lmoc.numerics.coordinates.passage import Passage
-from lmoc.numerics.coordinates.place import Place
 from lmoc.numerics.coordinates.step_check import CheckLimits
 from lmoc.numerics.coordinates.tableau import (
     SHARE,
@@ -54,9 +54,9 @@ class CoordinateWatch:
     constraints : those of the reduction
     barred : (watched,) mask of dependent coordinates that cannot be states
     unknowns : registers of the unknowns of the system's nonlinear blocks
-    accepted : Place
+    accepted : ConstraintState
         The last one judged well; the next step begins there.
-    last : Place
+    last : ConstraintState
         The last one judged.
     lost_rank : whether the last step judged has come near to a place where the constraints depend on each other, or may
         have led over it
@@ -74,11 +74,11 @@ class CoordinateWatch:
         self._entries = entries_of(system, base, self.constraints)
         own = self.constraints
         self._place = own.row.astype(int) * len(own.variable) + own.column
-        # scaled matrix of the last look, `Place.least` of it, and the factors of both
+        # scaled matrix of the last look, `ConstraintState.least` of it, and the factors of both
         self._recent: tuple[np.ndarray, float, tuple[np.ndarray, np.ndarray]] | None = None
         self._sizes = Equilibration(own.rows, len(own.variable))
-        self.accepted: Place
-        self.last: Place
+        self.accepted: ConstraintState
+        self.last: ConstraintState
         self.lost_rank, self.singular = False, np.inf
         self._parts = parts_of(system, self._registers)
         self._condition: ConditionBounds | None = None
@@ -247,14 +247,14 @@ class CoordinateWatch:
 
     # ------------------------------------------------------------------ behind it
 
-    def _accept(self, place: Place) -> None:
+    def _accept(self, place: ConstraintState) -> None:
         self.accepted = place
         if self._bounds is not None:
             self._condition.go_on(place)
         self.system.mark()
         self._places.append((place.t, place.x, place.solutions))
 
-    def _is_certain(self, place: Place) -> bool:
+    def _is_certain(self, place: ConstraintState) -> bool:
         """Return whether bounds show the last step to be good in all that is judged. Written so that NaN fails."""
         if self._bounds is None:
             return False
@@ -262,7 +262,7 @@ class CoordinateWatch:
         regular = least > _SURE and change <= SHARE * (self.accepted.least + least)
         return regular and worst <= self.limit and unexplained <= 0.0 and sign == self.accepted.found.sign
 
-    def _look(self, t: float, x: np.ndarray) -> Place:
+    def _look(self, t: float, x: np.ndarray) -> ConstraintState:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
         condition, sizes, self._bounds = self._condition, self._sizes, None
         solutions, coordinates, own = np.zeros(0), np.zeros(0), self.constraints
@@ -293,7 +293,7 @@ class CoordinateWatch:
             solutions = self.system.registers[self.unknowns]
         if len(self._registers):
             coordinates = self.system.registers[self._registers]
-        return Place(t, x.copy(), matrix, found, even, least, solutions, coordinates)
+        return ConstraintState(t, x.copy(), matrix, found, even, least, solutions, coordinates)
 
     def _make_condition(self) -> None:
         if self._condition is None and self._parts is not None:
@@ -331,7 +331,7 @@ class CoordinateWatch:
                 return least
         return rank_margin(even)
 
-    def _stays_regular(self, first: Place, second: Place, halvings: int) -> bool:
+    def _stays_regular(self, first: ConstraintState, second: ConstraintState, halvings: int) -> bool:
         """Return whether the constraints keep their rank between two places, judged in between if necessary."""
         change = self._sizes.scaled(second.matrix - first.matrix)
         if stays_regular(change, first.least + second.least) or (
@@ -347,7 +347,7 @@ class CoordinateWatch:
         middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
         return self._stays_regular(first, middle, halvings - 1) and self._stays_regular(middle, second, halvings - 1)
 
-    def _keeps_on(self, place: Place) -> bool:
+    def _keeps_on(self, place: ConstraintState) -> bool:
         """Return whether the dependent coordinates have come by their velocities to where they are.
 
         Constraints are the same after a whole turn of an angle, so that they do not tell if Newton's method has gone
@@ -375,7 +375,7 @@ class CoordinateWatch:
         self.singular = (first.t + second.t) / 2
         return False
 
-    def _comes_near(self, place: Place) -> bool:
+    def _comes_near(self, place: ConstraintState) -> bool:
         """Return whether the constraints are about to depend on each other, and when."""
         if place.least >= self._alert:
             return False

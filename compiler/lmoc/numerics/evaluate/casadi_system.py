@@ -207,7 +207,7 @@ def _gauss(a: list[list], b: list) -> list:
     return x
 
 
-class Lowered:
+class CasadiDerivatives:
     """The derivatives of a plan as casadi expressions in time, states, parameters and sampled inputs."""
 
     def __init__(self, program: Program, count: int, states, parameters, sampled, outputs: Sequence[int]) -> None:

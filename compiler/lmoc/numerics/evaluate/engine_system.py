@@ -255,13 +255,15 @@ class EngineSystem(System):
         return opened
 
     def casadi_dae(self) -> CasadiDAE | None:
-        from lmoc.numerics.evaluate.casadi_system import Lowered, can_lower
+        from lmoc.numerics.evaluate.casadi_system import CasadiDerivatives, can_lower
 
         plan = self.plan
         if self.samplers or not can_lower(plan.program):
             return None
         if self._dae is None:
-            own = Lowered(plan.program, plan.count, plan.states, plan.parameters, plan.sampled, plan.derivatives)
+            own = CasadiDerivatives(
+                plan.program, plan.count, plan.states, plan.parameters, plan.sampled, plan.derivatives
+            )
             equations = {"t": own.time, "x": own.x, "p": own.p, "ode": own.out}
             self._dae = CasadiDAE(equations, self.given[0][plan.parameters])
         return self._dae

@@ -11,7 +11,7 @@ from lmoc.expression.dag import slots
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
-from lmoc.messages.source import Span as Place
+from lmoc.messages.source import Span as SourceSpan
 from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.layout import EventLayout
@@ -411,7 +411,7 @@ def told_variables(plan: Plan) -> np.ndarray:
     return np.concatenate([every[used[every]], *(b.offset + np.arange(b.size) for b in own)]).astype(int)
 
 
-def _where(name: str, span: Place | None) -> str:
+def _where(name: str, span: SourceSpan | None) -> str:
     if span is None or span.source is None:
         return f"'{name}'"
     return f"'{name}' ({span.source.name}, line {span.line})"

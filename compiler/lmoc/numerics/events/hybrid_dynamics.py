@@ -16,7 +16,7 @@ import numpy as np
 
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
-from lmoc.messages.source import Span as Place
+from lmoc.messages.source import Span as SourceSpan
 from lmoc.numerics.events.discrete_state import located
 from lmoc.numerics.events.event_handler import EventHandler, Starter
 from lmoc.numerics.events.stepping import Stepping
@@ -131,7 +131,7 @@ class HybridDynamics:
         return None if self.handler is None else self.handler.discrete.crossing
 
     @property
-    def places(self) -> dict[str, Place | None]:
+    def places(self) -> dict[str, SourceSpan | None]:
         """Return where the conditions and discrete variables stand by whose text events are recorded."""
         if self.handler is None:
             return {}

@@ -39,7 +39,7 @@ class NoImpulse(Exception):
     """A step has no finite effect; the text says why."""
 
 
-class Rates:
+class PlanValues:
     """All values of a plan with some of them given from outside, and all laws open."""
 
     def __init__(self, plan: Plan) -> None:
@@ -51,7 +51,7 @@ class Rates:
         closing = plan.reduced.register_of[np.concatenate([*laws, np.zeros(0, int)]).astype(int)]
         self.laws = np.concatenate([closing, plan.held[plan.held >= 0]])
 
-    def __call__(self, place: Place, x: Array, given: Values) -> Array:
+    def __call__(self, place: JumpInstant, x: Array, given: Values) -> Array:
         """Return all registers, those given whatever the program says about them."""
         plan, w = self.plan, place.base.copy()
         w[self.laws] = 0.0
@@ -69,7 +69,7 @@ class Rates:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class JumpInstant:
     """Where something steps.
 
     Attributes
@@ -94,7 +94,7 @@ class Push:
     """
 
     def __init__(
-        self, rates: Rates, place: Place, old: Values, change: Values, impulse: Values, double: Values
+        self, rates: PlanValues, place: JumpInstant, old: Values, change: Values, impulse: Values, double: Values
     ) -> None:
         self.rates, self.place, self.old, self.change = rates, place, old, change
         self.impulse, self.double = impulse, double

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import NONE
 from lmoc.ir.program import needed_steps, read, walk, written
-from lmoc.numerics.events.impulse import Array, NoImpulse, Place, Push, Rates, way
+from lmoc.numerics.events.impulse import Array, JumpInstant, NoImpulse, PlanValues, Push, way
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -69,7 +69,7 @@ class Steps:
         self.stored = register >= 0 and len(self.registers) > 0
         wanted = np.append(self.registers, register) if self.stored else self.registers
         self.readout = Readout(plan, plan.full_program, plan.count, wanted)
-        self._rates: Rates | None = None
+        self._rates: PlanValues | None = None
 
     def __bool__(self) -> bool:
         return len(self.registers) > 0
@@ -118,8 +118,9 @@ class Steps:
         impulse = {upper: jumping[lower] for lower, upper, _, _ in rows if lower in jumping}
         double = {upper: jumping[origin] for _, upper, origin, second in rows if second and origin in jumping}
         if self._rates is None:
-            self._rates = Rates(self.plan)
-        push = Push(self._rates, Place(t, after, signals), {r: old_of[r] for r in jumping}, jumping, impulse, double)
+            self._rates = PlanValues(self.plan)
+        instant, left = JumpInstant(t, after, signals), {r: old_of[r] for r in jumping}
+        push = Push(self._rates, instant, left, jumping, impulse, double)
         register = next(iter(jumping))
         name, value = self.plan.reduced.register_name(register), old_of[register]
         try:

@@ -23,7 +23,7 @@ _RELATIONS = ("lt", "le", "gt", "ge")
 _AROUND = 1e-7  # of the run: how far to both sides of a place a jump is looked for
 _ASIDE = 1e-3  # of that: how far the rates are followed there
 
-Place = tuple[float, np.ndarray]
+TimeAndState = tuple[float, np.ndarray]
 Jump = tuple[Group, Expr]
 
 
@@ -48,7 +48,7 @@ def _zeros(root: Expr) -> Iterator[Expr]:
 
 
 @np.errstate(all="ignore")
-def chatters(found: tuple[Jump, ...], observer: Observer, system: System, place: Place, span: float) -> str:
+def chatters(found: tuple[Jump, ...], observer: Observer, system: System, place: TimeAndState, span: float) -> str:
     """Describe the formula whose jump holds a motion at a place; empty where none does.
 
     Parameters
@@ -79,7 +79,7 @@ def _rate(system: System, t: float, x: np.ndarray) -> np.ndarray:
     return out
 
 
-def _values(observer: Observer, group: Group, zero: Expr, place: Place) -> np.ndarray:
+def _values(observer: Observer, group: Group, zero: Expr, place: TimeAndState) -> np.ndarray:
     """Yield what changes its sign at a jump, one value a row of the group."""
     variables = distinct(group.slots[:, _columns(zero)].ravel())
     values = observer(variables, np.array([place[0]]), place[1][None])[0]

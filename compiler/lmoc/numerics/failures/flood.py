@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 from lmoc.messages.diagnostics import Diagnostic, Report
-from lmoc.messages.source import Span as Place
+from lmoc.messages.source import Span as SourceSpan
 from lmoc.numerics.observe.event import Event
 
 _MANY = 2000  # instants with events, before anything is said
@@ -27,7 +27,7 @@ class Flood:
     places : {text of a condition: where it is written}
     """
 
-    def __init__(self, end: float, places: Mapping[str, Place | None], report: Report, progress: Progress | None):
+    def __init__(self, end: float, places: Mapping[str, SourceSpan | None], report: Report, progress: Progress | None):
         self.end, self.places, self.report, self.progress = end, places, report, progress
         self._instants = 0
         self._half = 0.0  # s, of the event that was half as many ago

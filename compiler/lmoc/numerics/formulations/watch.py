@@ -14,7 +14,7 @@ import numpy as np
 from lmoc.numerics.formulations.manifold import Manifold
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.options.formulations import Formulation
-from lmoc.numerics.options.options import Span
+from lmoc.numerics.options.options import TimeSpan
 from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 
@@ -39,7 +39,7 @@ class LoopWatch:
     reason : why the run cannot go on
     """
 
-    def __init__(self, observer: Observer, scale: np.ndarray, form: Formulation, span: Span) -> None:
+    def __init__(self, observer: Observer, scale: np.ndarray, form: Formulation, span: TimeSpan) -> None:
         """
         Parameters
         ----------

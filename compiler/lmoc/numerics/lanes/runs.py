@@ -12,8 +12,8 @@ from lmoc.numerics.lanes.legs import FOUND, Legs
 from lmoc.numerics.lanes.scene import Runs, sizes, starts, tolerances
 from lmoc.numerics.observe.recorder import Recorder, sampled_places
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
-from lmoc.numerics.options.options import RunOptions, Span
-from lmoc.numerics.problem.base import Outcome, Problem, Spent
+from lmoc.numerics.options.options import RunOptions, TimeSpan
+from lmoc.numerics.problem.base import Outcome, PlanCost, Problem
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.steps import taylor
 from lmoc.numerics.steps.automatic import Leg, Used, Way, legs, patience
@@ -26,7 +26,7 @@ _FINEST = 1e-14  # relative tolerance
 
 
 def go(
-    runs: Runs, system: EngineSystem, options: RunOptions, span: Span, initial: dict[str, np.ndarray]
+    runs: Runs, system: EngineSystem, options: RunOptions, span: TimeSpan, initial: dict[str, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the states (runs, times, n) and which runs (runs,) have come to their end as single runs would.
 
@@ -122,7 +122,7 @@ class _Together:
         """Go through all legs of some of the runs."""
         under_way, atol, first = {}, self.asked, True
         for k in part:
-            problem = replace(self.problem, x=x[k], atol=atol[k], spent={self.problem.system.plan: Spent()})
+            problem = replace(self.problem, x=x[k], atol=atol[k], spent={self.problem.system.plan: PlanCost()})
             way = Way(problem, lambda p, outcome, k=k: Modes(p, outcome, lambda *_: self._jacobian(k)))
             under_way[k] = way, legs(way)
         asked = {k: next(rule) for k, (_, rule) in under_way.items()}
@@ -176,7 +176,7 @@ class _Together:
                 yield k, following
 
 
-def _right_size(runs: Runs, states: np.ndarray, span: Span, rtol: float, good: np.ndarray) -> np.ndarray:
+def _right_size(runs: Runs, states: np.ndarray, span: TimeSpan, rtol: float, good: np.ndarray) -> np.ndarray:
     """Return which runs are as large as their tolerances were chosen for, or cannot be followed more closely."""
     plan = runs.plan
     places = sampled_places(len(span.times), states.shape[2])

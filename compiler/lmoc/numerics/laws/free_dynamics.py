@@ -20,7 +20,7 @@ from lmoc.ir.program import Solve, needed_steps, walk
 from lmoc.lower.blocks import derivatives_tape
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.evaluate.casadi_system import Lowered
+from lmoc.numerics.evaluate.casadi_system import CasadiDerivatives
 from lmoc.numerics.evaluate.function import TapeFunction
 from lmoc.numerics.laws.bound_function import fits_casadi, given_registers
 from lmoc.numerics.plan.linearity import linear_registers
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-class Evaluate(Protocol):
+class EvaluateFree(Protocol):
     """Quantities, their derivatives by forces and by states, at a time and state.
 
     Returns
@@ -143,7 +143,7 @@ class FreeDynamics:
             base[there[there >= 0]] = given[reduced.register_of[held]][there >= 0]
         return base
 
-    def bind(self, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
+    def bind(self, base: Array, signals: Mapping[int, Signal]) -> EvaluateFree:
         """Return the evaluation with the parameters and signals of a run.
 
         It returns the registers `values`, the derivatives of the levels and of the states' rates by the forces, and
@@ -152,9 +152,9 @@ class FreeDynamics:
         return _ByEngine(self, base, signals) if self.is_explicit else Interpreted(self, base, signals)
 
     @cached_property
-    def functions(self) -> Functions | None:
+    def functions(self) -> FreeFunctions | None:
         """Return the scene as casadi functions; None where it is too large for that, or has blocks."""
-        return Functions(self) if self.is_explicit else None
+        return FreeFunctions(self) if self.is_explicit else None
 
     @cached_property
     def tapes(self) -> tuple[Tape, Tape]:
@@ -238,7 +238,7 @@ def _inputs(plan: Plan, variables: Indices) -> Indices:
 # ---------------------------------------------------------------------- one casadi function
 
 
-class Functions:
+class FreeFunctions:
     """An open scene as casadi functions ``(t, x, p, u)``.
 
     Attributes
@@ -255,7 +255,7 @@ class Functions:
         outputs = np.concatenate([scene.values, scene.outputs, scene.motions])
         given = given_registers(scene.program, plan.count, plan, outputs)
         self.parameters = np.concatenate([given[~np.isin(given, scene.push)], scene.push])
-        self.lowered = Lowered(scene.program, plan.count, plan.states, self.parameters, self.sampled, outputs)
+        self.lowered = CasadiDerivatives(scene.program, plan.count, plan.states, self.parameters, self.sampled, outputs)
         sizes = len(scene.values), self.laws, len(plan.derivatives), len(scene.motions)
         first = np.cumsum([0, *sizes]).tolist()
         self.values, self.levels, self.rates, self.motions = (

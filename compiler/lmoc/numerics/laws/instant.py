@@ -21,7 +21,7 @@ KINDS = tuple(LawKind)
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class LawTable:
     """The constants of a run, an entry for each law.
 
     Attributes
@@ -181,7 +181,7 @@ class ContactKinematics:
         return Instant(t, x, gap, rate, scale[0], scale[1], slope, bias, force[:n], force[n:], *limits, stored)
 
 
-def _table(form: Switched, values: Array) -> Table:
+def _table(form: Switched, values: Array) -> LawTable:
     kind = np.concatenate([np.full(g.rows, KINDS.index(g.kind)) for g in form.laws])
     restitution = [np.zeros(g.rows) if g.restitution is None else values[g.restitution] for g in form.laws]
     by_force = {int(v): k for k, v in enumerate(form.force)}
@@ -189,4 +189,4 @@ def _table(form: Switched, values: Array) -> Table:
         np.full(g.rows, NONE) if g.normal is None else np.array([by_force.get(int(v), NONE) for v in g.normal])
         for g in form.laws
     ]
-    return Table(kind, form.degree, np.concatenate(restitution), np.concatenate(normal))
+    return LawTable(kind, form.degree, np.concatenate(restitution), np.concatenate(normal))

@@ -25,7 +25,7 @@ from lmoc.ir.law import JENKINS
 from lmoc.ir.program import needed_steps
 from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution, solve
 from lmoc.numerics.laws.contradiction import solving
-from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask, Table
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, LawTable, Mask
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.signals.signals import sample
@@ -56,7 +56,7 @@ class Relaxed:
     lost: Array
 
 
-class Rates:
+class JenkinsRates:
     """The forces of Jenkins friction as they follow from the states, and its velocities in a mode of the others.
 
     Parameters
@@ -116,7 +116,7 @@ def relax(
     at_lower, at_upper, lost = np.zeros_like(opening), np.zeros_like(opening), np.zeros(len(opening))
     if not len(own):
         return Relaxed(now, at_lower, at_upper, lost)
-    rates = kinematics.plan.once(Rates)
+    rates = kinematics.plan.once(JenkinsRates)
     force = rates.forces(kinematics, now)
     compliance = now.delassus[np.ix_(own, own)]
     released = opening[own] | ~mode.closed[own]
@@ -166,7 +166,7 @@ def decide(kinematics: ContactKinematics, relaxed: Relaxed, mode: Mode) -> Mode:
     direction[own] = sliding
     behind = _onwards(kinematics, now, own)
     others = Mode(mode.closed & ~jenkins, direction, mode.implied & ~jenkins, mode.push)
-    bias, matrix = kinematics.plan.once(Rates).velocities(kinematics, behind, others)
+    bias, matrix = kinematics.plan.once(JenkinsRates).velocities(kinematics, behind, others)
     lower, upper = np.where(at_lower, 0.0, -np.inf), np.where(at_upper, 0.0, np.inf)
     with solving(own, "no rates of their forces keep them"):
         found = solve(matrix, bias, lower, upper, np.where(at_upper, UPPER, np.where(at_lower, LOWER, FREE)))
@@ -177,7 +177,7 @@ def decide(kinematics: ContactKinematics, relaxed: Relaxed, mode: Mode) -> Mode:
     return Mode(closed, direction, mode.implied & ~jenkins, np.where(jenkins, 0.0, mode.push))
 
 
-def _limits(table: Table, now: Instant, own: NDArray[np.int64], slides: Mask) -> tuple[Array, Array]:
+def _limits(table: LawTable, now: Instant, own: NDArray[np.int64], slides: Mask) -> tuple[Array, Array]:
     """Return the bounds of the forces; a ratchet between springs only pushes."""
     limit = np.where(slides, now.slip[own], now.stick[own])
     upper = np.where(table.complementary[own], np.inf, limit)

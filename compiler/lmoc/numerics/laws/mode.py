@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
 from lmoc.numerics.laws.cones import Friction, solve_with_cones
 from lmoc.numerics.laws.contradiction import Contradiction, solving
-from lmoc.numerics.laws.instant import Instant, Mask, Table
+from lmoc.numerics.laws.instant import Instant, LawTable, Mask
 from lmoc.numerics.problem.mode import Mode
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
@@ -45,7 +45,7 @@ class Settled:
 
 
 def settle(
-    table: Table,
+    table: LawTable,
     now: Instant,
     mode: Mode,
     candidate: Mask,
@@ -81,7 +81,7 @@ def settle(
     return _by_pivoting(table, now, mode, candidate & (turned == sliding), turned, at_limit, opening)
 
 
-def _all_open(table: Table, now: Instant, sliding: NDArray[np.int64]) -> Settled:
+def _all_open(table: LawTable, now: Instant, sliding: NDArray[np.int64]) -> Settled:
     """Return the mode in which no law is closed: forces are those of sliding friction."""
     direction, nobody = np.where(table.complementary, 0, sliding), np.zeros(len(sliding), bool)
     force = _sliding_forces(table, now, direction)[0]
@@ -90,7 +90,7 @@ def _all_open(table: Table, now: Instant, sliding: NDArray[np.int64]) -> Settled
 
 
 def _by_pivoting(
-    table: Table,
+    table: LawTable,
     now: Instant,
     mode: Mode,
     candidate: Mask,
@@ -137,12 +137,12 @@ def _by_pivoting(
     return Settled(Mode(closed, direction, implied, push), force, level, unique)
 
 
-def _rubbing(table: Table, candidate: Mask) -> Mask:
+def _rubbing(table: LawTable, candidate: Mask) -> Mask:
     """Return the contact friction among the candidates whose contact is one, too."""
     return candidate & table.contact & candidate[table.normal]
 
 
-def _slides_backwards(table: Table, now: Instant, candidate: Mask, found: Settled) -> bool:
+def _slides_backwards(table: LawTable, now: Instant, candidate: Mask, found: Settled) -> bool:
     """Return whether contact friction that has been set free would slide against the direction of its force."""
     force, onwards = found.force, found.level * found.mode.direction
     terms = np.abs(now.bias) + np.abs(now.delassus) @ np.abs(force)
@@ -150,7 +150,7 @@ def _slides_backwards(table: Table, now: Instant, candidate: Mask, found: Settle
     return bool((onwards[freed] < -RESTING * terms[freed]).any())
 
 
-def _by_cones(table: Table, now: Instant, candidate: Mask, sliding: NDArray[np.int64]) -> NDArray[np.int64]:
+def _by_cones(table: LawTable, now: Instant, candidate: Mask, sliding: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the directions of sliding, (n,), with those of contact friction that cannot hold, by Lemke's algorithm."""
     active = np.flatnonzero(candidate)
     constant, share = _sliding_forces(table, now, sliding)
@@ -169,7 +169,7 @@ def _by_cones(table: Table, now: Instant, candidate: Mask, sliding: NDArray[np.i
 
 
 def _forces(
-    table: Table, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides, bounds: Array
+    table: LawTable, now: Instant, stuck: Mask, direction: NDArray[np.int64], side: Sides, bounds: Array
 ) -> tuple[Array, Sides, Mask]:
     """Solve for the forces of the laws in `stuck`; those of sliding friction follow from them."""
     n = len(stuck)
@@ -187,7 +187,7 @@ def _forces(
     return force, sides, unique
 
 
-def _bounds(table: Table, candidate: Mask, limit: Array, pinned: NDArray[np.int64]) -> Array:
+def _bounds(table: LawTable, candidate: Mask, limit: Array, pinned: NDArray[np.int64]) -> Array:
     """Return the bounds (2, n) of forces; equal ones for friction that is pinned to its limit.
 
     The limits of contact friction follow from other forces and are looked at afterwards; that of an open contact is 0.
@@ -200,7 +200,7 @@ def _bounds(table: Table, candidate: Mask, limit: Array, pinned: NDArray[np.int6
 
 
 def _implied(
-    table: Table, now: Instant, direction: NDArray[np.int64], closed: Mask, resting: Mask, side: Sides
+    table: LawTable, now: Instant, direction: NDArray[np.int64], closed: Mask, resting: Mask, side: Sides
 ) -> Mask:
     """Return the closed and resting laws that depend on other closed ones, by Gaussian elimination.
 
@@ -230,7 +230,7 @@ def _implied(
     return implied
 
 
-def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) -> tuple[Array, Array]:
+def _sliding_forces(table: LawTable, now: Instant, direction: NDArray[np.int64]) -> tuple[Array, Array]:
     """Return the forces of sliding friction: constants, and shares of the other laws' forces."""
     n = len(direction)
     slides = direction != 0
@@ -242,7 +242,7 @@ def _sliding_forces(table: Table, now: Instant, direction: NDArray[np.int64]) ->
     return constant, share
 
 
-def _beyond_cone(table: Table, now: Instant, force: Array) -> Mask:
+def _beyond_cone(table: LawTable, now: Instant, force: Array) -> Mask:
     """Return which contact friction pulls with more than its share of the normal force."""
     contact, beyond = table.contact, np.zeros(len(force), bool)
     limit = now.stick[contact] * np.maximum(force[table.normal[contact]], 0.0)
@@ -250,7 +250,7 @@ def _beyond_cone(table: Table, now: Instant, force: Array) -> Mask:
     return beyond
 
 
-def free_mode(table: Table) -> Mode:
+def free_mode(table: LawTable) -> Mode:
     """Return the mode in which every law is open and no friction slides."""
     n = len(table.kind)
     return Mode(np.zeros(n, bool), np.zeros(n, int), np.zeros(n, bool), np.zeros(n))

@@ -17,7 +17,7 @@ from lmoc.numerics.laws.complementarity import FREE, LOWER, Array
 from lmoc.numerics.laws.cones import Friction
 from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.impact import Impact, collide
-from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask, Table
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, LawTable, Mask
 from lmoc.numerics.laws.jenkins import decide, relax
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Settled, settle
@@ -163,7 +163,7 @@ def transition(
     return Transition(before, now, settled, impulse, lost, law, touched, over, until, undecided)
 
 
-def _settled(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Settled:
+def _settled(table: LawTable, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Settled:
     """Return the mode that holds from here on.
 
     A force that has come to zero by itself is zero up to rounding, and its law opens. Where other laws open at the same
@@ -211,12 +211,12 @@ def _rounded(before: Instant, sharing: Mask, impact: Impact) -> Array:
 # ---------------------------------------------------------------------- impulses
 
 
-def _rubbing(table: Table, striking: Mask) -> Mask:
+def _rubbing(table: LawTable, striking: Mask) -> Mask:
     """Return which frictions have their contacts among the laws that strike."""
     return table.contact & (table.degree == 2) & striking[np.where(table.contact, table.normal, 0)]
 
 
-def _impact(table: Table, now: Instant, striking: Mask, held: Mask, restitution: Array) -> Impact:
+def _impact(table: LawTable, now: Instant, striking: Mask, held: Mask, restitution: Array) -> Impact:
     which = striking.nonzero()[0]
     rows = table.contact[which].nonzero()[0]
     normal = which.searchsorted(table.normal[which[rows]])
@@ -229,7 +229,7 @@ def _impact(table: Table, now: Instant, striking: Mask, held: Mask, restitution:
         return collide(matrix, rate, restitution[which], friction, side)
 
 
-def _undecided(table: Table, now: Instant, sharing: Mask, impact: Impact | None, over: Mask) -> Mask:
+def _undecided(table: LawTable, now: Instant, sharing: Mask, impact: Impact | None, over: Mask) -> Mask:
     """Return the laws of an impact that would have another outcome if they were hit one after the other."""
     found = np.zeros(len(sharing), bool)
     if impact is None or np.count_nonzero(impact.impulse) < 2 or over.any() or (sharing & table.contact).any():
@@ -249,7 +249,7 @@ def _behind(kinematics: ContactKinematics, now: Instant, striking: Mask, impact:
 
 
 def _bounces_over(
-    table: Table, now: Instant, mode: Mode, striking: Mask, trigger: Trigger, least: Array, lowest: Array
+    table: LawTable, now: Instant, mode: Mode, striking: Mask, trigger: Trigger, least: Array, lowest: Array
 ) -> tuple[Mask, float]:
     """Return which laws have bounced for the last time, and when all their further bounces would be over."""
     leaving = striking & (now.rate > least)
@@ -260,7 +260,7 @@ def _bounces_over(
     return over | _last_elastic(table, now, leaving, striking, level, trigger, lowest), until
 
 
-def _last_bounces(table: Table, now: Instant, leaving: Mask, level: Array, lowest: Array) -> tuple[Mask, float]:
+def _last_bounces(table: LawTable, now: Instant, leaving: Mask, level: Array, lowest: Array) -> tuple[Mask, float]:
     """Return the same of laws that lose energy by themselves.
 
     A law that leaves with rate r under an acceleration −a comes back after 2·r/a; all further bounces together take
@@ -275,7 +275,7 @@ def _last_bounces(table: Table, now: Instant, leaving: Mask, level: Array, lowes
 
 
 def _last_elastic(
-    table: Table, now: Instant, leaving: Mask, striking: Mask, level: Array, trigger: Trigger, lowest: Array
+    table: LawTable, now: Instant, leaving: Mask, striking: Mask, level: Array, trigger: Trigger, lowest: Array
 ) -> Mask:
     """Return which laws have bounced for the last time with a law of e = 1 that other laws take the energy from.
 
@@ -289,14 +289,14 @@ def _last_elastic(
     return low if (elastic & low).any() else np.zeros(len(leaving), bool)
 
 
-def _level(table: Table, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Array:
+def _level(table: LawTable, now: Instant, mode: Mode, candidate: Mask, trigger: Trigger) -> Array:
     """Return the level quantities to which the forces lead that act while these laws are the candidates."""
     sliding = _sliding(table, now, candidate, trigger)
     return settle(table, now, mode, candidate, sliding, np.zeros(len(candidate), int)).level
 
 
 def _thrown_for_nothing(
-    table: Table, now: Instant, mode: Mode, touching: Mask, least: Array, trigger: Trigger, lowest: Array
+    table: LawTable, now: Instant, mode: Mode, touching: Mask, least: Array, trigger: Trigger, lowest: Array
 ) -> Mask:
     """Return closed laws that an impact opens by a gap that cannot be told from zero, before they close again.
 
@@ -325,14 +325,14 @@ def _together(kinematics: ContactKinematics, now: Instant, held: Mask) -> tuple[
 # ---------------------------------------------------------------------- what could be closed
 
 
-def _candidates(table: Table, now: Instant, touching: Mask, least: Array) -> Mask:
+def _candidates(table: LawTable, now: Instant, touching: Mask, least: Array) -> Mask:
     """Return the laws that could be closed without a jump."""
     reached = touching | ~table.unilateral
     still = (np.abs(now.rate) <= least) & reached
     return (table.degree == 0) | ((table.degree == 1) & reached) | ((table.degree == 2) & still)
 
 
-def _sliding(table: Table, now: Instant, candidate: Mask, trigger: Trigger) -> NDArray[np.int64]:
+def _sliding(table: LawTable, now: Instant, candidate: Mask, trigger: Trigger) -> NDArray[np.int64]:
     """Return the directions of friction that slides: as it moves or, just set free, as its last force has pulled."""
     slides = ~table.complementary & ~candidate & (table.degree != JENKINS)
     direction = np.where(slides, np.sign(now.rate), 0.0)

@@ -63,7 +63,7 @@ def checked_formulation(text: str, solver: str) -> Requested:
 
 
 @dataclass(frozen=True, eq=False)
-class Span:
+class TimeSpan:
     """Start and stop of a run, s, and its output times (k,), all within."""
 
     start: float
@@ -108,7 +108,7 @@ class RunOptions:
         """
         return checked_formulation(str(self.formulation), self.solver)
 
-    def span(self, experiment: Experiment, begin: float | None = None) -> Span:
+    def span(self, experiment: Experiment, begin: float | None = None) -> TimeSpan:
         """Return where the run begins and ends, and its output times.
 
         Parameters
@@ -127,12 +127,12 @@ class RunOptions:
                 raise ValueError("the output times must be finite and increase")
             if times[0] < start and (self.start is not None or begin is not None):
                 raise ValueError(f"the first output time {times[0]:g} s lies before the start time {start:g} s")
-            return Span(min(start, float(times[0])), float(times[-1]), times)
+            return TimeSpan(min(start, float(times[0])), float(times[-1]), times)
         after = start + 10.0 if self.start is not None or begin is not None else 10.0
         stop = _finite("stop", _first(self.stop, experiment.stop if begin is None else None, after))
         if not stop > start:
             raise ValueError(f"the stop time {stop:g} s must lie after the start time {start:g} s")
-        return Span(start, stop, self._grid(start, stop, experiment))
+        return TimeSpan(start, stop, self._grid(start, stop, experiment))
 
     def _grid(self, start: float, stop: float, experiment: Experiment) -> np.ndarray:
         if self.points is None and experiment.interval:
@@ -164,7 +164,7 @@ class RunOptions:
             raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found {found}")
         self._check_step()
 
-    def step_length(self, span: Span) -> float | None:
+    def step_length(self, span: TimeSpan) -> float | None:
         """Return the length of all steps, s; None where the solver chooses them."""
         if self.step is None and self.solver in FIXED_STEP:
             return (span.end - span.start) / _STEPS

@@ -16,13 +16,13 @@ import numpy as np
 from lmoc.numerics.plan.activity import Lookout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.status import Status
-from lmoc.numerics.problem.system import IndexOne, System
+from lmoc.numerics.problem.system import OpenedSystem, System
 from lmoc.support import budget
 from lmoc.support.records import dataclass
 
 
 @dataclass
-class Spent:
+class PlanCost:
     """What a run has spent on one plan so far.
 
     Attributes
@@ -87,17 +87,17 @@ class Problem:
     progress: Callable[[float], None] | None = None
     patience: float = np.inf
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    guard: Guard | None = None
+    guard: StepGuard | None = None
     roots: Roots | None = None
     first_step: float = np.inf
     shortest: float = 0.0
     step: float | None = None
     correction: Callable[[float, np.ndarray], np.ndarray] | None = None
     compiled_guard: CompiledGuard | None = None
-    index_one: IndexOne | None = None
+    index_one: OpenedSystem | None = None
     whole: float = np.nan
     held: Callable[[float, np.ndarray], bool] | None = None
-    spent: dict[Plan, Spent] = field(default_factory=dict)
+    spent: dict[Plan, PlanCost] = field(default_factory=dict)
 
     @property
     def needs_steps(self) -> bool:
@@ -108,7 +108,7 @@ class Problem:
 REQUESTED = "requested"  # why a solver was taken: the user has named it
 
 
-class Guard(Protocol):
+class StepGuard(Protocol):
     """Looks at every accepted step before its output is passed on."""
 
     def __call__(self, t: float, x: np.ndarray) -> Status:

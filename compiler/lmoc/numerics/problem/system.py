@@ -36,7 +36,7 @@ class CasadiDAE:
     kept: dict[tuple, object] = field(default_factory=dict)
 
 
-class IndexOne(Protocol):
+class OpenedSystem(Protocol):
     """``x' = f(t, x, z), 0 = g(t, x, z)`` for y = (x, z): what `System.opened` returns.
 
     Attributes
@@ -179,7 +179,7 @@ class System(ABC):
         """(plan.count,) all registers as the last evaluation has left them, where it keeps them."""
         return None
 
-    def opened(self) -> IndexOne | None:
+    def opened(self) -> OpenedSystem | None:
         """Return the index-1 form with the unknowns of large blocks as algebraic variables; None without any."""
         return None
 

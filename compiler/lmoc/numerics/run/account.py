@@ -11,7 +11,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.observe.trajectory import SegmentRecord
-from lmoc.numerics.options.options import Span
+from lmoc.numerics.options.options import TimeSpan
 from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
@@ -117,7 +117,7 @@ def registers_at_end(system: System, outcome: Outcome) -> np.ndarray | None:
 def explanation(
     segment: Segment,
     outcome: Outcome,
-    span: Span,
+    span: TimeSpan,
     segments: Sequence[SegmentRecord],
     sizes: np.ndarray | None,
     known: str,

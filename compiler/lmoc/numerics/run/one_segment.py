@@ -16,7 +16,7 @@ from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.activity import Lookout, lookout
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import REQUESTED, Outcome, Problem, Roots, Spent
+from lmoc.numerics.problem.base import REQUESTED, Outcome, PlanCost, Problem, Roots
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import break_times
 from lmoc.numerics.steps import choice
@@ -80,7 +80,7 @@ class SegmentSolver:
         self._deadline = None if options.max_seconds is None else clock.thread_time() + options.max_seconds
         self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
         self._lookout: Lookout | None = None
-        self._spent: dict[Plan, Spent] = {}
+        self._spent: dict[Plan, PlanCost] = {}
         self.unresolved: np.ndarray | float = 0.0
         self.errors: np.ndarray | float = 0.0
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, RunInterrupted, SimulationError
 from lmoc.numerics.coordinates.change import (
-    Place,
+    RunState,
     all_unknowns,
     block_unknowns,
     registers_at,
@@ -57,7 +57,7 @@ _FINER = 0.1  # factor on the tolerances of segments after a change of coordinat
 
 
 def run_segments(
-    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | Place
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | RunState
 ) -> Trajectory:
     """Run from the start to the end.
 
@@ -78,11 +78,11 @@ def run_segments(
 
 def starting_place(
     task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End
-) -> Place:
+) -> RunState:
     """Return where a run would start. Parameters and errors as of `run_segments`."""
     run = _Run(task, plan, system, base)
     x = run._start(initial)
-    return Place(run.segment.observer, registers_at(run.segment.observer, system, task.span.start, x))
+    return RunState(run.segment.observer, registers_at(run.segment.observer, system, task.span.start, x))
 
 
 class _Run:
@@ -109,7 +109,7 @@ class _Run:
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
         self.assertions: Assertions | None = None  # as they are watched; None where none are
 
-    def go(self, initial: Mapping[str, float] | End | Place) -> Trajectory:
+    def go(self, initial: Mapping[str, float] | End | RunState) -> Trajectory:
         x = self._start(initial)
         started = clock.perf_counter()
         outcome = self._to_the_end(x)
@@ -190,7 +190,7 @@ class _Run:
 
     # ------------------------------------------------------------------ the start
 
-    def _start(self, initial: Mapping[str, float] | End | Place) -> np.ndarray:
+    def _start(self, initial: Mapping[str, float] | End | RunState) -> np.ndarray:
         segment, report, span = self.segment, self.report, self.task.span
         plan, observer, system = segment.plan, segment.observer, segment.system
         signals = self.task.signals
@@ -227,7 +227,7 @@ class _Run:
             self.begun = x.copy(), base.copy()
             return x
 
-        going_on = isinstance(initial, End | Place)
+        going_on = isinstance(initial, End | RunState)
         try:
             x = self.dynamics.start(states if going_on else begun, initial)
         except Stopped as stopped:

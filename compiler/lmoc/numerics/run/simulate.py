@@ -13,7 +13,7 @@ from lmoc.ir.flat import Kind
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError, Report, nearest
 from lmoc.messages.ranges import report_alike
-from lmoc.numerics.coordinates.change import Place
+from lmoc.numerics.coordinates.change import RunState
 from lmoc.numerics.failures.pace import Pace
 from lmoc.numerics.laws.select import make_system
 from lmoc.numerics.observe.trajectory import End, Trajectory
@@ -22,7 +22,7 @@ from lmoc.numerics.options.options import (
     MOREAU,
     SOLVERS,
     RunOptions,
-    Span,
+    TimeSpan,
     checked_formulation,
     solver_hint,
 )
@@ -68,7 +68,7 @@ class Simulator:
         options: RunOptions,
         inputs: Mapping[str, object] | None,
         initial: Mapping[str, float] | End | None,
-    ) -> Place:
+    ) -> RunState:
         """Return where a run starts. Parameters and errors as of `run`."""
         task, plan, system, base = self._task(values, options, inputs, initial, None, None)
         return starting_place(task, plan, system, base, initial or {})
@@ -101,7 +101,7 @@ class Simulator:
         values: np.ndarray | None = None,
         options: RunOptions | None = None,
         inputs: Mapping[str, object] | None = None,
-        initial: Mapping[str, float] | End | Place | None = None,
+        initial: Mapping[str, float] | End | RunState | None = None,
         progress: Progress | None = None,
         others: Coordinates | None = None,
     ) -> Trajectory:
@@ -134,7 +134,7 @@ class Simulator:
         values: np.ndarray | None,
         options: RunOptions,
         inputs: Mapping[str, object] | None,
-        initial: Mapping[str, float] | End | Place | None,
+        initial: Mapping[str, float] | End | RunState | None,
         progress: Progress | None,
         others: Coordinates | None,
     ) -> tuple[Task, Plan, System, np.ndarray]:
@@ -163,7 +163,7 @@ class Simulator:
         return Task(values, signals, options, span, report, progress, others, (began, lowered)), plan, system, base
 
 
-def _heard(progress: Progress | None, span: Span) -> Progress:
+def _heard(progress: Progress | None, span: TimeSpan) -> Progress:
     """Return the progress of a run that its budget hears of, too, and that tells of a long run."""
     pace = Pace(span.start, span.end)
 
@@ -177,7 +177,7 @@ def _heard(progress: Progress | None, span: Span) -> Progress:
 
 
 def _run_at_its_size(
-    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | Place
+    task: Task, plan: Plan, system: System, base: np.ndarray, initial: Mapping[str, float] | End | RunState
 ) -> Trajectory:
     """Run; where the motion is much smaller than its tolerances were chosen for, again with tolerances of its size."""
     said = list(task.report.diagnostics)
@@ -205,8 +205,8 @@ def simulate(
 
 
 def check_options(
-    options: RunOptions, reduced: Reduced, report: Report, initial: Mapping[str, float] | End | Place | None = None
-) -> Span:
+    options: RunOptions, reduced: Reduced, report: Report, initial: Mapping[str, float] | End | RunState | None = None
+) -> TimeSpan:
     """Return the span of the run and its output times; errors for what cannot be done."""
     if options.solver not in SOLVERS:
         hint = solver_hint(str(options.solver))
@@ -224,7 +224,7 @@ def check_options(
         return options.span(reduced.flat.experiment, initial.time if isinstance(initial, End) else None)
     except ValueError as error:
         report.error("E0541", str(error))
-        return Span(0.0, 0.0, np.zeros(1))
+        return TimeSpan(0.0, 0.0, np.zeros(1))
 
 
 def _kind_key(signal: Signal) -> tuple:

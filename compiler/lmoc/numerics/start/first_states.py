@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
-from lmoc.numerics.coordinates.change import Place, continued
+from lmoc.numerics.coordinates.change import RunState, continued
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
@@ -20,7 +20,7 @@ def first_states(
     observer: Observer,
     time: float,
     base: np.ndarray,
-    initial: Mapping[str, float] | End | Place,
+    initial: Mapping[str, float] | End | RunState,
     report: Report,
     impacts: list[Event],
 ) -> Callable[[np.ndarray], np.ndarray]:
@@ -39,7 +39,7 @@ def first_states(
         The values asked for are wrong; what has no solution is reported by the function returned.
     """
     plan, values, signals = observer.plan, observer.values, observer.signals
-    if isinstance(initial, Place):
+    if isinstance(initial, RunState):
         return partial(initial.states, plan)
     if isinstance(initial, End):
         return partial(continued, plan, initial)

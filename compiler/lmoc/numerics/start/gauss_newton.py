@@ -28,7 +28,7 @@ _SCATTERED = (0.1, 0.1, 1.0, 1.0, 1.0, 10.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class GaussNewtonResult:
     """The end of an iteration.
 
     Attributes
@@ -59,14 +59,14 @@ class Start:
         size = np.abs(self.residual)
         return not self.finite, int(self.hard.sum()), float(size[self.hard].sum()), float(size[self.soft].sum())
 
-    def better_than(self, other: Start) -> bool:
+    def better_than(self, other: GaussNewtonResult) -> bool:
         """Return whether this start is better by more than the tolerance for equality."""
         *mine, own = self.badness
         *others, most = other.badness
         return mine[:2] < others[:2] or (mine[:2] == others[:2] and own < (1.0 - _CLEARLY) * most)
 
 
-def descend(system: StartSystem, components: Components, x: np.ndarray, radius: float = np.inf) -> Start:
+def descend(system: StartSystem, components: Components, x: np.ndarray, radius: float = np.inf) -> GaussNewtonResult:
     """Steps from x until the fixed values hold and nothing moves any more, or until a value is lost.
 
     Parameters
@@ -108,20 +108,20 @@ def _row_weights(jacobian, hard: np.ndarray) -> np.ndarray:
     return np.where(hard & (size > 0), 1.0 / np.where(size > 0, size, 1.0), 0.0)
 
 
-def _ended(system: StartSystem, x: np.ndarray) -> Start:
+def _ended(system: StartSystem, x: np.ndarray) -> GaussNewtonResult:
     residual, jacobian = system.evaluate(x)
     scale = 1.0 + np.abs(system.value)
     hard = system.hard & ~(np.abs(residual) <= _MISSED_HARD * scale)
     soft = ~system.hard & ~(np.abs(residual) <= _MISSED_SOFT * scale)
-    return Start(x, residual, jacobian, hard, soft)
+    return GaussNewtonResult(x, residual, jacobian, hard, soft)
 
 
 # --------------------------------------------------------------------- beginning again
 
 
 def elsewhere(
-    system: StartSystem, components: Components, guess: np.ndarray, found: Start, straight: np.ndarray
-) -> Start:
+    system: StartSystem, components: Components, guess: np.ndarray, found: GaussNewtonResult, straight: np.ndarray
+) -> GaussNewtonResult:
     """The best start from other first guesses for the parts in which something is missed and something bends.
 
     Parameters

@@ -14,7 +14,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.slices import slice_of
-from lmoc.numerics.start.gauss_newton import Start
+from lmoc.numerics.start.gauss_newton import GaussNewtonResult
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import listed
 from lmoc.support.quoted import parent
@@ -60,7 +60,7 @@ class PlasticImpact:
         )
 
 
-def plastic_impact(system: StartSystem, group: np.ndarray, start: Start) -> PlasticImpact | None:
+def plastic_impact(system: StartSystem, group: np.ndarray, start: GaussNewtonResult) -> PlasticImpact | None:
     """Return the impact that makes contradicting fixed values possible; None where they are no velocities of inertias.
 
     Every body that the constraints between them move must have a fixed velocity: of others nobody knows how they
@@ -93,7 +93,9 @@ def plastic_impact(system: StartSystem, group: np.ndarray, start: Start) -> Plas
     return PlasticImpact(rows, states, start.x[states] + step, system.value[rows] + missed, lost)
 
 
-def _involved(system: StartSystem, group: np.ndarray, start: Start) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _involved(
+    system: StartSystem, group: np.ndarray, start: GaussNewtonResult
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return all rows that share states with a group, these states, and the block of the Jacobian."""
     row, column, value = (part[start.jacobian[2] != 0.0] for part in start.jacobian)
     rows, before = group, -1

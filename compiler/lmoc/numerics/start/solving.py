@@ -8,7 +8,7 @@ from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.start.assembly_notes import note_unmet_guesses
-from lmoc.numerics.start.gauss_newton import Start, descend, elsewhere, straight_rows
+from lmoc.numerics.start.gauss_newton import GaussNewtonResult, descend, elsewhere, straight_rows
 from lmoc.numerics.start.lexicographic import split
 from lmoc.numerics.start.plastic import PlasticImpact, plastic_impact
 from lmoc.numerics.start.singular import StartSingular
@@ -109,7 +109,7 @@ def _with_zeros(system: StartSystem, x: np.ndarray) -> np.ndarray:
     return x
 
 
-def _report_contradiction(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
+def _report_contradiction(system: StartSystem, group: np.ndarray, start: GaussNewtonResult, report: Report) -> None:
     who = _listed(system, group)
     fixed = "the fixed values " if (group < len(system.targets)).all() else ""
     if len(group) == 1:
@@ -128,7 +128,7 @@ def _held(system: StartSystem, k: int) -> str:
     return holder(system.flat, int(system.targets.variable[k])) if k < len(system.targets) else ""
 
 
-def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, report: Report) -> None:
+def _report_nothing_found(system: StartSystem, group: np.ndarray, start: GaussNewtonResult, report: Report) -> None:
     hint = "perhaps there is none; if there is, start values (start = …) near a solution lead to it"
     found = f"the nearest that was found is {_reached(system, group, start)}"
     message, hint = f"no start was found with {_listed(system, group)}", _with_given(system, group, hint)
@@ -136,7 +136,7 @@ def _report_nothing_found(system: StartSystem, group: np.ndarray, start: Start, 
 
 
 def _report_missed(
-    system: StartSystem, rows: np.ndarray, start: Start, nearby: StartGuess | None, report: Report
+    system: StartSystem, rows: np.ndarray, start: GaussNewtonResult, nearby: StartGuess | None, report: Report
 ) -> None:
     value = system.value + start.residual
     if nearby is not None and nearby.closed:
@@ -168,6 +168,6 @@ def _with_given(system: StartSystem, group: np.ndarray, hint: str) -> str:
     return "; ".join(filter(None, [given, hint]))
 
 
-def _reached(system: StartSystem, group: np.ndarray, start: Start) -> str:
+def _reached(system: StartSystem, group: np.ndarray, start: GaussNewtonResult) -> str:
     """Describe the end of the iteration: values, and residuals of equations."""
     return ", ".join(system.reached(k, float(start.residual[k])) for k in group[:SHOWN].tolist())

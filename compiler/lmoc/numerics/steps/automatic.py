@@ -23,7 +23,7 @@ import numpy as np
 from lmoc.ir.program import Solve, walk
 from lmoc.numerics.plan.linearity import is_linear
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import Outcome, Problem, Spent
+from lmoc.numerics.problem.base import Outcome, PlanCost, Problem
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.steps.modes import EIGENVALUES, Modes
@@ -222,7 +222,7 @@ class Way:
         self.problem, self.modes = problem, modes
         self.outcome = Outcome(problem.t, problem.x, 0)
         self.solvers: list[str] = []
-        self.spent = problem.spent.setdefault(problem.system.plan, Spent())
+        self.spent = problem.spent.setdefault(problem.system.plan, PlanCost())
         self._evaluated = 0  # before the leg under way
 
     def begin_again(self) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 
 from lmoc.numerics.problem.base import Expired, Integration, Problem, Properties, Watch, on_interrupt
 from lmoc.numerics.problem.status import Status
-from lmoc.numerics.problem.system import IndexOne, System
+from lmoc.numerics.problem.system import OpenedSystem, System
 from lmoc.numerics.steps.matrices import MatrixLayout, layout_of
-from lmoc.numerics.sundials.matrix import Matrix
-from lmoc.numerics.sundials.session import Given, Session
+from lmoc.numerics.sundials.matrix import JacobianStorage
+from lmoc.numerics.sundials.session import Given, SundialsSession
 
 PROPERTIES = Properties(
     "cvode", "BDF", "BDF", "1-5", "1-5", "SUNDIALS",
@@ -43,9 +43,9 @@ class Multistep(Integration):
     session : owns the library's objects
     """
 
-    session: Session
+    session: SundialsSession
 
-    def __init__(self, problem: Problem, system: System | IndexOne) -> None:
+    def __init__(self, problem: Problem, system: System | OpenedSystem) -> None:
         super().__init__(problem)
         self.system = system
         self.layout: MatrixLayout = layout_of(system, problem.system.plan)
@@ -63,7 +63,7 @@ class Multistep(Integration):
     def given(self, y: np.ndarray, atol: np.ndarray, fill) -> Given:
         """Return what a session is given; y and atol in the solver's order."""
         own, problem = self.layout, self.problem
-        matrix = Matrix(own.kind, fill, own.lower, own.upper, own.indptr, own.indices)
+        matrix = JacobianStorage(own.kind, fill, own.lower, own.upper, own.indptr, own.indices)
         span = problem.t, problem.end
         return Given(y, *span, problem.rtol, atol, matrix, problem.max_steps, problem.max_step)
 

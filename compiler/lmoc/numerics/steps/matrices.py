@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.system import IndexOne, System
+from lmoc.numerics.problem.system import OpenedSystem, System
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import DENSE
 
@@ -56,7 +56,7 @@ class MatrixLayout:
             target[...] = flat.reshape(target.shape)
 
 
-def layout_of(system: System | IndexOne, plan: Plan) -> MatrixLayout:
+def layout_of(system: System | OpenedSystem, plan: Plan) -> MatrixLayout:
     """Choose the storage for the Jacobian of a system."""
     n = system.n
     indptr, rows = system.pattern()

@@ -8,7 +8,7 @@ from ctypes import byref, c_void_p
 import numpy as np
 
 from lmoc.numerics.sundials import sundials as sun
-from lmoc.numerics.sundials.session import Given, Session
+from lmoc.numerics.sundials.session import Given, SundialsSession
 
 _GIVEN_UP = -3, -4  # too many shorter steps in a row have failed the error test, or Newton's method
 _BEGINNINGS, _PROGRESS = 20, 1e-4  # new ones within this part of the time ahead
@@ -16,7 +16,7 @@ _BEGINNINGS, _PROGRESS = 20, 1e-4  # new ones within this part of the time ahead
 Rhs = Callable[[float, np.ndarray, np.ndarray], None]  # (t, x, out)
 
 
-class CvodeSession(Session):
+class CvodeSession(SundialsSession):
     """x' = rhs(t, x)."""
 
     name = "CVode"
@@ -53,7 +53,7 @@ class CvodeSession(Session):
         self.call("SetJacFn", self.jacobian)
 
     def solve(self, t: float, task: int) -> int:
-        """As of `Session`; where it gives up it begins again, without a past and with a step to fit.
+        """As of `SundialsSession`; where it gives up it begins again, without a past and with a step to fit.
 
         After a long step seven shorter ones are not always short enough: its error in the position is within the
         tolerance, and a stiff spring makes of it a velocity far above that of the velocity.

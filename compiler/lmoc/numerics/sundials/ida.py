@@ -8,12 +8,12 @@ from ctypes import byref, c_void_p
 import numpy as np
 
 from lmoc.numerics.sundials import sundials as sun
-from lmoc.numerics.sundials.session import Given, Session
+from lmoc.numerics.sundials.session import Given, SundialsSession
 
 Residual = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]  # (t, y, yp, out)
 
 
-class IdaSession(Session):
+class IdaSession(SundialsSession):
     """F(t, y, y') = 0."""
 
     name = "IDA"

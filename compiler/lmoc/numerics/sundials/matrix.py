@@ -13,7 +13,7 @@ from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True)
-class Matrix:
+class JacobianStorage:
     """The storage of the Jacobian.
 
     Attributes
@@ -38,7 +38,7 @@ class Matrix:
 class Solver:
     """A SUNDIALS matrix and the linear solver for it."""
 
-    def __init__(self, lib: sun.Library, layout: Matrix, vector: c_void_p, context: c_void_p) -> None:
+    def __init__(self, lib: sun.Library, layout: JacobianStorage, vector: c_void_p, context: c_void_p) -> None:
         n = lib.N_VGetLength(vector)
         self.lib, self.n, self.layout = lib, n, layout
         self.used = False
@@ -62,7 +62,7 @@ class Solver:
         return 0 if finite else 1
 
     def _view(self, address: int) -> np.ndarray:
-        """The numbers of a SUNDIALS matrix in the layout that `Matrix.fill` writes."""
+        """The numbers of a SUNDIALS matrix in the layout that `JacobianStorage.fill` writes."""
         lib, layout, n = self.lib, self.layout, self.n
         if layout.kind == "dense":
             return sun.view(lib.SUNDenseMatrix_Data(address), n * n).reshape(n, n)

@@ -10,7 +10,7 @@ import numpy as np
 
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.sundials import sundials as sun
-from lmoc.numerics.sundials.matrix import Matrix, Solver
+from lmoc.numerics.sundials.matrix import JacobianStorage, Solver
 from lmoc.support.records import dataclass
 
 
@@ -33,12 +33,12 @@ class Given:
     end: float
     rtol: float
     atol: np.ndarray
-    matrix: Matrix
+    matrix: JacobianStorage
     max_steps: int
     max_step: float
 
 
-class Session(ABC):
+class SundialsSession(ABC):
     """Owns the SUNDIALS objects of one integration.
 
     What a callback raises must not unwind through C: it is kept in `error`, ends the call, and is raised afterwards.

@@ -13,7 +13,7 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import Recorder
 from lmoc.numerics.observe.trajectory import SegmentRecord
-from lmoc.numerics.options.options import RunOptions, Span
+from lmoc.numerics.options.options import RunOptions, TimeSpan
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.system import System
@@ -61,7 +61,7 @@ class Task:
     values: np.ndarray
     signals: Mapping[int, Signal]
     options: RunOptions
-    span: Span
+    span: TimeSpan
     report: Report
     progress: Progress | None
     others: Coordinates | None

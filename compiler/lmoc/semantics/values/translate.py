@@ -43,8 +43,8 @@ def _boolean(context: Context, e: tree.Boolean) -> Value:
     return number(e.value, "Boolean")
 
 
-@translates(tree.End)
-def _end(context: Context, e: tree.End) -> Value:
+@translates(tree.EndSubscript)
+def _end(context: Context, e: tree.EndSubscript) -> Value:
     if context.end is None:
         raise Wrong("E0301", "'end' has a meaning only in a subscript", e.span)
     return number(context.end, "Integer")

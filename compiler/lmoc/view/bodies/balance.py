@@ -22,7 +22,7 @@ from lmoc.symbolic.motion import ports_of_elements
 from lmoc.symbolic.names import base_of
 from lmoc.symbolic.notation import Notation
 from lmoc.symbolic.slope import slope
-from lmoc.symbolic.system import Interpreter
+from lmoc.symbolic.system import SymbolicInterpreter
 from lmoc.view.bodies.local import LocalForms
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.levers import tips
@@ -154,7 +154,7 @@ def free_bodies(
     ModelError
         E0660 where the scene is too large for symbols.
     """
-    interpreter = Interpreter(reduced, values, MOST_TERMS)
+    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS)
     outline = interpreter.outline()
     # the scene as it was written: set-valued laws leave their forces open, which then stand as symbols
     kinematics = Kinematics(interpreter, outline, [p for p, _ in ports_of_elements(graph.flat)])

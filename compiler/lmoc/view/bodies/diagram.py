@@ -18,7 +18,7 @@ from lmoc.view.bodies.lever import Writing, draw_bar
 from lmoc.view.bodies.writing import MARKED
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block, packed
-from lmoc.view.scene.picture import Circle, End, Item, Label
+from lmoc.view.scene.picture import Anchor, Circle, Item, Label
 from lmoc.view.scene.strip import DOWN, RIGHT, UP, Direction, Style
 from lmoc.view.scene.text import width
 
@@ -120,7 +120,7 @@ class _Diagram:
         block = Block(tuple(self.items))
         left, _, right, bottom = block.corners
         text = balance_text(self.balance, self.notation, self.coordinate)
-        below = symbols.label(text, End((left + right) / 2, bottom + 22), part=self.balance.body.name)
+        below = symbols.label(text, Anchor((left + right) / 2, bottom + 22), part=self.balance.body.name)
         return block.beside(Block((replace(below, symbol="balance"),)))
 
     # ------------------------------------------------------------------ arrows
@@ -149,15 +149,15 @@ class _Diagram:
         tip = abs(length) * way[0], abs(length) * way[1]
         start, stop = ((0.0, 0.0), tip) if length >= 0 else (tip, (0.0, 0.0))
         if hypot(*tip) > 0:
-            made = symbols.arrow("force", force.part, End(*at), start, stop, "force", 2.0)
+            made = symbols.arrow("force", force.part, Anchor(*at), start, stop, "force", 2.0)
             self.items.append(made)
         room = max(abs(length), 4.0) + 6
         text = self._text(force)
         if way[1] == 0:
             anchor = "start" if way[0] > 0 else "end"
-            made = symbols.label(text, End(*at), room * way[0], 0, anchor, force.part, "force")
+            made = symbols.label(text, Anchor(*at), room * way[0], 0, anchor, force.part, "force")
         else:
-            made = symbols.label(text, End(*at), 0, (room + 6) * way[1], "middle", force.part, "force")
+            made = symbols.label(text, Anchor(*at), 0, (room + 6) * way[1], "middle", force.part, "force")
         self.items.append(made)
 
     def _sides(self) -> tuple[list[Force], list[Force]]:
@@ -193,16 +193,16 @@ class _Diagram:
         self._coordinate((-half, 0.0), self.direction)
 
     def _box(self, half: float, tall: float) -> Item:
-        return symbols.box("mass", self.balance.body.name, End(0, 0), (-half, -tall, half, tall), self.name)
+        return symbols.box("mass", self.balance.body.name, Anchor(0, 0), (-half, -tall, half, tall), self.name)
 
     def _coordinate(self, at: tuple[float, float], way: Direction) -> None:
         if way == RIGHT:
             label = Label(self.coordinate, (0, 40, -14), "start", colour="muted")
-            made = symbols.arrow("coordinate", "", End(*at), (0, -14), (34, -14), "muted", 1.2, (label,))
+            made = symbols.arrow("coordinate", "", Anchor(*at), (0, -14), (34, -14), "muted", 1.2, (label,))
         else:
             label = Label(self.coordinate, (0, -14, way[1] * 24), "end", colour="muted")
             tail, tip = (-8.0, -way[1] * 16), (-8.0, way[1] * 18)
-            made = symbols.arrow("coordinate", "", End(*at), tail, tip, "muted", 1.2, (label,))
+            made = symbols.arrow("coordinate", "", Anchor(*at), tail, tip, "muted", 1.2, (label,))
         self.items.append(made)
 
     # ------------------------------------------------------------------ torques
@@ -210,8 +210,8 @@ class _Diagram:
     def _turning(self) -> None:
         forces = self.balance.forces
         disk = (Circle((0.0, 0.0, 0.0), RADIUS, "body"), Label(self.name, (0.0, 0.0, 4.0)))
-        self.items.append(Item("disk", self.balance.body.name, (End(0, 0),), disk))
-        own = symbols.turning_arrow("coordinate", "", End(0, 0), RADIUS - 9, radians(55), radians(125), "muted")
+        self.items.append(Item("disk", self.balance.body.name, (Anchor(0, 0),), disk))
+        own = symbols.turning_arrow("coordinate", "", Anchor(0, 0), RADIUS - 9, radians(55), radians(125), "muted")
         label = Label(self.coordinate, (0.0, 0.0, -RADIUS + 19.0), size=11.0, colour="muted")
         self.items.append(replace(own, shapes=(*own.shapes, label)))
         for k, force in enumerate(forces):
@@ -234,11 +234,11 @@ class _Diagram:
         span, r = force.sense * self._span(force), RADIUS + 11
         if span:
             a, b = radians(middle - span), radians(middle + span)
-            self.items.append(symbols.turning_arrow("torque", force.part, End(0, 0), r, a, b, "force"))
+            self.items.append(symbols.turning_arrow("torque", force.part, Anchor(0, 0), r, a, b, "force"))
         t = radians(middle)
         anchor = "start" if cos(t) > 0.3 else "end" if cos(t) < -0.3 else "middle"
         x, y = (r + 9) * cos(t), -(r + 13) * sin(t)
-        self.items.append(symbols.label(self._text(force), End(0, 0), x, y, anchor, force.part, "force"))
+        self.items.append(symbols.label(self._text(force), Anchor(0, 0), x, y, anchor, force.part, "force"))
 
     # ------------------------------------------------------------------ levers
 

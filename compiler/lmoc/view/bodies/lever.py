@@ -13,7 +13,7 @@ from lmoc.support.records import dataclass
 from lmoc.view.bodies.balance import Balance, Force, Loaded
 from lmoc.view.scene import symbols
 from lmoc.view.scene.names import shortened
-from lmoc.view.scene.picture import Circle, End, Item, Path, Point
+from lmoc.view.scene.picture import Anchor, Circle, Item, Path, Point
 from lmoc.view.scene.placing import Wish, placed_labels
 from lmoc.view.scene.strip import RIGHT, UP, Direction
 
@@ -72,9 +72,9 @@ def draw_bar(
     part = balance.body.name
     low, high = min(0.0, *reaches), max(0.0, *reaches)
     ends = [(low * along[0], low * along[1]), (high * along[0], high * along[1])]
-    items = [Item("lever", part, (End(0, 0),), (symbols.path(*ends, width=5.0),))]
-    items += [Item("joint", part, (End(*p),), (Circle((0, 0, 0), 3.0, "paper"),)) for p in (*places, (0.0, 0.0))]
-    wishes = [Wish(writing.name, End(*_middle(reaches, along)), part, 16.0)]
+    items = [Item("lever", part, (Anchor(0, 0),), (symbols.path(*ends, width=5.0),))]
+    items += [Item("joint", part, (Anchor(*p),), (Circle((0, 0, 0), 3.0, "paper"),)) for p in (*places, (0.0, 0.0))]
+    wishes = [Wish(writing.name, Anchor(*_middle(reaches, along)), part, 16.0)]
     for point, way, place in zip(points, ways, places):
         _pulls(point, way, place, along, writing, items, wishes)
     _reaction(points, UP if level else RIGHT, items, wishes)
@@ -114,7 +114,7 @@ def _pulls(
             x, y = at[0] + beside * along[0], at[1] + beside * along[1]
             _arrow(force.part, (x, y), (side * way[0], side * way[1]), writing.length(force), items)
             room = abs(writing.length(force))
-            tip = End(x + side * way[0] * room, y + side * way[1] * room)
+            tip = Anchor(x + side * way[0] * room, y + side * way[1] * room)
             wishes.append(Wish(writing.force(force), tip, force.part, 9.0, "force"))
 
 
@@ -123,16 +123,16 @@ def _arrow(part: str, at: Point, way: Direction, length: float, items: list[Item
     tip = abs(length) * way[0], abs(length) * way[1]
     if hypot(*tip) > 0:
         ends = ((0.0, 0.0), tip) if length > 0 else (tip, (0.0, 0.0))
-        items.append(symbols.arrow("force", part, End(*at), *ends, "force", 2.0))
+        items.append(symbols.arrow("force", part, Anchor(*at), *ends, "force", 2.0))
 
 
 def _reaction(points: tuple[Loaded, ...], way: Direction, items: list[Item], wishes: list[Wish]) -> None:
     """Add the force of the pivot: its size would need the centre of mass, which no model of a line has."""
     lever = points[0].lever
     tip = REACTION * way[0], REACTION * way[1]
-    items.append(symbols.arrow("reaction", lever, End(0, 0), (0.0, 0.0), tip, "force", 2.0))
+    items.append(symbols.arrow("reaction", lever, Anchor(0, 0), (0.0, 0.0), tip, "force", 2.0))
     name = f"R_{{{shortened(lever)}}}" if "{" not in lever and "}" not in lever else "R"
-    wishes.append(Wish(name, End(*tip), lever, 9.0, "force"))
+    wishes.append(Wish(name, Anchor(*tip), lever, 9.0, "force"))
 
 
 def _angle(base: float, turned: float, text: str, items: list[Item], wishes: list[Wish]) -> None:
@@ -140,13 +140,13 @@ def _angle(base: float, turned: float, text: str, items: list[Item], wishes: lis
     if abs(turned) > radians(2):
         tip = 90.0 * cos(base), -90.0 * sin(base)
         line = Path(((0.0, 0.0, 0.0), (0.0, *tip)), False, "", "muted", 1.0, (4.0, 4.0))
-        items.append(Item("reference", "", (End(0, 0),), (line,)))
+        items.append(Item("reference", "", (Anchor(0, 0),), (line,)))
         start, stop, radius = base, base + turned, 2 * ANGLE
     else:
         start, stop, radius = base + pi - 0.6, base + pi + 0.6, ANGLE
-    items.append(symbols.turning_arrow("coordinate", "", End(0, 0), radius, start, stop, "muted"))
+    items.append(symbols.turning_arrow("coordinate", "", Anchor(0, 0), radius, start, stop, "muted"))
     middle = (start + stop) / 2
-    wishes.append(Wish(text, End(radius * cos(middle), -radius * sin(middle)), "", 8.0, "muted"))
+    wishes.append(Wish(text, Anchor(radius * cos(middle), -radius * sin(middle)), "", 8.0, "muted"))
 
 
 def _torques(forces: list[Force], base: float, writing: Writing, items: list[Item], wishes: list[Wish]) -> None:
@@ -158,6 +158,6 @@ def _torques(forces: list[Force], base: float, writing: Writing, items: list[Ite
         span = force.sense * writing.turning(force)
         if span:
             ends = middle - span / 2, middle + span / 2
-            items.append(symbols.turning_arrow("torque", force.part, End(0, 0), radius, *ends, "force"))
-        at = End(radius * cos(middle), -radius * sin(middle))
+            items.append(symbols.turning_arrow("torque", force.part, Anchor(0, 0), radius, *ends, "force"))
+        at = Anchor(radius * cos(middle), -radius * sin(middle))
         wishes.append(Wish(writing.torque(force), at, force.part, 9.0, "force"))

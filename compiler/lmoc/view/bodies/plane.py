@@ -11,7 +11,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block, packed
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names
-from lmoc.view.scene.picture import End, Item
+from lmoc.view.scene.picture import Anchor, Item
 from lmoc.view.scene.placing import Wish, placed_labels
 from lmoc.view.scene.planar import DOMAINS, Plane, draw_plane
 from lmoc.view.scene.text import escaped
@@ -154,26 +154,26 @@ def _drawn(plane: Plane, body: Element, found: Sequence[Pull], largest: float, s
     wheels = {e.name for e in plane.elements if e.symbol == "rolling-wheel" and e.ports[0].node in nodes}
     own = {body.name, *wheels, *(e.name for e in arms_of(plane, body))}
     items = [i for i in (*plane.items, *plane.front) if i.part in own and i.symbol in shapes]
-    wishes = [Wish(plane.names.part(body, "m"), End(*centre_of(plane, body)), body.name, 16.0)]
+    wishes = [Wish(plane.names.part(body, "m"), Anchor(*centre_of(plane, body)), body.name, 16.0)]
     for pull in found:
-        at = End(*pull.at)
+        at = Anchor(*pull.at)
         text = f"{pull.name} = {pull.size:.4g} N" if scaled else pull.name
         if _acts(pull.size, largest) and isfinite(pull.size):
             length = LONGEST * pull.size / largest if scaled else LONG
             tip = length * pull.x / pull.size, -length * pull.y / pull.size
             items.append(symbols.arrow("force", pull.part, at, (0, 0), tip, "force", 2.0))
-            wishes.append(Wish(text, End(at.x + tip[0], at.y + tip[1]), pull.part, 9.0, "force"))
+            wishes.append(Wish(text, Anchor(at.x + tip[0], at.y + tip[1]), pull.part, 9.0, "force"))
         elif not isfinite(pull.size):
             wishes.append(Wish(f"{pull.name} = ?", at, pull.part, 12.0, "force"))
         if _turns(pull, largest):
             start, stop = (radians(20), radians(160)) if pull.torque > 0 else (radians(160), radians(20))
             items.append(symbols.turning_arrow("torque", pull.part, at, 22.0, start, stop, "force"))
             text = f"{pull.couple} = {pull.torque:.4g} N·m" if scaled else pull.couple
-            wishes.append(Wish(text, End(at.x, at.y - 22.0), pull.part, 9.0, "force"))
+            wishes.append(Wish(text, Anchor(at.x, at.y - 22.0), pull.part, 9.0, "force"))
     block = Block((*items, *placed_labels(items, wishes)))
     for text in _balances(plane, body, found, largest):
         left, _, right, bottom = block.corners
-        below = symbols.label(text, End((left + right) / 2, bottom + 22), part=body.name)
+        below = symbols.label(text, Anchor((left + right) / 2, bottom + 22), part=body.name)
         block = block.beside(Block((replace(below, symbol="balance"),)))
     return block
 

@@ -5,7 +5,7 @@ A page knows the choices that the run has met. Each is a script of its own; the 
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -14,15 +14,10 @@ from lmoc.numerics.coordinates.change import all_unknowns
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import renumber
 from lmoc.numerics.plan.plan import Plan
+from lmoc.view.javascript.registers import RegisterSource
 
 
-class Registers(Protocol):
-    """Gives registers."""
-
-    def add(self, count: int, values: np.ndarray | None = None) -> np.ndarray: ...
-
-
-def write_constraints(plan: Plan, registers: Registers) -> tuple[Program, dict[str, Any] | None]:
+def write_constraints(plan: Plan, registers: RegisterSource) -> tuple[Program, dict[str, Any] | None]:
     """Return what fills the constraint matrix from the registers of the right-hand side, and where its entries are.
 
     None where the choice never changes.

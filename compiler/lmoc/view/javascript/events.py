@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -14,25 +14,18 @@ from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.observe.observer import Observer
 from lmoc.view.javascript.laws import ledger_states
+from lmoc.view.javascript.registers import VariableRegisters
 
 Programs = dict[str, Program | list[Program]]
 
 
-class Places(Protocol):
-    """Gives registers, and those of variables."""
-
-    def add(self, count: int, values: np.ndarray | None = None) -> np.ndarray: ...
-
-    def of_variables(self, variables: np.ndarray) -> np.ndarray: ...
-
-
-def write_events(observer: Observer, places: Places) -> tuple[Programs, dict[str, Any]]:
+def write_events(observer: Observer, places: VariableRegisters) -> tuple[Programs, dict[str, Any]]:
     """Return the programs of the events, and what `discrete_state.js`, `clock.js` and `event_handler.js` read."""
     return _Events(observer, places).written()
 
 
 class _Events:
-    def __init__(self, observer: Observer, places: Places) -> None:
+    def __init__(self, observer: Observer, places: VariableRegisters) -> None:
         self.plan, self.places = observer.plan, places
         self.flat = observer.flat
         self.layout: EventLayout = self.plan.once(EventLayout)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -13,18 +13,13 @@ from lmoc.ir.program import Program, needed_steps
 from lmoc.numerics.laws.free_dynamics import free_dynamics, limits_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.view.javascript.registers import VariableRegisters
 from lmoc.view.javascript.tangent import tangent
 
 
-class Places(Protocol):
-    """Gives registers, and those of variables."""
-
-    def add(self, count: int, values: np.ndarray | None = None) -> np.ndarray: ...
-
-    def of_variables(self, variables: np.ndarray) -> np.ndarray: ...
-
-
-def write_laws(plan: Plan, signals: Mapping[int, Signal], places: Places) -> tuple[dict[str, Program], dict[str, Any]]:
+def write_laws(
+    plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters
+) -> tuple[dict[str, Program], dict[str, Any]]:
     """Return the programs of the laws, and what `instant.js` and `switching.js` read."""
     form, flat = plan.reduced.switched, plan.reduced.flat
     assert form is not None

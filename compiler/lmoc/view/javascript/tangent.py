@@ -8,20 +8,13 @@ applied: a linear block for the derivatives of its unknowns.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from lmoc.expression.dag import ZERO, Expr, add, mul, slot, slots
 from lmoc.ir.program import Apply, Program, Solve, Step, Total
 from lmoc.lower.chain_rule import partial
 from lmoc.support.records import dataclass
-
-
-class Registers(Protocol):
-    """Gives registers."""
-
-    def add(self, count: int, values: np.ndarray | None = None) -> np.ndarray: ...
+from lmoc.view.javascript.registers import RegisterSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +33,7 @@ class Tangent:
     of: np.ndarray
 
 
-def tangent(program: Program, inputs: np.ndarray, count: int, registers: Registers) -> Tangent:
+def tangent(program: Program, inputs: np.ndarray, count: int, registers: RegisterSource) -> Tangent:
     """Return the derivatives of a program by some registers.
 
     Parameters
@@ -53,7 +46,7 @@ def tangent(program: Program, inputs: np.ndarray, count: int, registers: Registe
 
 
 class _Forward:
-    def __init__(self, of: np.ndarray, registers: Registers) -> None:
+    def __init__(self, of: np.ndarray, registers: RegisterSource) -> None:
         self.of, self.registers = of, registers
 
     def active(self, registers: np.ndarray) -> np.ndarray:

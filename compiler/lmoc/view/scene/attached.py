@@ -10,7 +10,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
 from lmoc.view.scene.between import between
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import Circle, End, Item, Move, Point, Turn
+from lmoc.view.scene.picture import Anchor, Circle, Item, Move, Point, Turn
 from lmoc.view.scene.placing import Wish
 from lmoc.view.scene.planar import Plane
 from lmoc.view.scene.strip import BODIES, HELD, Strip
@@ -74,11 +74,11 @@ def _along(plane: Plane, carrier: Element, strip: Strip) -> set[str]:
         held = strip.held(n)
         place[n] = plane.own(held, "q0") if held is not None and held.symbol == "wall" else plane.value(names[n])
 
-    def end(n: int, across: float) -> End:
+    def end(n: int, across: float) -> Anchor:
         q = place[n]
         x, y = s * (x0 + q * dx) + dy * across, -s * (y0 + q * dy) + dx * across
         still = n not in names or (strip.held(n) is not None and strip.held(n).symbol == "wall")
-        return End(x, y, () if still else (Move(names[n], s * dx, -s * dy, q),))
+        return Anchor(x, y, () if still else (Move(names[n], s * dx, -s * dy, q),))
 
     meets = strip.meets
     done: set[str] = set()
@@ -95,7 +95,7 @@ def _along(plane: Plane, carrier: Element, strip: Strip) -> set[str]:
             # the wall is where the reference line is, not where it would be built: it is drawn apart, behind the body
             beside -= not outside
             own = end(node, BESIDE * apart).shifted(-HALF * dx, HALF * dy)
-            at = End(own.x - dx * BUILT, own.y + dy * BUILT)
+            at = Anchor(own.x - dx * BUILT, own.y + dy * BUILT)
             first, second = (at, own) if walled == a else (own, at)
             apart, across = apart + 1, 0.0
         elif abs(place[b] - place[a]) * s < SHORTEST:
@@ -105,7 +105,7 @@ def _along(plane: Plane, carrier: Element, strip: Strip) -> set[str]:
         if element.symbol == "spring-damper":
             made = symbols.spring_damper(element.name, first, second)
         plane.items.append(replace(made, variables={"force": f"{element.name}.f"}, nodes=(meets(a), meets(b))))
-        middle = End((first.x + second.x) / 2, (first.y + second.y) / 2)
+        middle = Anchor((first.x + second.x) / 2, (first.y + second.y) / 2)
         plane.wishes.append(Wish(plane.names.part(element, "k", "c"), middle, element.name, 16.0))
         for n, at in ((a, first), (b, second)):
             held = strip.held(n)
@@ -131,14 +131,14 @@ def _meeting(plane: Plane, known: tuple[int, int], node: int) -> None:
         layer[first:] = [replace(item, nodes=(node,) * len(item.ends)) for item in layer[first:]]
 
 
-def _wall(part: str, at: End, direction: Point, sense: float) -> Item:
+def _wall(part: str, at: Anchor, direction: Point, sense: float) -> Item:
     """A piece of wall across a rail."""
     ux, uy = direction[0] * sense, direction[1] * sense
     a, b = (-uy * 16, ux * 16), (uy * 16, -ux * 16)
     return Item("wall", part, (at,), tuple(symbols.hatching(a, b, 1)))
 
 
-def _on(plane: Plane, element: Element, at: End, direction: Point) -> None:
+def _on(plane: Plane, element: Element, at: Anchor, direction: Point) -> None:
     """A mass or a force at a point of a rail."""
     ux, uy = direction
     if element.symbol in BODIES:
@@ -152,7 +152,7 @@ def _on(plane: Plane, element: Element, at: End, direction: Point) -> None:
             start, tip = tip, start
         made = symbols.arrow("force", element.name, at, start, tip, "force", 2.0)
         plane.front.append(replace(made, variables={"force": f"{element.name}.f"}))
-        label = End(at.x + 62 * ux, at.y + 62 * uy, at.moves)
+        label = Anchor(at.x + 62 * ux, at.y + 62 * uy, at.moves)
         plane.wishes.append(Wish(plane.names.signal(element, "f"), label, element.name, 8.0, "force"))
     else:
         text = plane.names.called(element)
@@ -186,12 +186,12 @@ def _about(plane: Plane, carrier: Element, strip: Strip, node: int) -> set[str]:
     return done
 
 
-def _flywheel(plane: Plane, carrier: Element, element: Element, at: End, radius: float) -> None:
+def _flywheel(plane: Plane, carrier: Element, element: Element, at: Anchor, radius: float) -> None:
     """A wheel about a pin, behind the mechanism."""
     turn = Turn(0.0, f"{carrier.name}.phi")
     met = tuple(p.node for p in element.ports)
     spoke = symbols.path((0, 0), (radius, 0), colour="muted", width=1.0)
     disk = Circle((0.0, 0.0, 0.0), radius, "body")
     plane.back.insert(0, Item("wheel", element.name, (at,), (disk, spoke), turn, {"angle": turn.variable}, nodes=met))
-    rim = End(at.x - 0.7 * radius, at.y + 0.7 * radius, at.moves)
+    rim = Anchor(at.x - 0.7 * radius, at.y + 0.7 * radius, at.moves)
     plane.wishes.append(Wish(plane.names.part(element, "J", "m"), rim, element.name, 10.0))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.names import Names
-from lmoc.view.scene.picture import End, Item, middle
+from lmoc.view.scene.picture import Anchor, Item, middle
 
 
-def between(element: Element, kind: str, a: End, b: End, shaft: bool, names: Names) -> Item:
+def between(element: Element, kind: str, a: Anchor, b: Anchor, shaft: bool, names: Names) -> Item:
     """Return the symbol of an element between two ends."""
     name = element.name
     if element.hidden:
@@ -46,7 +46,7 @@ def breadth(kind: str) -> float:
             "clutch": 15.0, "ratchet": 15.0, "bearing-friction": 15.0}.get(kind, 9.0)  # fmt: skip
 
 
-def beside(element: Element, a: End, b: End, text: str, room: float, upright: bool) -> Item:
+def beside(element: Element, a: Anchor, b: Anchor, text: str, room: float, upright: bool) -> Item:
     """A label at the middle of an element, above it or to its right."""
     centre = middle(a, b)
     if upright:

@@ -15,7 +15,7 @@ from lmoc.view.scene.dimensions import dimensioned
 from lmoc.view.scene.elements import Graph
 from lmoc.view.scene.joined import joined
 from lmoc.view.scene.names import Names, shortened, symbol
-from lmoc.view.scene.picture import End, Picture
+from lmoc.view.scene.picture import Anchor, Picture
 from lmoc.view.scene.planar import draw_plane, finish, is_planar
 from lmoc.view.scene.schematic import GAP, WIDTH, Schematic, gravity_arrow, style_of
 from lmoc.view.scene.strip import BODIES
@@ -71,7 +71,7 @@ def picture_of(
 def without_parts(flat: FlatDAE) -> Picture:
     """Return what stands in the place of a picture where there is nothing to draw."""
     note = f"{flat.name} has no parts that move or turn, only its {flat.equation_count} equations"
-    return finished(Block((symbols.label(shortened(note, 90), End(0, 0)),)), flat.description or flat.name, (note,))
+    return finished(Block((symbols.label(shortened(note, 90), Anchor(0, 0)),)), flat.description or flat.name, (note,))
 
 
 def not_drawn(graph: Graph) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.names import Names
-from lmoc.view.scene.picture import End, Item, Label, Path, Point
+from lmoc.view.scene.picture import Anchor, Item, Label, Path, Point
 from lmoc.view.scene.placing import Ink, cleared
 
 ASIDE = (22.0, -22.0, 34.0, -34.0, 48.0, -48.0, 66.0, -66.0)  # px from what is measured
@@ -36,7 +36,7 @@ def dimensioned(block: Block, graph: Graph, names: Names) -> Block:
     return Block(tuple(cleared(items)), block.anchors)
 
 
-def _measured(item: Item, element: Element, graph: Graph, names: Names) -> Iterator[tuple[End, End, str]]:
+def _measured(item: Item, element: Element, graph: Graph, names: Names) -> Iterator[tuple[Anchor, Anchor, str]]:
     """Yield what is measured of a part: from where, to where, and what it says."""
     known = [(n, graph.value(element, n)) for n in LENGTHS[item.symbol]]
     known = [(n, v) for n, v in known if isfinite(v) and v]
@@ -52,7 +52,7 @@ def _measured(item: Item, element: Element, graph: Graph, names: Names) -> Itera
         if len(known) == 2 and known[0][1] * known[1][1] < 0:
             low, high = sorted(known, key=lambda k: k[1])
             part = abs(low[1]) / whole
-            middle = End(a.x + part * (b.x - a.x), a.y + part * (b.y - a.y), a.moves)
+            middle = Anchor(a.x + part * (b.x - a.x), a.y + part * (b.y - a.y), a.moves)
             yield a, middle, _text(element, *low, names)
             yield middle, b, _text(element, *high, names)
         return
@@ -61,7 +61,7 @@ def _measured(item: Item, element: Element, graph: Graph, names: Names) -> Itera
         return
     tips = sorted((v for v in shape.vertices if hypot(v[1], v[2]) > 1), key=lambda v: hypot(v[1], v[2]))
     for vertex, (name, value) in zip(tips, sorted(known, key=lambda k: abs(k[1])), strict=False):
-        yield item.ends[0], End(*frame.place(vertex)), _text(element, name, value, names)
+        yield item.ends[0], Anchor(*frame.place(vertex)), _text(element, name, value, names)
 
 
 def _text(element: Element, name: str, value: float, names: Names) -> str:
@@ -73,7 +73,7 @@ def _number(value: float) -> str:
     return f"{value:.4g} m"
 
 
-def _line(a: End, b: End, text: str, part: str, ink: Ink) -> Item:
+def _line(a: Anchor, b: Anchor, text: str, part: str, ink: Ink) -> Item:
     """A dimension line beside two points, on the side and as far away as covers least."""
     length = hypot(b.x - a.x, b.y - a.y)
     nx, ny = -(b.y - a.y) / length, (b.x - a.x) / length
@@ -100,7 +100,7 @@ def _line(a: End, b: End, text: str, part: str, ink: Ink) -> Item:
     x, y = (x0 + x1) / 2 - a.x, (y0 + y1) / 2 - a.y
     cos, sin = ny, -nx
     label = Label(text, (0.0, x * cos + y * sin, y * cos - x * sin), size=12.0, colour="muted")
-    return Item("dimension", part, (End(a.x, a.y, a.moves), End(b.x, b.y, b.moves)), (*lines, *along, label))
+    return Item("dimension", part, (Anchor(a.x, a.y, a.moves), Anchor(b.x, b.y, b.moves)), (*lines, *along, label))
 
 
 def _beyond(off: float, component: float, half: float) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block, Corners, shape_corners, united
 from lmoc.view.scene.elements import Element, Graph
-from lmoc.view.scene.picture import End, Item, Label, Point
+from lmoc.view.scene.picture import Anchor, Item, Label, Point
 from lmoc.view.scene.placing import Ink, cleared
 from lmoc.view.scene.standing import MARK, goes_on
 
@@ -92,13 +92,13 @@ def _box(element: Element, nodes: Sequence[int]) -> Item:
 
     text = shortened(element.name)
     half = width(text, 13) / 2 + 9
-    return replace(symbols.box("box", element.name, End(0, 0), (-half, -14, half, 14), text), nodes=tuple(nodes))
+    return replace(symbols.box("box", element.name, Anchor(0, 0), (-half, -14, half, 14), text), nodes=tuple(nodes))
 
 
 def _stub(item: Item, node: int, k: int) -> Item:
     """A line from an item to a port of it that is elsewhere."""
     x, y = _middle(_corners(item))
-    at = End(x, y, item.ends[0].moves)
+    at = Anchor(x, y, item.ends[0].moves)
     return replace(symbols.line("joint", item.part, at, at.shifted(10.0 + 8.0 * k, 16.0), 1.2), nodes=(-1, node))
 
 
@@ -151,19 +151,19 @@ def _groups(items: Sequence[Item], members: Sequence[int], node: int) -> list[li
 
 def _mark(items: Sequence[Item], piece: Sequence[int], node: int, ink: Ink) -> list[Item]:
     """Return a circle beside a piece, where it covers least, and the line that leads to it."""
-    found: list[tuple[End, Point]] = []
+    found: list[tuple[Anchor, Point]] = []
     plain = [k for k in piece if items[k].symbol not in (*BESIDE, "string")]  # a rope over a wheel fills no rectangle
     for item in [items[k] for k in plain or piece][:4]:
         for corners in places(item, node):
             end = next((e for e, n in zip(item.ends, item.nodes) if n == node), item.ends[0])
             rim = item.symbol in ROUND
-            found += [(End(*start, end.moves), centre) for start, centre in _candidates(corners, rim)]
+            found += [(Anchor(*start, end.moves), centre) for start, centre in _candidates(corners, rim)]
     room = MARK + 3.0
     boxes = [(x - room, y - room, x + room, y + room) for _, (x, y) in found]
     costs = ink.costs(boxes, 40.0) + np.array([hypot(x - start.x, y - start.y) for start, (x, y) in found])
     start, centre = found[int(costs.argmin())]
-    leader = replace(symbols.line("joint", "", start, End(*centre, start.moves), 1.2, "muted"), nodes=(node, node))
-    made = [leader, goes_on(node, End(*centre, start.moves))]
+    leader = replace(symbols.line("joint", "", start, Anchor(*centre, start.moves), 1.2, "muted"), nodes=(node, node))
+    made = [leader, goes_on(node, Anchor(*centre, start.moves))]
     ink.add(made)
     return made
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import End, Item, Point
+from lmoc.view.scene.picture import Anchor, Item, Point
 from lmoc.view.scene.rows import Rows, RowSegment, lay_out
 from lmoc.view.scene.strip import BODIES, HELD, IN_LINE, PITCH, PUSHED, Direction, Strip, Style
 from lmoc.view.scene.text import escaped, width
@@ -137,7 +137,7 @@ class Layout:
         dx, dy = self.direction
         return along * dx + (across if self.upright else 0.0), along * dy + (0.0 if self.upright else across)
 
-    def end(self, node: int, along: float = 0.0, across: float | None = None) -> End:
+    def end(self, node: int, along: float = 0.0, across: float | None = None) -> Anchor:
         """A point that moves with a node: so far along from its middle, at a place across."""
         if across is None:
             low, high = self.rows.span[node]

@@ -9,7 +9,7 @@ from lmoc.support.records import dataclass
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph
-from lmoc.view.scene.picture import End, Item, Label, Move, Path, Turn
+from lmoc.view.scene.picture import Anchor, Item, Label, Move, Path, Turn
 from lmoc.view.scene.ropes import Hanging
 from lmoc.view.scene.strip import BODIES, DOWN, GROUP, RIGHT, UP, Direction, Strip
 from lmoc.view.scene.strips import draw_strip
@@ -52,19 +52,19 @@ def _bar(element: Element, points: Sequence[tuple[float, float]], shaft: Turning
     turn = Turn(0.0, hanging.style.variables.get(shaft.node, "") if shaft else "")
     met = tuple(p.node for p in element.ports)
     shape = Path(vertices, width=5.0)
-    return Item("lever", element.name, (End(0, 0),), (shape,), turn, {"angle": turn.variable}, nodes=met)
+    return Item("lever", element.name, (Anchor(0, 0),), (shape,), turn, {"angle": turn.variable}, nodes=met)
 
 
 def _pivot(element: Element, shaft: Turning | None, hanging: Hanging, down: bool) -> list[Item]:
-    items = [symbols.pivot("", End(0, 0), (0.0, 1.0 if down else -1.0))]
+    items = [symbols.pivot("", Anchor(0, 0), (0.0, 1.0 if down else -1.0))]
     if shaft is not None:
         more, legs = decorated(shaft, hanging.style, 18.0, down, title=False)
         names = [hanging.style.names.part(e, "J", "m") for e in shaft.on if e.symbol in BODIES]
         if names:
             bodies = [e.name for e in shaft.on if e.symbol in BODIES]
             part = bodies[0]
-            more += [Item("body", name, (End(0, 0),), (), nodes=(shaft.node,)) for name in bodies]
-            more.append(symbols.label(" + ".join(names), End(0, 0), 22, 10 if down else 4, "start", part))
+            more += [Item("body", name, (Anchor(0, 0),), (), nodes=(shaft.node,)) for name in bodies]
+            more.append(symbols.label(" + ".join(names), Anchor(0, 0), 22, 10 if down else 4, "start", part))
         items += [*legs, *more]
     return items
 
@@ -96,7 +96,7 @@ def _upright(element: Element, shaft: Turning | None, ends: Sequence[Tip], hangi
 def _joint_dot(tip: Tip, at: tuple[float, float], direction: Direction, hanging: Hanging) -> Item:
     variable = hanging.style.variables.get(tip.node)
     moves = (Move(variable, direction[0], direction[1], None, GROUP),) if variable else ()
-    return Item("joint", "", (End(*at, moves),), (symbols.Circle((0, 0, 0), 3.0, "paper"),), nodes=(tip.node,))
+    return Item("joint", "", (Anchor(*at, moves),), (symbols.Circle((0, 0, 0), 3.0, "paper"),), nodes=(tip.node,))
 
 
 def _scale(placed: Sequence[tuple[Tip, Block, bool]]) -> float:
@@ -171,7 +171,7 @@ def _beam(element: Element, contents: Sequence[tuple[Tip, float, Block]], scale:
     for tip, length, _ in sorted(contents, key=lambda c: c[1])[:: len(contents) - 1 or 1]:
         variable = hanging.style.variables.get(tip.node)
         moves = (Move(variable, *UP, None, GROUP),) if variable else ()
-        ends.append(End(length * scale, 0.0, moves))
+        ends.append(Anchor(length * scale, 0.0, moves))
     corners = ((0, -8, -5), (1, 8, -5), (1, 8, 5), (0, -8, 5))
     met = tuple(tip.node for tip, _, _ in sorted(contents, key=lambda c: c[1])[:: len(contents) - 1 or 1])
     return Item("beam", element.name, tuple(ends), (Path(corners, True, "body"),), Turn(), {}, nodes=met)
@@ -181,9 +181,9 @@ def _beam_names(element: Element, pivot: int, hanging: Hanging) -> list[Item]:
     names, style = hanging.style.names, hanging.style
     text = names.part(element, "m", "J")
     hinge = symbols.Circle((0, 0, 0), 3.5, "paper")
-    items = [Item("pivot", element.name, (End(0, 0),), (hinge,), nodes=(pivot,))]
-    items.append(Item("label", element.name, (End(0, 0),), (Label(text, (0, 0, -20)),)))
+    items = [Item("pivot", element.name, (Anchor(0, 0),), (hinge,), nodes=(pivot,))]
+    items.append(Item("label", element.name, (Anchor(0, 0),), (Label(text, (0, 0, -20)),)))
     if pivot in style.coordinates:
         shapes = (Label(style.coordinates[pivot], (0, -10, -40), "end"),)
-        items.append(symbols.arrow("coordinate", "", End(0, -8), (-4, -22), (-4, -50), "ink", 1.2, shapes))
+        items.append(symbols.arrow("coordinate", "", Anchor(0, -8), (-4, -22), (-4, -50), "ink", 1.2, shapes))
     return items

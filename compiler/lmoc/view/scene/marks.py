@@ -5,7 +5,7 @@ from __future__ import annotations
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.layout import Layout
-from lmoc.view.scene.picture import End, Item, Label, Path, Point, Turn, middle
+from lmoc.view.scene.picture import Anchor, Item, Label, Path, Point, Turn, middle
 from lmoc.view.scene.strip import ARROW, THICK
 from lmoc.view.scene.text import width
 
@@ -54,11 +54,11 @@ def coordinate(layout: Layout, node: int, low: float, high: float) -> None:
     if layout.upright and layout.strip.bodies(node):
         thick = max(thick, width(layout.title(node), 13) / 2 + 9)
     at = layout.place(layout.rows.along[node], low)
-    end = End(*at)
+    end = Anchor(*at)
     if not layout.upright and crowded(layout, node, low / layout.pitch - 1):
         pushed = any(e.symbol == "force" for e in layout.strip.on[node])
         if not pushed and not crowded(layout, node, high / layout.pitch + 1):
-            end = End(at[0], layout.place(0.0, high)[1])
+            end = Anchor(at[0], layout.place(0.0, high)[1])
             coordinate_below(layout, node, end, thick)
             return
     if not layout.upright and is_loose(layout, node):
@@ -86,7 +86,7 @@ def is_loose(layout: Layout, node: int) -> bool:
     return not layout.leaves(node) and not layout.strip.on[node]
 
 
-def coordinate_below(layout: Layout, node: int, end: End, thick: float) -> None:
+def coordinate_below(layout: Layout, node: int, end: Anchor, thick: float) -> None:
     """A reference line and an arrow below a body."""
     ref = _reference((0, thick + 3), (0, thick + 26))
     shapes = (ref, Label(layout.style.coordinates[node], (0, ARROW + 5, thick + 19), "start"))

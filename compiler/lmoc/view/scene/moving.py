@@ -13,7 +13,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import corners_of, shifted, united
-from lmoc.view.scene.picture import End, Item, Move, Picture, Turn
+from lmoc.view.scene.picture import Anchor, Item, Move, Picture, Turn
 
 GAP = 26.0  # px between two frames
 MARGIN = 12.0
@@ -86,7 +86,7 @@ class Moving:
         return tuple(self._frozen(item, change, index) for item in self.picture.items)
 
     def _frozen(self, item: Item, change: Callable[[Move], float], index: int) -> Item:
-        ends = tuple(End(*end.at(change)) for end in item.ends)
+        ends = tuple(Anchor(*end.at(change)) for end in item.ends)
         turn = item.turn
         if turn.variable:
             turn = Turn(turn.at(self._change(turn.variable, turn.reference, index)))
@@ -122,7 +122,7 @@ def strip(picture: Picture, run: Trajectory, count: int) -> Picture:
     for n, (k, own) in enumerate(zip(chosen, frames, strict=True)):
         x, y = (n % columns) * wide + MARGIN - left, (n // columns) * high + MARGIN - top
         items += [shifted(i, x, y) for i in own if n == 0 or i.symbol not in ONCE]
-        at = End(x + (left + right) / 2, y + bottom + LABEL / 2 + 2)
+        at = Anchor(x + (left + right) / 2, y + bottom + LABEL / 2 + 2)
         items.append(symbols.label(f"t = {run.time[k]:.4g} s", at, colour="muted"))
     width, height = columns * wide - GAP + 2 * MARGIN, rows * high - GAP + 2 * MARGIN
     return Picture(picture.title, width, height, tuple(items), {}, picture.notes)

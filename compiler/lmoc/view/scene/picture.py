@@ -9,7 +9,7 @@ An item has one or two ends, points of the picture that may follow variables. It
 * two ends: the origin is the first end, the frame's x axis points to the second, y to the right of it (downwards where
   x points to the right). The frame is not stretched: a vertex says itself what part of the distance it takes along.
 
-To move a picture: find the ends (`End.at`) and the angle (`Turn.at`) for the variables' values, then place the shapes
+To move a picture: find the ends (`Anchor.at`) and the angle (`Turn.at`) for the variables' values, place the shapes
 (`Frame.place`). Nothing else depends on time.
 """
 
@@ -49,7 +49,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class End:
+class Anchor:
     """A point of the picture: where it is drawn, and what moves it."""
 
     x: float
@@ -68,15 +68,15 @@ class End:
         shifts = [(move, change(move)) for move in self.moves]
         return self.x + sum(m.dx * s for m, s in shifts), self.y + sum(m.dy * s for m, s in shifts)
 
-    def shifted(self, dx: float, dy: float) -> End:
+    def shifted(self, dx: float, dy: float) -> Anchor:
         """Return a point beside it that moves alike."""
-        return End(self.x + dx, self.y + dy, self.moves)
+        return Anchor(self.x + dx, self.y + dy, self.moves)
 
 
-def middle(a: End, b: End) -> End:
+def middle(a: Anchor, b: Anchor) -> Anchor:
     """Return the point between two ends, which moves with both."""
     moves = tuple(Move(m.variable, m.dx / 2, m.dy / 2, m.reference, m.group) for m in (*a.moves, *b.moves))
-    return End((a.x + b.x) / 2, (a.y + b.y) / 2, moves)
+    return Anchor((a.x + b.x) / 2, (a.y + b.y) / 2, moves)
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class Item:
 
     symbol: str
     part: str
-    ends: tuple[End, ...]
+    ends: tuple[Anchor, ...]
     shapes: tuple[Shape, ...]
     turn: Turn = Turn()
     variables: Mapping[str, str] = field(default_factory=dict)
@@ -194,7 +194,7 @@ class Item:
         return tuple(_hung(s, frame, self.slack) if isinstance(s, Path) else s for s in self.shapes)
 
     @property
-    def halfway(self) -> End:
+    def halfway(self) -> Anchor:
         """Return the point between its two ends, on the string where one hangs."""
         end = middle(*self.ends)
         if not self.slack > LEAST_SLACK:
@@ -203,7 +203,7 @@ class Item:
         if not isinstance(shape, Path):
             return end
         x, y = frame.place(shape.vertices[len(shape.vertices) // 2])
-        return End(x, y, end.moves)
+        return Anchor(x, y, end.moves)
 
     def frame(self, change: Callable[[Move], float] | None = None, turned: float = 0.0) -> Frame:
         """Return the frame for the moves of its ends, and the change of the variable of its turn."""

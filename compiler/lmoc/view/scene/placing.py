@@ -10,7 +10,7 @@ import numpy as np
 
 from lmoc.support.records import dataclass
 from lmoc.view.scene.block import Corners, shape_corners
-from lmoc.view.scene.picture import Circle, End, Frame, Item, Label, Path, Point
+from lmoc.view.scene.picture import Anchor, Circle, Frame, Item, Label, Path, Point
 from lmoc.view.scene.text import box
 
 NEAR = 2.5  # px between a label and a line
@@ -24,7 +24,7 @@ class Wish:
     """A label that is to stand near a point: at least `clear` px from it."""
 
     text: str
-    at: End
+    at: Anchor
     part: str = ""
     clear: float = 10.0
     colour: str = "ink"

@@ -12,7 +12,7 @@ from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names, symbol
 from lmoc.view.scene.parallel import moved_across, place_across
-from lmoc.view.scene.picture import Circle, End, Item, Move, Path, Point, Shape, Turn, Vertex, middle
+from lmoc.view.scene.picture import Anchor, Circle, Item, Move, Path, Point, Shape, Turn, Vertex, middle
 from lmoc.view.scene.placing import Wish, placed_labels
 from lmoc.view.scene.text import width
 
@@ -48,12 +48,12 @@ class Plane:
         """Return the place of a port at the start, in metres."""
         return self.value(self.graph.name(port, 0)), self.value(self.graph.name(port, 1))
 
-    def end(self, port: Port) -> End:
+    def end(self, port: Port) -> Anchor:
         """A port in the picture, with what moves it."""
         x, y = self.xy(port)
         s = self.scale
         moves = Move(self.graph.name(port, 0), s, 0.0, x), Move(self.graph.name(port, 1), 0.0, -s, y)
-        return End(s * x, -s * y, moves)
+        return Anchor(s * x, -s * y, moves)
 
     def turn(self, port: Port) -> Turn:
         """The direction of a frame."""
@@ -137,7 +137,7 @@ class Plane:
         if kind != "string":
             at, frame = self.items[-1].halfway, self.items[-1].frame()
             x, y = at.x - across * frame.sin, at.y + across * frame.cos
-            self.wishes.append(Wish(text, End(x, y, at.moves), element.name, 12.0))
+            self.wishes.append(Wish(text, Anchor(x, y, at.moves), element.name, 12.0))
 
     def _slack(self, variables: Mapping[str, str]) -> float:
         """By how much a string is longer than the way between its ends, m; 0 where that is not known."""
@@ -192,7 +192,7 @@ class Plane:
         frame = Item("", "", (self.end(port),), (), turn).frame()
         at = frame.place((0.0, x, y))
         own = self.end(port)
-        self.wishes.append(Wish(self.names.part(element, "m"), End(*at, own.moves), element.name, 20.0))
+        self.wishes.append(Wish(self.names.part(element, "m"), Anchor(*at, own.moves), element.name, 20.0))
 
     def _fixed(self, port: Port, element: Element) -> list[Point]:
         """Points fixed to a body's frame, in px as seen from it."""
@@ -216,7 +216,7 @@ class Plane:
         if others and others <= {"slider"}:
             self.back.append(Item("ground", element.name, (at,), ()))
             return
-        self.back.append(symbols.pivot(element.name, End(at.x, at.y), (0.0, 1.0), element.symbol))
+        self.back.append(symbols.pivot(element.name, Anchor(at.x, at.y), (0.0, 1.0), element.symbol))
 
     def pin(self, element: Element, ports: Sequence[Port]) -> None:
         """A pin, with the name of its angle where the model has one."""
@@ -243,7 +243,7 @@ class Plane:
         nx, ny = -ey * gap, ex * gap
         p, q = (p[0] + nx, p[1] + ny), (q[0] + nx, q[1] + ny)
         if fixed:
-            self.back.append(Item("rail", element.name, (End(a.x, a.y),), tuple(symbols.hatching(p, q, 1))))
+            self.back.append(Item("rail", element.name, (Anchor(a.x, a.y),), tuple(symbols.hatching(p, q, 1))))
         else:
             self.back.append(Item("rail", element.name, (a,), (symbols.path(p, q, width=2.0, colour="muted"),)))
         carried = any(e.symbol == "body" and e.ports[0].node == element.port("b").node for e in self.elements)
@@ -263,7 +263,7 @@ class Plane:
         size = hypot(nx, ny) or 1.0
         nx, ny = nx / size, ny / size
         p, q = (-70 * nx - ny * 9, -70 * ny + nx * 9), (70 * nx - ny * 9, 70 * ny + nx * 9)
-        self.back.append(Item("guide", element.name, (End(at.x, at.y),), tuple(symbols.hatching(p, q, 1))))
+        self.back.append(Item("guide", element.name, (Anchor(at.x, at.y),), tuple(symbols.hatching(p, q, 1))))
         flange = element.port("flange")
         masses = {e.ports[0].node for e in self.graph.elements if e.symbol == "mass"}
         if flange is not None and flange.node in masses:
@@ -279,7 +279,7 @@ class Plane:
         shapes = (Circle((0.0, 0.0, 0.0), r, "body"), spoke)
         self.items.insert(0, Item("rolling-wheel", element.name, (at,), shapes, self.turn(ports[0])))
         ground = symbols.hatching((-r - 60, 0), (r + 60, 0), 1)
-        self.back.append(Item("ground", element.name, (End(at.x, 0.0),), tuple(ground)))
+        self.back.append(Item("ground", element.name, (Anchor(at.x, 0.0),), tuple(ground)))
 
     def contact(self, element: Element, ports: Sequence[Port]) -> None:
         """A wall or a floor that a point may touch."""
@@ -288,7 +288,7 @@ class Plane:
         size = hypot(nx, ny) or 1.0
         nx, ny = nx / size, ny / size
         away = nx * x + ny * y - self.own(element, "d")
-        foot = End(self.scale * (x - away * nx), -self.scale * (y - away * ny))
+        foot = Anchor(self.scale * (x - away * nx), -self.scale * (y - away * ny))
         p, q = (-60 * ny, -60 * nx), (60 * ny, 60 * nx)
         self.back.append(Item("contact", element.name, (foot,), tuple(symbols.hatching(p, q, 1))))
 
@@ -300,14 +300,14 @@ class Plane:
         ux, uy = (fx / size, -fy / size) if isfinite(size) and size > 0 else (1.0, 0.0)
         made = symbols.arrow("force", element.name, at, (0, 0), (40 * ux, 40 * uy), "force", 2.0)
         self.front.append(replace(made, variables={"fx": f"{element.name}.fx", "fy": f"{element.name}.fy"}))
-        tip = End(at.x + 40 * ux, at.y + 40 * uy, at.moves)
+        tip = Anchor(at.x + 40 * ux, at.y + 40 * uy, at.moves)
         self.wishes.append(Wish(self.names.signal(element, "fx"), tip, element.name, 8.0, "force"))
 
     def torque(self, element: Element, ports: Sequence[Port]) -> None:
         """A given torque."""
         self.around(element, self.end(ports[0]), self.names.signal(element, "tau"), "force")
 
-    def around(self, element: Element, at: End, text: str, colour: str, radius: float = 24.0) -> None:
+    def around(self, element: Element, at: Anchor, text: str, colour: str, radius: float = 24.0) -> None:
         """An arrow around a point, with a label."""
         made = symbols.turning_arrow(element.symbol, element.name, at, radius, 1.2, 2.9, colour)
         self.front.append(replace(made, variables={"torque": f"{element.name}.tau"}))
@@ -318,7 +318,7 @@ class Plane:
         at = self.end(ports[0])
         self.spiral(element, at)
 
-    def spiral(self, element: Element, at: End) -> None:
+    def spiral(self, element: Element, at: Anchor) -> None:
         """The symbol of a torsional spring or damper about a point."""
         if element.symbol == "torsion-spring":
             points = [(0.0, (6 + 0.9 * t) * cos(t), -(6 + 0.9 * t) * sin(t)) for t in [k * 0.3 for k in range(42)]]

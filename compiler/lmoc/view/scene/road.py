@@ -9,7 +9,7 @@ from math import isfinite
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import Circle, End, Item, Move
+from lmoc.view.scene.picture import Anchor, Circle, Item, Move
 from lmoc.view.scene.ropes import Hanging, rod
 from lmoc.view.scene.strip import BODIES, GROUP, RIGHT, THICK, Strip
 from lmoc.view.scene.strips import draw_strip
@@ -45,11 +45,11 @@ def draw_road(
         x, r, node = places[w.name], radii[w.name], nodes[w.name]
         left, top = line.anchors[node]
         above = left, top + (THICK if strip is not None and strip.bodies(node) else 0.0)
-        axles += _axle(w, above, End(x, ground - r), low + 8.0, hanging)
+        axles += _axle(w, above, Anchor(x, ground - r), low + 8.0, hanging)
         block = block.beside(_wheel(w, shafts[w.name], r, hanging).at(x, ground - r))
     begin = min(places[w.name] - radii[w.name] for w in wheels) - BEYOND
     end = max(places[w.name] + radii[w.name] for w in wheels) + BEYOND
-    road = symbols.wall("", End(0.0, ground), (0.0, 1.0), begin, end, "road")
+    road = symbols.wall("", Anchor(0.0, ground), (0.0, 1.0), begin, end, "road")
     return Block(tuple(axles)).beside(line, block, Block((road,)))
 
 
@@ -82,13 +82,13 @@ def _moves(node: int, hanging: Hanging) -> tuple[Move, ...]:
     return (Move(variable, *RIGHT, None, GROUP),) if variable else ()
 
 
-def _axle(w: Element, above: tuple[float, float], centre: End, level: float, hanging: Hanging) -> list[Item]:
+def _axle(w: Element, above: tuple[float, float], centre: Anchor, level: float, hanging: Hanging) -> list[Item]:
     """What joins a body and the axle of its wheel: straight pieces, down, aside and down again."""
     node = w.port("flange").node
     moves = _moves(node, hanging)
     begin, end = (centre.x, centre.y), above
     points = [begin, (begin[0], level), (end[0], level), end] if begin[0] != end[0] else [begin, end]
-    ends = [End(*point, moves) for point in points]
+    ends = [Anchor(*point, moves) for point in points]
     return [rod(node, a, b) for a, b in zip(ends, ends[1:])]
 
 
@@ -101,10 +101,10 @@ def _wheel(w: Element, shaft: Turning, radius: float, hanging: Hanging) -> Block
     names = hanging.style.names
     bodies = [names.part(e, "J", "m") for e in shaft.on if e.symbol in BODIES]
     place = (0.0, 0.52 * radius, "middle") if bodies and radius > 26 else (radius + 6, -2.0, "start")
-    items.append(symbols.label(" + ".join(bodies) or names.part(w, "r"), End(0, 0), *place, w.name))
+    items.append(symbols.label(" + ".join(bodies) or names.part(w, "r"), Anchor(0, 0), *place, w.name))
     disk = wheel(shaft, hanging.style, [radius], False)
     met = node, w.port("shaft").node
-    axle = Item("wheel", w.name, (End(0, 0),), (Circle((0.0, 0.0, 0.0), 3.5, "paper"),), nodes=met)
+    axle = Item("wheel", w.name, (Anchor(0, 0),), (Circle((0.0, 0.0, 0.0), 3.5, "paper"),), nodes=met)
     made = [*disk, axle, *items]
     moved = [replace(i, ends=tuple(replace(e, moves=(*e.moves, *moves)) for e in i.ends)) for i in made]
     return Block(tuple(moved), {w.port("shaft").node: (0.0, 0.0)})

@@ -9,7 +9,7 @@ from lmoc.support.records import dataclass
 from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import End, Item, Move, Path, Point
+from lmoc.view.scene.picture import Anchor, Item, Move, Path, Point
 from lmoc.view.scene.strip import DOWN, GROUP, RIGHT, UP, Direction, DrawnStrip, Strip, Style
 from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.symbols import arc
@@ -140,11 +140,11 @@ class Hanging:
         self, part: str, node: int | None, a: Point, b: Point, moved: int, direction: Direction | None = None
     ) -> Item:
         """A piece of rope; the end `moved` (0, 1, or -1 for none) moves with the node, along its line by default."""
-        ends = [End(*a), End(*b)]
+        ends = [Anchor(*a), Anchor(*b)]
         variable = self.style.variables.get(node)
         if variable and moved >= 0:
             dx, dy = direction or self.direction(node)
-            ends[moved] = End(ends[moved].x, ends[moved].y, (Move(variable, dx, dy, None, GROUP),))
+            ends[moved] = Anchor(ends[moved].x, ends[moved].y, (Move(variable, dx, dy, None, GROUP),))
         made = symbols.line("string", part, ends[0], ends[1], 1.4, "string")
         met = () if node is None else (node, node)
         return replace(made, variables=self.style.names.slack(part), nodes=met)
@@ -176,11 +176,11 @@ def _around_a_corner(joint: Joint, level: int, hung: int, left: Block, hanging: 
     met = (*joint.ends, joint.axle)
     items = [
         hanging.string(part, level, (-LEAST_RADIUS - 40, -r), (0, -r), 0, RIGHT),
-        Item("string", part, (End(0, 0),), (Path(arc(r, 1.5708, 0), colour="string", width=1.4),), nodes=met),
+        Item("string", part, (Anchor(0, 0),), (Path(arc(r, 1.5708, 0), colour="string", width=1.4),), nodes=met),
         hanging.string(part, hung, (r, 0), (r, FALL), 1),
-        Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (-r * 0.6, r + 14), width=2.0),)),
-        symbols.wall("", End(-r * 0.6, r + 14), (0, 1), -16, 16, "bearing"),
-        replace(symbols.pulley(part, End(0, 0), r), nodes=(joint.axle,)),
+        Item("bearing", part, (Anchor(0, 0),), (symbols.path((0, 0), (-r * 0.6, r + 14), width=2.0),)),
+        symbols.wall("", Anchor(-r * 0.6, r + 14), (0, 1), -16, 16, "bearing"),
+        replace(symbols.pulley(part, Anchor(0, 0), r), nodes=(joint.axle,)),
     ]
     block = Block(tuple(items)).beside(left.at(0, -r), content.at(r, FALL))
     return block
@@ -226,15 +226,15 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         move = hanging.style.variables.get(axle)
         moves = (Move(move, *hanging.direction(axle), None, GROUP),) if move else ()
         for centre, _ in own:
-            items.append(rod(axle, End(centre, depth, moves), End(centre, low, moves)))
+            items.append(rod(axle, Anchor(centre, depth, moves), Anchor(centre, low, moves)))
         if len(own) > 1:
-            items.append(rod(axle, End(own[0][0], low, moves), End(own[-1][0], low, moves), 3.0))
-        items.append(rod(axle, End(middle, low, moves), End(middle, low + 14, moves)))
+            items.append(rod(axle, Anchor(own[0][0], low, moves), Anchor(own[-1][0], low, moves), 3.0))
+        items.append(rod(axle, Anchor(middle, low, moves), Anchor(middle, low + 14, moves)))
         block = block.beside(load.at(middle, low + 14))
     return Block(tuple(items)).beside(block)
 
 
-def rod(node: int, a: End, b: End, thick: float = 2.0) -> Item:
+def rod(node: int, a: Anchor, b: Anchor, thick: float = 2.0) -> Item:
     """A rod from an axle to what hangs there."""
     return replace(symbols.line("rod", "", a, b, thick), nodes=(node, node))
 
@@ -265,7 +265,7 @@ def _content(node: int | None, k: int, rope: Rope, hanging: Hanging) -> Block:
     if all(j.below for j in around):
         strip = hanging.strips.get(node)
         if node in hanging.walls:
-            return Block((symbols.wall(hanging.walls[node].name, End(0, 0), (0, -1), -18, 18),), {node: (0, 0)})
+            return Block((symbols.wall(hanging.walls[node].name, Anchor(0, 0), (0, -1), -18, 18),), {node: (0, 0)})
         if strip is not None and id(strip) not in hanging.used and hanging.shown(strip):
             hanging.used.add(id(strip))
             flat = draw_strip(strip, hanging.style, RIGHT)
@@ -307,7 +307,7 @@ def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging) -> Blo
     over = over if len(joint.ends) == 2 else (1.2, 0.0)
     rope = Path(arc(radius, *over), colour="string", width=1.4)
     met = joint.ends if joint.axle is None else (*joint.ends, joint.axle)
-    string = Item("string", part, (End(0, 0),), (rope,), nodes=met)
+    string = Item("string", part, (Anchor(0, 0),), (rope,), nodes=met)
     if joint.shaft is not None:
         strings = [replace(string, part=e.name, nodes=tuple(p.node for p in e.ports)) for e in joint.elements]
         items, legs = decorated(joint.shaft, hanging.style, radius, False, held=True)
@@ -315,10 +315,10 @@ def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging) -> Blo
     if joint.below:
         variable = hanging.style.variables.get(joint.axle)
         moves = (Move(variable, *hanging.direction(joint.axle), None, GROUP),) if variable else ()
-        made = replace(symbols.pulley(part, End(0, 0, moves), radius), nodes=(joint.axle,))
-        return Block((made, replace(string, ends=(End(0, 0, moves),))))
-    stem = Item("bearing", part, (End(0, 0),), (symbols.path((0, 0), (0, ceiling), width=2.0),), nodes=(joint.axle,))
+        made = replace(symbols.pulley(part, Anchor(0, 0, moves), radius), nodes=(joint.axle,))
+        return Block((made, replace(string, ends=(Anchor(0, 0, moves),))))
+    stem = Item("bearing", part, (Anchor(0, 0),), (symbols.path((0, 0), (0, ceiling), width=2.0),), nodes=(joint.axle,))
     if joint.hung:
-        return Block((symbols.pulley(part, End(0, 0), radius), stem, string), {joint.axle: (0.0, ceiling)})
-    hatch = symbols.wall("", End(0, ceiling), (0, -1), -16, 16, "bearing")
-    return Block((hatch, symbols.pulley(part, End(0, 0), radius), stem, string))
+        return Block((symbols.pulley(part, Anchor(0, 0), radius), stem, string), {joint.axle: (0.0, ceiling)})
+    hatch = symbols.wall("", Anchor(0, ceiling), (0, -1), -16, 16, "bearing")
+    return Block((hatch, symbols.pulley(part, Anchor(0, 0), radius), stem, string))

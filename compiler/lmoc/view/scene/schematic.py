@@ -13,7 +13,7 @@ from lmoc.view.scene.block import Block, packed, tangled
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.levers import draw_lever
 from lmoc.view.scene.names import Names
-from lmoc.view.scene.picture import End
+from lmoc.view.scene.picture import Anchor
 from lmoc.view.scene.road import draw_road
 from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
 from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Strip, Style
@@ -249,6 +249,6 @@ def _alone(joint: Joint) -> Rope:
 def gravity_arrow(block: Block, name: str) -> Block:
     """Return a block with an arrow for gravity at its right."""
     _, top, right, _ = block.corners
-    at = End(right + 26, top + 6)
+    at = Anchor(right + 26, top + 6)
     made = symbols.arrow("gravity", "", at, (0, 0), (0, 40), "muted", 1.5)
     return block.beside(Block((made, symbols.label(name, at, 8, 20, "start", colour="muted"))))

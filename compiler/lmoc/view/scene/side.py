@@ -5,7 +5,7 @@ from __future__ import annotations
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.layout import CENTRED, Layout
-from lmoc.view.scene.picture import End, Item, Path, Turn
+from lmoc.view.scene.picture import Anchor, Item, Path, Turn
 from lmoc.view.scene.standing import other, rectangle
 from lmoc.view.scene.strip import BODIES, HELD
 from lmoc.view.scene.text import width
@@ -63,7 +63,7 @@ def _disk(layout: Layout, node: int, tall: float, angle: str) -> None:
 
 
 def around(
-    layout: Layout, end: End, along: float, radius: float, text: str, symbol: str, part: str, colour: str,
+    layout: Layout, end: Anchor, along: float, radius: float, text: str, symbol: str, part: str, colour: str,
     angle: str = "",
 ) -> None:  # fmt: skip
     """An arrow around the shaft beside a disk."""
@@ -84,7 +84,7 @@ def around(
         layout.labels.append(symbols.label(text, end, dx, dy, anchor, part, colour=colour))
 
 
-def brake(layout: Layout, end: End, element: Element) -> None:
+def brake(layout: Layout, end: Anchor, element: Element) -> None:
     """Draw the shoes of a brake on a disk."""
     shapes = []
     for s in (1, -1):

@@ -8,7 +8,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.block import Corners
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.layout import MARK, Layout
-from lmoc.view.scene.picture import Circle, End, Item, Label
+from lmoc.view.scene.picture import Anchor, Circle, Item, Label
 from lmoc.view.scene.strip import THICK
 from lmoc.view.scene.text import width
 
@@ -33,7 +33,7 @@ def body(layout: Layout, node: int, low: float, high: float) -> None:
     layout.items += [Item("mass", name, (layout.end(node),), ()) for name in others]
 
 
-def goes_on(node: int, end: End) -> Item:
+def goes_on(node: int, end: Anchor) -> Item:
     """Return the mark at which a line breaks off that goes on at a node; its number is given later (`joined`)."""
     label = Label("", (0.0, 0.0, 0.0), size=11.0, colour="muted")
     return Item(

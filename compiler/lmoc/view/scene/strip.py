@@ -10,7 +10,7 @@ from lmoc.support.records import dataclass
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.names import Names
-from lmoc.view.scene.picture import End, Move, Point
+from lmoc.view.scene.picture import Anchor, Move, Point
 
 Direction = tuple[float, float]
 RIGHT, UP, DOWN = (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)
@@ -115,11 +115,11 @@ class Style:
     coordinates: Mapping[int, str]  # {node: symbol}
     variables: Mapping[int, str]  # {node: dotted name of the potential}
 
-    def end(self, node: int, at: Point, direction: Direction, shaft: bool, moves: bool = True) -> End:
+    def end(self, node: int, at: Point, direction: Direction, shaft: bool, moves: bool = True) -> Anchor:
         """A point of the picture that moves with a node along a direction."""
         if shaft or not moves or node not in self.variables:
-            return End(*at)
-        return End(*at, (Move(self.variables[node], *direction, None, GROUP),))
+            return Anchor(*at)
+        return Anchor(*at, (Move(self.variables[node], *direction, None, GROUP),))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The symbols of a textbook, each as an item made of plain shapes.
 
-Elements with two ends take the two `End`s; everything else stands at one. Sizes are in px.
+Elements with two ends take the two `Anchor`s; everything else stands at one. Sizes are in px.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import replace
 from math import ceil, cos, hypot, pi, sin
 
 from lmoc.ir.look import Drawn
-from lmoc.view.scene.picture import Circle, End, Item, Label, Path, Shape, Turn, Vertex
+from lmoc.view.scene.picture import Anchor, Circle, Item, Label, Path, Shape, Turn, Vertex
 from lmoc.view.scene.text import width as text_width
 
 LEAD = 12.0  # least straight end of a spring or damper
@@ -43,12 +43,12 @@ def arc(radius: float, start: float, stop: float, centre: tuple[float, float] = 
 # ------------------------------------------------------------------------------- between two ends
 
 
-def line(symbol: str, part: str, a: End, b: End, width: float = 1.5, colour: str = "ink", **style) -> Item:
+def line(symbol: str, part: str, a: Anchor, b: Anchor, width: float = 1.5, colour: str = "ink", **style) -> Item:
     """A straight line: a rod, a string, a piece of shaft."""
     return Item(symbol, part, (a, b), (Path(((0, 0, 0), (1, 0, 0)), False, "", colour, width, **style),))
 
 
-def spring(part: str, a: End, b: End, symbol: str = "spring", variables: dict | None = None) -> Item:
+def spring(part: str, a: Anchor, b: Anchor, symbol: str = "spring", variables: dict | None = None) -> Item:
     """A zigzag between two straight ends."""
     length = _length(a, b)
     lead = min(LEAD, length / 5)
@@ -62,7 +62,7 @@ def spring(part: str, a: End, b: End, symbol: str = "spring", variables: dict | 
     return Item(symbol, part, (a, b), (Path(vertices),), Turn(), variables or {})
 
 
-def damper(part: str, a: End, b: End, symbol: str = "damper", variables: dict | None = None) -> Item:
+def damper(part: str, a: Anchor, b: Anchor, symbol: str = "damper", variables: dict | None = None) -> Item:
     """A piston in a cylinder that is open towards the second end."""
     length = _length(a, b)
     lead = min(LEAD, length / 5)
@@ -79,7 +79,7 @@ def damper(part: str, a: End, b: End, symbol: str = "damper", variables: dict | 
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
-def spring_damper(part: str, a: End, b: End) -> Item:
+def spring_damper(part: str, a: Anchor, b: Anchor) -> Item:
     """A spring and a damper side by side."""
     sides = []
     for made, y in ((spring(part, a, b), -10.0), (damper(part, a, b), 11.0)):
@@ -97,7 +97,7 @@ def lowered(shape: Shape, dy: float) -> Shape:
     return replace(shape, centre=(*shape.centre[:2], shape.centre[2] + dy))
 
 
-def friction(part: str, a: End, b: End, symbol: str = "friction", variables: dict | None = None) -> Item:
+def friction(part: str, a: Anchor, b: Anchor, symbol: str = "friction", variables: dict | None = None) -> Item:
     """Two plates pressed together."""
     half = _length(a, b) / 2
     long = min(30.0, half * 1.2)
@@ -110,7 +110,7 @@ def friction(part: str, a: End, b: End, symbol: str = "friction", variables: dic
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
-def stop(part: str, a: End, b: End, symbol: str = "stop", variables: dict | None = None) -> Item:
+def stop(part: str, a: Anchor, b: Anchor, symbol: str = "stop", variables: dict | None = None) -> Item:
     """A bumper fixed to each end, with the gap between them."""
     length = _length(a, b)
     gap = min(14.0, length / 3)
@@ -124,7 +124,7 @@ def stop(part: str, a: End, b: End, symbol: str = "stop", variables: dict | None
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
-def string(part: str, a: End, b: End, symbol: str = "string", variables: dict | None = None) -> Item:
+def string(part: str, a: Anchor, b: Anchor, symbol: str = "string", variables: dict | None = None) -> Item:
     """A string, as a thin line; an elastic one has some windings in its middle."""
     if symbol == "elastic-string":
         waves = tuple((0.5, 3.0 * (k - 6), 4 * sin(k * pi / 2)) for k in range(13))
@@ -134,7 +134,9 @@ def string(part: str, a: End, b: End, symbol: str = "string", variables: dict | 
     return Item(symbol, part, (a, b), (Path(vertices, colour="string", width=1.3),), Turn(), variables or {})
 
 
-def torsion_spring(part: str, a: End, b: End, symbol: str = "torsion-spring", variables: dict | None = None) -> Item:
+def torsion_spring(
+    part: str, a: Anchor, b: Anchor, symbol: str = "torsion-spring", variables: dict | None = None
+) -> Item:
     """A long slender cylinder with windings on a shaft, as the lecture notes print it."""
     length = _length(a, b)
     lead = min(8.0, length / 6)
@@ -153,7 +155,7 @@ def torsion_spring(part: str, a: End, b: End, symbol: str = "torsion-spring", va
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
-def plates(part: str, a: End, b: End, symbol: str, variables: dict | None = None) -> Item:
+def plates(part: str, a: Anchor, b: Anchor, symbol: str, variables: dict | None = None) -> Item:
     """Two discs facing each other on a shaft: a clutch, friction, a damper (with oil between), a freewheel."""
     half = _length(a, b) / 2
     gap = 3.0
@@ -173,7 +175,7 @@ def plates(part: str, a: End, b: End, symbol: str, variables: dict | None = None
     return Item(symbol, part, (a, b), tuple(shapes), Turn(), variables or {})
 
 
-def gearbox(part: str, a: End, b: End, symbol: str, variables: dict | None = None) -> Item:
+def gearbox(part: str, a: Anchor, b: Anchor, symbol: str, variables: dict | None = None) -> Item:
     """A transmission on a shaft: a box with two wheels in mesh, or apart where they have play."""
     half = _length(a, b) / 2
     radius = 6.0 if symbol == "backlash" else 8.0
@@ -187,7 +189,7 @@ def gearbox(part: str, a: End, b: End, symbol: str, variables: dict | None = Non
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
-def box_between(part: str, a: End, b: End, name: str, variables: dict | None = None) -> Item:
+def box_between(part: str, a: Anchor, b: Anchor, name: str, variables: dict | None = None) -> Item:
     """A box with a name between two ends."""
     wide = text_width(name, FONT) + 14
     shapes = (
@@ -199,14 +201,14 @@ def box_between(part: str, a: End, b: End, name: str, variables: dict | None = N
     return Item("box", part, (a, b), shapes, Turn(), variables or {})
 
 
-def ellipsis(part: str, a: End, b: End, words: str) -> Item:
+def ellipsis(part: str, a: Anchor, b: Anchor, words: str) -> Item:
     """Dots for parts that are left out, and how many they are."""
     dots = tuple(Circle((0.5, x, 0), 2.0, "ink") for x in (-9, 0, 9))
     leads = (Path(((0, 0, 0), (0.5, -18, 0))), Path(((0.5, 18, 0), (1, 0, 0))))
     return Item("ellipsis", part, (a, b), (*leads, *dots))
 
 
-def drawing_between(part: str, a: End, b: End, drawing: Sequence[Drawn], name: str) -> Item:
+def drawing_between(part: str, a: Anchor, b: Anchor, drawing: Sequence[Drawn], name: str) -> Item:
     """A user's own drawing between two ends, as long as their distance."""
     length = _length(a, b)
     half = min(28.0, length / 2)
@@ -247,7 +249,7 @@ def _colours(d: Drawn) -> tuple[str, str]:
     return colour, plain.get(d.paint, d.paint)
 
 
-def _length(a: End, b: End) -> float:
+def _length(a: Anchor, b: Anchor) -> float:
     return hypot(b.x - a.x, b.y - a.y)
 
 
@@ -269,7 +271,7 @@ def hatching(a: tuple[float, float], b: tuple[float, float], side: int, step: fl
     return shapes
 
 
-def wall(part: str, at: End, outwards: tuple[float, float], low: float, high: float, symbol: str = "wall") -> Item:
+def wall(part: str, at: Anchor, outwards: tuple[float, float], low: float, high: float, symbol: str = "wall") -> Item:
     """A hatched wall through a point, at a right angle to `outwards`, where the hatching is.
 
     Parameters
@@ -287,7 +289,7 @@ def wall(part: str, at: End, outwards: tuple[float, float], low: float, high: fl
 def box(
     symbol: str,
     part: str,
-    at: End,
+    at: Anchor,
     corners: tuple[float, float, float, float],
     name: str,
     variables: dict | None = None,
@@ -302,7 +304,7 @@ def box(
 
 
 def arrow(
-    symbol: str, part: str, at: End, tail: tuple[float, float], tip: tuple[float, float], colour: str = "ink",
+    symbol: str, part: str, at: Anchor, tail: tuple[float, float], tip: tuple[float, float], colour: str = "ink",
     width: float = 1.5, shapes: Sequence[Shape] = (), variables: dict | None = None,
 ) -> Item:  # fmt: skip
     """An arrow between two points beside its end."""
@@ -314,7 +316,7 @@ def arrow(
 
 
 def turning_arrow(
-    symbol: str, part: str, at: End, radius: float, start: float, stop: float, colour: str = "ink",
+    symbol: str, part: str, at: Anchor, radius: float, start: float, stop: float, colour: str = "ink",
     variables: dict | None = None,
 ) -> Item:  # fmt: skip
     """An arrow along a circle about its end, from one angle to another."""
@@ -327,14 +329,14 @@ def turning_arrow(
 
 
 def label(
-    text: str, at: End, dx: float = 0.0, dy: float = 0.0, anchor: str = "middle", part: str = "", colour: str = "ink"
+    text: str, at: Anchor, dx: float = 0.0, dy: float = 0.0, anchor: str = "middle", part: str = "", colour: str = "ink"
 ) -> Item:
     """A text beside a point."""
     return Item("label", part, (at,), (Label(text, (0, dx, dy), anchor, colour=colour),))
 
 
 def wheel(
-    symbol: str, part: str, at: End, radius: float, turn: Turn, teeth: bool = False, variables: dict | None = None
+    symbol: str, part: str, at: Anchor, radius: float, turn: Turn, teeth: bool = False, variables: dict | None = None
 ) -> Item:
     """A disk seen along its axis, with a mark that shows how it turns."""
     shapes: list[Shape] = [Circle((0, 0, 0), radius, "body")]
@@ -347,12 +349,12 @@ def wheel(
     return Item(symbol, part, (at,), tuple(shapes), turn, variables or {})
 
 
-def pulley(part: str, at: End, radius: float) -> Item:
+def pulley(part: str, at: Anchor, radius: float) -> Item:
     """A pulley: a wheel without mass."""
     return Item("pulley", part, (at,), (Circle((0, 0, 0), radius, "paper"), Circle((0, 0, 0), 3.0, "ink")))
 
 
-def pivot(part: str, at: End, direction: tuple[float, float] = (0.0, 1.0), symbol: str = "pivot") -> Item:
+def pivot(part: str, at: Anchor, direction: tuple[float, float] = (0.0, 1.0), symbol: str = "pivot") -> Item:
     """A bearing on hatched ground that lies in the given direction."""
     dx, dy = direction
     px, py = -dy, dx

@@ -11,7 +11,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import Circle, End, Item, Turn
+from lmoc.view.scene.picture import Anchor, Circle, Item, Turn
 from lmoc.view.scene.strip import BODIES, Strip, Style
 from lmoc.view.scene.text import plain, width
 
@@ -29,7 +29,7 @@ class Window:
     torque: tuple[float, float]
 
 
-CENTRE = End(0.0, 0.0)  # of a wheel
+CENTRE = Anchor(0.0, 0.0)  # of a wheel
 ALL_ROUND = Window((95, 142), (38, 85))
 FIRST, LAST, BETWEEN = Window((75, 118), (140, 190)), Window((45, 92), (-15, 30)), Window((70, 110), (250, 290))
 
@@ -145,8 +145,8 @@ def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -
         if not held:
             return []
         stem = symbols.path((0, way * radius), (0, way * (radius + 14)), width=2.0)
-        ground = symbols.wall("", End(0, way * (radius + 14)), (0, way), -15, 15, "bearing")
-        return [Item("bearing", "", (End(0, 0),), (stem,)), ground]
+        ground = symbols.wall("", Anchor(0, way * (radius + 14)), (0, way), -15, 15, "bearing")
+        return [Item("bearing", "", (Anchor(0, 0),), (stem,)), ground]
     n = len(shaft.legs)
     top = radius + 12
     xs = [(k - (n - 1) / 2) * APART for k in range(n)]
@@ -157,12 +157,12 @@ def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -
         bar = symbols.path((xs[0], way * top), (xs[-1], way * top), width=2.0)
         items.append(Item("joint", "", (CENTRE,), (bar,), nodes=met))
     for x, element in zip(xs, shaft.legs):
-        a, b = End(x, way * top), End(x, way * (top + LEG))
+        a, b = Anchor(x, way * top), Anchor(x, way * (top + LEG))
         made = between(element, element.symbol, a, b, True, style.names)
         items.append(replace(made, nodes=(shaft.node, -1)))
         items.append(symbols.wall("", b, (0, way), -18, 18, "fixed-shaft"))
         text = style.names.part(element, "k", "c", "tau")
-        items.append(symbols.label(text, End(x, way * (top + 12)), 9, 0, "start", element.name))
+        items.append(symbols.label(text, Anchor(x, way * (top + 12)), 9, 0, "start", element.name))
     return items
 
 
@@ -172,7 +172,7 @@ def wheel(shaft: Turning, style: Style, radii: Sequence[float], gear: bool) -> l
     turn = Turn(0.0, style.variables.get(shaft.node, ""), shaft.sense)
     largest, *smaller = sorted(radii, reverse=True)
     variables = {"angle": turn.variable} if turn.variable else {}
-    made = symbols.wheel("wheel", parts[0] if parts else "", End(0, 0), largest, turn, gear, variables)
+    made = symbols.wheel("wheel", parts[0] if parts else "", Anchor(0, 0), largest, turn, gear, variables)
     inner = tuple(Circle((0.0, 0.0, 0.0), r, "body") for r in smaller)
     met = (shaft.node,)
     others = [Item("wheel", name, made.ends, (), nodes=met) for name in parts[1:]]
@@ -271,7 +271,7 @@ def _gear(shaft: Turning, style: Style, radii: list[float], window: Window, drum
     own = Block((*legs, *wheel(shaft, style, radii + winding, True), *items), {shaft.node: (0.0, 0.0)})
     for drum, side in zip(drums, (1.0, -1.0)):
         x, y = side * winding[0], largest + 30.0
-        rope = symbols.line("string", drum.part, End(x, 0.0), End(x, y), 1.4, "string")
+        rope = symbols.line("string", drum.part, Anchor(x, 0.0), Anchor(x, y), 1.4, "string")
         rope = replace(rope, nodes=(shaft.node, drum.node))
         own = own.beside(Block((rope,)), drum.content.at(x, y))
     return own
@@ -279,7 +279,7 @@ def _gear(shaft: Turning, style: Style, radii: list[float], window: Window, drum
 
 def _contact(element: Element, style: Style, x: float, radius: float, side: int) -> list[Item]:
     """The point where two gears touch; the ratio stands below it, on the side of the smaller wheel."""
-    at = End(x, 0.0)
+    at = Anchor(x, 0.0)
     found = [Item("mesh", element.name, (at,), (Circle((0.0, 0.0, 0.0), 2.0, "ink"),))]
     if element.symbol == "gear":
         text = style.names.part(element, "N", "ratio")

@@ -11,7 +11,7 @@ from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class ConstraintState:
     """The constraints and coordinates at the end of a step.
 
     Attributes
@@ -39,7 +39,7 @@ class Place:
         """The smallest singular value of the scaled matrix."""
         return rank_margin(self.scaled)
 
-    def unexplained(self, later: Place, watched: np.ndarray) -> np.ndarray:
+    def unexplained(self, later: ConstraintState, watched: np.ndarray) -> np.ndarray:
         """Return how far the dependent coordinates have come to a later place, apart from what their velocities tell.
 
         Parameters
