@@ -76,6 +76,9 @@ def lifted(lift: Lift, q: float, v: float, stop: float) -> list[tuple[float, str
             v, q = -lift.bounce * v, lift.floor
             then = "rest" if v**2 / (2 * lift.gravity) < 1e-13 else "fall"
             found.append((t, "rest" if then == "rest" else "impact"))
+        if then == "taut" and lift.acceleration(t) > lift.gravity:  # the hand comes down faster than the load can
+            found[-2 if state == "rest" else -1] = (t, "impact")
+            then, q, v = "fall", float(lift.hand(t)), float(lift.speed(t))
         state = then
 
 
@@ -112,18 +115,56 @@ def _first(curve: Motion, times: np.ndarray, leaves: bool = False) -> float:
     return float(high)
 
 
-def draw(rng: np.random.Generator) -> tuple[str, Lift, float, float]:
-    """Return a scene, the same for `lifted`, where the load begins at rest, and until when it is run."""
-    kind = rng.choice(["cosine", "two cosines", "polynomial"])
+@dataclass(frozen=True)
+class Scene:
+    """A model, what it is for `lifted`, where its load begins at rest, and how it is run and read.
+
+    Attributes
+    ----------
+    inputs : of the run
+    place, sense : variable of the load's place, and 1 where it points downwards, as `Lift` counts
+    """
+
+    text: str
+    lift: Lift
+    first: float
+    stop: float
+    inputs: dict[str, object]
+    place: str = "load.q"
+    sense: int = 1
+
+
+def draw(rng: np.random.Generator) -> Scene:
+    """Return a random scene."""
+    kind = rng.choice(["cosine", "two cosines", "polynomial", "table"])
     stop, floor, gravity = float(rng.uniform(3, 8)), float(rng.uniform(0.2, 1.0)), float(rng.uniform(4, 12))
     bounce = float(rng.choice([0.0, rng.uniform(0.05, 0.8)]))
+    inputs: dict[str, object] = {}
     if kind == "polynomial":  # down and up again, or only one of both
         text, line = _parabola(rng, floor, stop)
+    elif kind == "table":
+        text, line, inputs["u"] = _table(rng, floor, stop)
     else:
         text, line = _cosines(rng, floor, 2 if kind == "two cosines" else 1)
     lift = Lift(line(0), line(1), line(2), floor, gravity, bounce)
     first = min(floor, float(lift.hand(0.0)) - 0.05)  # on the floor, or falling into the rope
-    return _text(rng, text, floor, gravity, bounce, first), lift, first, stop
+    way = rng.choice(["hand", "length", "drum", "pulley", "reversed", "plane"])
+    declared = "input Real u; " if inputs else ""
+    if way == "plane":
+        return Scene(_in_the_plane(declared, text, lift, first), lift, first, stop, inputs, "load.y", -1)
+    return Scene(_text(way, declared, text, lift, first), lift, first, stop, inputs)
+
+
+def _table(rng: np.random.Generator, floor: float, stop: float) -> tuple[str, Callable[[int], Motion], np.ndarray]:
+    """Return the same of points, which are joined by a curve with two continuous derivatives; and the points."""
+    from lmoc.numerics.signals.curves import fit
+
+    count = int(rng.integers(4, 12))
+    times = np.linspace(0.0, stop + 0.5, count) + np.concatenate([[0.0], rng.uniform(-0.1, 0.1, count - 1)])
+    values = floor + rng.uniform(-0.5, 0.4, count)
+    curve = fit(times, values, 2)
+
+    return "u", lambda k: lambda s: curve(s, k), np.stack([times, values], axis=1)
 
 
 def _parabola(rng: np.random.Generator, floor: float, stop: float) -> tuple[str, Callable[[int], Motion]]:
@@ -149,9 +190,8 @@ def _cosines(rng: np.random.Generator, floor: float, count: int) -> tuple[str, C
     return " + ".join([repr(floor), *(f"{A!r}*cos({w!r}*time + {p!r})" for A, w, p in terms)]), line
 
 
-def _text(rng: np.random.Generator, hand: str, floor: float, gravity: float, bounce: float, first: float) -> str:
+def _text(way: str, inputs: str, hand: str, lift: Lift, first: float) -> str:
     """Return a scene whose rope, in one of several arrangements, ends at a given place where it is taut."""
-    way = rng.choice(["hand", "length", "drum", "pulley", "reversed"])
     parts = {
         "hand": f"Motion hand(q = {hand}); Cable rope(L = 0);",
         "length": f"Motion hand(q = {hand} - 0.75); Cable rope(L = 0.75);",
@@ -164,8 +204,18 @@ def _text(rng: np.random.Generator, hand: str, floor: float, gravity: float, bou
         "connect(rope.flange, load.flange);",
         "pulley": "connect(hand.flange, rope.a); connect(far.flange, rope.b); connect(rope.axle, load.flange);",
     }.get(way, "connect(hand.flange, rope.a); connect(rope.b, load.flange);")
-    load = f"Mass load(m = 3, g = {gravity!r}, q(start = {first!r}, fixed = true), v(start = 0, fixed = true));"
-    ground = f"Fixed bottom(q0 = {floor!r}); Stop ground(L = 0, e = {bounce!r});"
+    load = f"Mass load(m = 3, g = {lift.gravity!r}, q(start = {first!r}, fixed = true), v(start = 0, fixed = true));"
+    ground = f"Fixed bottom(q0 = {lift.floor!r}); Stop ground(L = 0, e = {lift.bounce!r});"
     held = "connect(load.flange, ground.a); connect(ground.b, bottom.flange);"
     declared = [load, ground, parts] if way == "reversed" else [parts, load, ground]
-    return f"model Lifted {' '.join(declared)}\nequation {links} {held} end Lifted;"
+    return f"model Lifted {inputs}{' '.join(declared)}\nequation {links} {held} end Lifted;"
+
+
+def _in_the_plane(inputs: str, hand: str, lift: Lift, first: float) -> str:
+    """Return a scene in the plane: a particle on a cable below its other end, above a line that it meets."""
+    return f"""model Lifted {inputs} import Planar.*; inner World world(g = {lift.gravity!r});
+      Motion hand(x = 0.3, y = 3 - ({hand})); Cable rope(L = 3);
+      Contact ground(d = {-lift.floor!r}, e = {lift.bounce!r});
+      PointMass load(m = 3, x(start = 0.3, fixed = true), y(start = {-first!r}, fixed = true),
+        vx(start = 0, fixed = true), vy(start = 0, fixed = true));
+    equation connect(hand.point, rope.a); connect(rope.b, load.point); connect(load.point, ground.point); end Lifted;"""

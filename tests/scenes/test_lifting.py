@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from oracles import winches
 from oracles.lifting import WINDLASS, draw, lifted
 
 import lmoc
@@ -53,13 +54,35 @@ def test_random_lifting_scenes():
         compare(np.random.default_rng(seed))
 
 
+def test_random_winches():
+    for seed in range(6):
+        compare_winch(np.random.default_rng(seed))
+
+
 def compare(rng, rtol=1e-8):
     """Compare a scene's events, without its bounces, with those found by hand; the number of events."""
-    text, lift, first, stop = draw(rng)
-    expected = [(t, kind) for t, kind in lifted(lift, first, 0.0, stop) if kind in ("taut", "slack")]
-    run = lmoc.compile_text(text).simulate(stop=stop, rtol=rtol)
+    scene = draw(rng)
+    lift = scene.lift
+    expected = [e for e in lifted(lift, scene.first, 0.0, scene.stop) if e[1] in ("taut", "slack")]
+    run = lmoc.compile_text(scene.text).simulate(stop=scene.stop, rtol=rtol, inputs=scene.inputs)
+    place = scene.sense * run[scene.place]
+    assert (place <= lift.floor + 1e-9).all() and (place <= lift.hand(run.time) + 1e-9).all(), scene.text
+    return _same_events(run, expected, np.inf, scene.text)
+
+
+def compare_winch(rng, rtol=1e-8):
+    """Compare the events of a load on an accelerated drum with those in closed form; the number of events."""
+    winch = winches.draw(rng)
+    expected, end, place = winch.events()
+    run = lmoc.compile_text(winch.text()).simulate(stop=end, points=51, rtol=rtol)
+    assert run["load.q"][-1] == pytest.approx(place, abs=1e-6), winch.text()
+    assert (run["load.q"] <= winch.floor + 1e-9).all() and (run["rope.gap"] >= -1e-9).all(), winch.text()
+    return _same_events(run, expected, end, winch.text())
+
+
+def _same_events(run, expected, end, text):
     found = [(e.time, e.kind) for e in run.events if e.name == "rope" and e.kind in ("taut", "slack")]
+    found = [(t, kind) for t, kind in found if t < end + 1e-6][: len(expected) if end < np.inf else None]
     assert [kind for _, kind in found] == [kind for _, kind in expected], text
     assert np.allclose([t for t, _ in found], [t for t, _ in expected], atol=1e-6, rtol=0), text
-    assert (run["load.q"] <= lift.floor + 1e-9).all() and (run["load.q"] <= lift.hand(run.time) + 1e-9).all(), text
     return len(found)
