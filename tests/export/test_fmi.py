@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
-import subprocess
-import sys
-import tempfile
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.fmu import begin, instance, simulated
 
 import lmoc
 from lmoc.export.fmu import find_compiler
@@ -82,45 +79,6 @@ def driven(tmp_path_factory):
     dae = lmoc.compile_text(OSCILLATOR)
     folder = tmp_path_factory.mktemp("fmu")
     return dae, {fmi: dae.export(folder / f"driven{fmi}.fmu", fmi=fmi) for fmi in (3, 2)}
-
-
-def instance(path, kind="CoSimulation"):
-    """An instance that has been set up but not initialized; and value references by name."""
-    description = fmpy.read_model_description(str(path))
-    folder = fmpy.extract(str(path))
-    made = fmpy.instantiate_fmu(folder, description, fmi_type=kind)
-    return made, {v.name: v.valueReference for v in description.modelVariables}
-
-
-def begin(fmu, three=True):
-    """Initialize."""
-    if three:
-        fmu.enterInitializationMode(startTime=0.0)
-    else:
-        fmu.setupExperiment(startTime=0.0)
-        fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
-
-
-SIMULATE = """
-import pickle, sys
-import fmpy
-with open(sys.argv[1], "rb") as file:
-    path, options = pickle.load(file)
-found = fmpy.simulate_fmu(path, **options)
-with open(sys.argv[1], "wb") as file:
-    pickle.dump(found, file)
-"""
-
-
-def simulated(path: str | Path, **options) -> np.ndarray:
-    """What FMPy makes of an FMU, in a process of its own: two copies of SUNDIALS in one process can crash it."""
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "asked"
-        place.write_bytes(pickle.dumps((str(path), options)))
-        done = subprocess.run([sys.executable, "-c", SIMULATE, str(place)], capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-        return pickle.loads(place.read_bytes())
 
 
 @pytest.mark.parametrize(

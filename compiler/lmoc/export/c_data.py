@@ -41,6 +41,9 @@ class _Writer:
     def reals(self, values: np.ndarray) -> str:
         return self.array("double", np.asarray(values, float), _real)
 
+    def texts(self, values: tuple[str, ...]) -> str:
+        return self.array("char *const", np.array(values, object), _text)
+
     def block(self, block: SolveBlock, patient: bool) -> str:
         instances, size = block.unknowns.shape
         tables = [self.ints(t) for t in block.tables]
@@ -70,6 +73,32 @@ def _real(value: float) -> str:
     return value.hex()
 
 
+def _text(value: str) -> str:
+    """Return a text as C has it, without trigraphs and escapes that go on."""
+    plain = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("?", "\\?")
+    return f'"{plain}"'
+
+
+def _events(w: _Writer, own: Executable) -> str:
+    """Write the events of a scene; return the initializer of ``fmu_events``."""
+    e = own.events
+    counts = [
+        len(e.registers), len(e.zeros), len(e.op), len(e.slope), len(e.past), e.samples.shape[1], e.reinits.shape[1],
+        len(e.ends.places), len(e.checks.places), len(e.watched.places), len(e.branches), len(e.seen),
+        len(e.parameters), len(e.assigned), len(e.begun), len(e.kept), e.absent, e.initial, e.terminal,
+    ]  # fmt: skip
+    tapes = [w.tape(t, not own.branches) for t in (e.look, e.assign, e.lines, e.begin)]
+    integers = (
+        e.registers, e.zeros, e.op, e.target, e.row, e.slope, e.offset, e.now, e.source, e.past,
+        np.flatnonzero(e.row >= 0), *e.samples,
+        *e.reinits, e.ends.places, e.checks.places, e.checks.errors, e.watched.places, e.watched.errors, e.first_known,
+        e.known, e.branches, e.seen, e.parameters, e.assigned, e.first_read, e.read, e.begun, e.kept,
+    )  # fmt: skip
+    texts = [w.texts(t) for t in (e.texts, e.ends.texts, e.checks.texts, e.watched.texts)]
+    parts = [*map(str, counts), *tapes, *(w.ints(t) for t in integers), w.reals(e.start), *texts, _real(e.longest)]
+    return "{" + ", ".join(parts) + "}"
+
+
 def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     """Return the text in C, and the token that stands for it.
 
@@ -80,8 +109,8 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     w, plan = _Writer(), own.plan
     patient = not own.branches
     tapes = [w.tape(t, patient) for t in (own.parametric, own.right, own.observe, own.slopes)]
-    kinds, indices = ([getattr(v, n) for v in own.variables] for n in ("place", "index"))
-    tables = [w.ints(np.array(kinds)), w.ints(np.array(indices)), w.ints(plan.states), w.ints(plan.derivatives)]
+    tables = [w.ints(np.array([getattr(v, n) for v in own.variables])) for n in ("place", "index", "type")]
+    tables += [w.ints(plan.states), w.ints(plan.derivatives)]
     tables += [w.ints(own.inputs), w.ints(own.parameters + plan.count), w.ints(own.given), w.ints(own.kept)]
     tables += [w.ints(own.unknowns), w.reals(own.guess), w.reals(own.known), w.reals(own.start), w.reals(own.nominal)]
     tables += [w.reals(own.input_start), w.reals(own.dae.values[own.parameters]), w.reals(own.breaks)]
@@ -93,8 +122,9 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
         plan.count, len(own.variables), len(plan.states), len(own.inputs), len(own.parameters), len(own.given),
         len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), int(own.branches),
     ]  # fmt: skip
-    body = ",\n".join([", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}"])
-    ends = f"{_real(float(own.run.time[0]))}, {_real(tolerance)}"
+    body = ",\n".join([", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}", _events(w, own)])
+    start, stop = float(own.run.time[0]), float(own.run.trajectory.planned)
+    ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}"
     arrays = "\n".join(w.lines)
     token = _token(arrays + body + ends, own.variables)
     head = '/* A scene as data, written by lmoc. */\n\n#include "fmu.h"\n\n'

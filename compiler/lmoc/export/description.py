@@ -6,12 +6,13 @@ from fractions import Fraction
 from xml.etree import ElementTree as Xml
 
 from lmoc.export.executable import Executable
-from lmoc.export.variables import Place, Variable
+from lmoc.export.variables import Place, Type, Variable
 from lmoc.expression.units import BASE, UnitError, parse_unit
 from lmoc.support.version import __version__
 
 TYPES = ("me", "cs")
 _TIME = "time"
+_TYPES = (("Float64", "Real"), ("Int32", "Integer"), ("Boolean", "Boolean"))  # by `Type`, in 3.0 and 2.0
 
 
 def model_description(
@@ -36,7 +37,7 @@ def model_description(
     if own.dae.flat.description:
         root.set("description", own.dae.flat.description)
     if fmi == 2:
-        root.set("numberOfEventIndicators", "0")
+        root.set("numberOfEventIndicators", str(len(own.events.indicator_texts)))
     _kinds(root, fmi, types, identifier, sources)
     _units(root, fmi, own.variables)
     _experiment(root, own, tolerance)
@@ -71,6 +72,8 @@ def _kinds(root: Xml.Element, fmi: int, types: tuple[str, ...], identifier: str,
     for name, element in (("me", "ModelExchange"), ("cs", "CoSimulation")):
         if name in types:
             more = {"canHandleVariableCommunicationStepSize": "true"} if name == "cs" else {}
+            if name == "me" and fmi == 3:
+                more = {"needsCompletedIntegratorStep": "true"}
             made = Xml.SubElement(root, element, {**common, **more})
             if fmi == 2:
                 files = Xml.SubElement(made, "SourceFiles")
@@ -120,7 +123,7 @@ def _attributes(own: Executable, v: Variable) -> tuple[dict[str, str], dict[str,
         what["description"] = v.description
     if v.initial:
         what["initial"] = v.initial
-    real = {"unit": v.unit} if v.unit else {}
+    real = {"unit": v.unit} if v.unit and v.type == Type.REAL else {}
     start = _start(own, v)
     if start is not None:
         real["start"] = repr(start)
@@ -142,17 +145,19 @@ def _variables_of_3(root: Xml.Element, own: Executable) -> None:
         what, real = _attributes(own, v)
         if v.state >= 0:
             real["derivative"] = str(of[v.state])
-        Xml.SubElement(found, "Float64", {"name": v.name, "valueReference": str(k), **what, **real})
+        Xml.SubElement(found, _TYPES[v.type][0], {"name": v.name, "valueReference": str(k), **what, **real})
 
 
 def _variables_of_2(root: Xml.Element, own: Executable) -> None:
     found, of = Xml.SubElement(root, "ModelVariables"), _reference_of_states(own)
     for k, v in enumerate(own.variables, 1):
+        if v.place == Place.INDICATOR:
+            break  # 2.0 has their number alone
         what, real = _attributes(own, v)
         if v.state >= 0:
             real["derivative"] = str(of[v.state])  # an index, which is the value reference here
         made = Xml.SubElement(found, "ScalarVariable", {"name": v.name, "valueReference": str(k), **what})
-        Xml.SubElement(made, "Real", real)
+        Xml.SubElement(made, _TYPES[v.type][1], real)
 
 
 def _free(own: Executable, name: str) -> str:
@@ -172,13 +177,14 @@ def _structure(root: Xml.Element, own: Executable, fmi: int) -> None:
         for k, v in enumerate(own.variables, 1)
         if (v.initial == "calculated" and (v.causality in ("output", "calculatedParameter") or v.state >= 0))
     ]
+    indicators = [k for k, v in enumerate(own.variables, 1) if v.place == Place.INDICATOR]
     groups = (("Outputs", "Output", outputs), ("Derivatives", "ContinuousStateDerivative", derivatives),
-              ("InitialUnknowns", "InitialUnknown", unknown))  # fmt: skip
+              ("InitialUnknowns", "InitialUnknown", unknown), ("", "EventIndicator", indicators))  # fmt: skip
     for of_2, of_3, rows in groups:
         if fmi == 3:
             for k in rows:
                 Xml.SubElement(found, of_3, {"valueReference": str(k)})
-        elif rows:
+        elif rows and of_2:
             group = Xml.SubElement(found, of_2)
             for k in rows:
                 Xml.SubElement(group, "Unknown", {"index": str(k)})

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.export.instants import Instants, instants
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
 from lmoc.ir.flat import FlatDAE, Kind
@@ -14,6 +15,7 @@ from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.numerics.evaluate.engine_system import has_branches
+from lmoc.numerics.events.discrete_state import initial_values
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.plan import kinks
@@ -21,6 +23,7 @@ from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, default_signals
 from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.structure.laws.degree import dependent
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -53,6 +56,7 @@ class Executable:
     outputs : registers behind the derivatives among the rows of `slopes`
     rows, columns : (entries,) of `slopes`
     branches : nonlinear blocks are closures of loops
+    events : Instants
     variables : in the order of their value references, from 1 on
     zero_inputs : {name: 0} of inputs that the model leaves open
     held : names of parameters that cannot be set, since structure or start depend on them
@@ -82,6 +86,7 @@ class Executable:
     rows: np.ndarray
     columns: np.ndarray
     branches: bool
+    events: Instants
     variables: tuple[Variable, ...]
     zero_inputs: dict[str, float]
     held: tuple[str, ...]
@@ -101,25 +106,24 @@ def executable(dae: CompiledDAE) -> Executable:
     report = Report()
     plan = build_plan(reduced, signals, False, report)
     report.check()
-    steps = stepping_inputs(plan, signals)
-    if steps:
-        raise refusal(flat, f"the motion prescribed by '{flat.variable_name(steps[0])}' has kinks or jumps")
+    _refuse_steps(plan, signals)
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
     run = dae.simulate(energy=False, inputs=zero_inputs)
     _refuse_run(flat, run)
     first = run.trajectory.segments[0]
     base = plan.base(plan.reduced.flat.extended(dae.values), signals)
     span = float(run.time[0]), float(run.time[-1])
-    inputs = np.array([r for r, _ in plan.constants], int)
+    inputs = _inputs(plan)
     right, observing, exported = _programs(plan)
     observe = values_tape(observing, plan.count)
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
     guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
-    start = first.table[0, : len(plan.states)]
+    start = _start(run, len(plan.states))
     _check_same_start(plan, first)
+    events = instants(plan, plan.reduced.flat.extended(dae.values), lambda: _longest(dae, plan, base, signals, span))
     tried = _Tried(dae, plan, signals, zero_inputs, span, start)
     settable, held = tried.settable()
-    variables = listed(dae, plan, inputs, exported, settable)
+    variables = listed(dae, plan, inputs, exported, settable, events)
     outputs = np.array(sorted({v.register for v in variables if v.causality == "output"}), int)
     rule = Jacobian(
         plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
@@ -133,7 +137,7 @@ def executable(dae: CompiledDAE) -> Executable:
         known, _given(plan), _kept(plan, observing), unknowns,
         guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
-        kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), variables,
+        kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, variables,
         zero_inputs, held,
     )  # fmt: skip
 
@@ -144,7 +148,7 @@ def refusal(flat: FlatDAE, why: str, hint: str = "") -> ModelError:
 
 
 def _refuse(dae: CompiledDAE) -> None:
-    """Refuse what happens at instants, and coordinates that change."""
+    """Refuse laws, and coordinates that change."""
     flat, reduced = dae.flat, dae.reduced
     why = ""
     if flat.laws or reduced.switched is not None:
@@ -152,10 +156,6 @@ def _refuse(dae: CompiledDAE) -> None:
 
         names = law_names(flat, flat.laws) if flat.laws else []
         why = f"it has laws that switch ({', '.join(list(names)[:3])}{', …' if len(names) > 3 else ''})"
-    elif flat.events is not None:
-        why = "it has events (`when`, relations that switch, discrete variables)"
-    elif any(check not in flat.constant_checks for check in flat.checks):
-        why = "it has assertions about its motion"
     elif reduced.in_all_coordinates:
         why = "its closed loops have no minimal coordinates that serve"
     if why:
@@ -163,10 +163,53 @@ def _refuse(dae: CompiledDAE) -> None:
 
 
 def _refuse_run(flat: FlatDAE, run: Run) -> None:
-    if len(run.trajectory.segments) > 1:
-        raise refusal(flat, f"its coordinates change along the motion, at t = {run.trajectory.segments[1].begin:.6g} s")
-    if run.events:
-        raise refusal(flat, f"its run has events, the first at t = {run.events[0].time:.6g} s")
+    segments = run.trajectory.segments
+    for one in segments[1:]:
+        if not np.array_equal(one.observer.plan.reduced.states, segments[0].observer.plan.reduced.states):
+            raise refusal(flat, f"its coordinates change along the motion, at t = {one.begin:.6g} s")
+
+
+def _refuse_steps(plan: Plan, signals: dict[int, Signal]) -> None:
+    """Refuse a motion that is prescribed and jumps: velocities would jump with it."""
+    flat = plan.reduced.flat
+    names = [flat.variable_name(v) for v in stepping_inputs(plan, signals)]
+    if flat.events is not None:
+        from lmoc.numerics.events.steps import Steps
+
+        steps = plan.once(Steps)
+        discrete = dependent(plan.full_program, plan.reduced.register_of[flat.events.discrete], plan.count)
+        own = steps.registers[steps.moving]
+        names += [plan.reduced.register_name(int(r)) for r in own[discrete[own]]]
+    if names:
+        raise refusal(flat, f"the motion prescribed by '{names[0]}' has kinks or jumps")
+
+
+def _inputs(plan: Plan) -> np.ndarray:
+    """Return the registers that are set from outside: not those of discrete variables, whose derivatives are zero."""
+    register, variable, _ = plan.reduced.inputs
+    own = register[plan.reduced.flat.kind[variable] == Kind.DISCRETE]
+    found = np.array([r for r, _ in plan.constants], int)
+    return found[~np.isin(found, own)]
+
+
+def _start(run: Run, count: int) -> np.ndarray:
+    """Return the states with which a run starts, before what events do there."""
+    begun = run.trajectory.begun
+    return (run.trajectory.segments[0].table[0] if begun is None else begun[0])[:count]
+
+
+def _longest(
+    dae: CompiledDAE, plan: Plan, base: np.ndarray, signals: dict[int, Signal], span: tuple[float, float]
+) -> float:
+    """Return the longest step, in s, that looks often enough at relations of time."""
+    if dae.flat.events is None:
+        return np.inf
+    from lmoc.numerics.events.discrete_state import DiscreteState
+    from lmoc.numerics.events.event_handler import longest_step
+    from lmoc.numerics.events.layout import EventLayout
+
+    values = plan.reduced.flat.extended(dae.values)
+    return longest_step(DiscreteState(plan.once(EventLayout), values, base, signals, span[0]), span[1] - span[0])
 
 
 def _check_same_start(plan: Plan, first: SegmentRecord) -> None:
@@ -196,7 +239,8 @@ def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
             from lmoc.expression.evaluate import evaluate
 
             signals[v] = Constant(float(evaluate(signal.shape, _no_column, 0.0)))
-    return {**signals, **{v: Constant(0.0) for v in opened}}, opened
+    own = [] if flat.events is None else flat.events.discrete.tolist()
+    return {**signals, **{v: Constant(0.0) for v in (*opened, *own)}}, opened
 
 
 # ---------------------------------------------------------------------- programs
@@ -309,8 +353,15 @@ class _Tried:
             run = self.dae.simulate(times=only, parameters={name: changed}, inputs=self.inputs, energy=False)
         except ModelError:
             return False  # not even so small a change is possible: it stays as it is
-        found = run.trajectory.segments[0].table[0, : len(self.start)]
+        if not np.array_equal(self._discrete(values), self._discrete(self.dae.values)):
+            return False
+        found = _start(run, len(self.start))
         return len(found) == len(self.start) and np.array_equal(found, self.start)
+
+    def _discrete(self, values: np.ndarray) -> np.ndarray:
+        """Return what discrete variables begin with."""
+        flat = self.dae.flat
+        return np.zeros(0) if flat.events is None else initial_values(flat, values)[flat.events.discrete]
 
     def _break_times(self, values: np.ndarray) -> np.ndarray:
         base = self.plan.base(self.plan.reduced.flat.extended(values), self.signals)

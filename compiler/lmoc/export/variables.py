@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.export.instants import Instants
 from lmoc.ir.flat import Kind
 from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
@@ -24,6 +25,16 @@ class Place(IntEnum):
     INPUT = 3
     DERIVATIVE = 4
     OBSERVED = 5
+    DISCRETE = 6
+    INDICATOR = 7
+
+
+class Type(IntEnum):
+    """What kind of values a variable has; enumerations are numbers."""
+
+    REAL = 0
+    INTEGER = 1
+    BOOLEAN = 2
 
 
 @dataclass(frozen=True)
@@ -33,7 +44,7 @@ class Variable:
     Attributes
     ----------
     place, index : where its value stands: which parameter, state, input or derivative; or a register
-    register : of the plan; -1 for parameters
+    register : of the plan; -1 for parameters and event indicators
     causality, variability, initial : as FMI calls them
     state : of a derivative, which state it is of; else -1
     """
@@ -48,18 +59,20 @@ class Variable:
     unit: str = ""
     description: str = ""
     state: int = -1
+    type: Type = Type.REAL
 
 
 def listed(
-    dae: CompiledDAE, plan: Plan, inputs: np.ndarray, exported: np.ndarray, settable: np.ndarray
+    dae: CompiledDAE, plan: Plan, inputs: np.ndarray, exported: np.ndarray, settable: np.ndarray, events: Instants
 ) -> tuple[Variable, ...]:
-    """Return all variables: parameters, states, inputs, what is observed, derivatives.
+    """Return all variables: parameters, states, inputs, what is observed, derivatives, event indicators.
 
     Parameters
     ----------
     inputs : registers that are set from outside
     exported : (plan.count,) registers that have values
     settable : flat variables of parameters that can be set
+    events : which variables are discrete
     """
     reduced, flat = plan.reduced, dae.flat
     found: list[Variable] = []
@@ -71,10 +84,11 @@ def listed(
     place_of = {int(v): k for k, v in enumerate(settable)}
     bound = {int(v) for a in flat._parameter_bindings[1] for v in a.target}
     seen: set[int] = set()
+    discrete = {} if flat.events is None else {int(v): k for k, v in enumerate(flat.events.discrete)}
     register_of = reduced.register_of.copy()
     register_of[reduced.inputs[1][reduced.inputs[2] == 0]] = reduced.inputs[0][reduced.inputs[2] == 0]
     for block in flat.blocks:
-        if block.protected or block.quantity != "Real":
+        if block.protected or (block.quantity != "Real" and block.kind != Kind.DISCRETE) or block.quantity == "String":
             continue
         for position in range(block.size):
             v = block.offset + position
@@ -87,6 +101,10 @@ def listed(
             if register < 0:
                 continue
             causality = "output" if block.output else "local"
+            if v in discrete:
+                own = Place.DISCRETE, discrete[v], register, causality, "discrete", "calculated"
+                found.append(Variable(said[0], *own, *said[1:], type=_type(block.quantity)))
+                continue
             i = state_of.get(register, -1)
             if register in input_of and table.variable[register] == v and table.order[register] == 0:
                 own = Place.INPUT, input_of[register], register, "input", "continuous", ""
@@ -98,7 +116,24 @@ def listed(
             else:
                 continue
             found.append(Variable(said[0], *own, *said[1:], derivative_of.get(i, -1) if own[0] == Place.STATE else -1))
-    return tuple(found + _helpers(plan, found, seen, inputs, input_of, derivative_of))
+    found += _helpers(plan, found, seen, inputs, input_of, derivative_of)
+    return tuple(found + _indicators(found, events))
+
+
+def _type(quantity: str) -> Type:
+    return {"Real": Type.REAL, "Boolean": Type.BOOLEAN}.get(quantity, Type.INTEGER)
+
+
+def _indicators(found: list[Variable], events: Instants) -> list[Variable]:
+    """Return the functions whose change of sign is an event."""
+    names, more = {v.name for v in found}, []
+    for k, text in enumerate(events.indicator_texts):
+        name = f"event indicator {k + 1}"
+        while name in names:
+            name += "'"
+        own = Place.INDICATOR, k, -1, "local", "continuous", "calculated"
+        more.append(Variable(name, *own, description=text))
+    return more
 
 
 def _parameter(

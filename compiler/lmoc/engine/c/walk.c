@@ -136,6 +136,26 @@ static void polynomial(const lmoc_steps *s) {
   }
 }
 
+void lmoc_dop853_dense(lmoc_steps *s) {
+  all_stages(s, s->before, s->length);
+  polynomial(s);
+}
+
+void lmoc_dop853_within(const lmoc_steps *s, double theta, double *y) {
+  const int64_t n = s->call->n;
+  const double rest = 1 - theta, *t = s->terms;
+  for (int64_t i = 0; i < n; i++) {
+    double v = t[6*n + i] * theta;
+    v = (v + t[5*n + i]) * rest;
+    v = (v + t[4*n + i]) * theta;
+    v = (v + t[3*n + i]) * rest;
+    v = (v + t[2*n + i]) * theta;
+    v = (v + t[n + i]) * rest;
+    v = (v + t[i]) * theta;
+    y[i] = v + s->x[i];
+  }
+}
+
 /* Whether the last step has reached an output time that has not been seen to. */
 static int shows(const lmoc_steps *s) { return s->reached < s->outputs && s->times[s->reached] <= s->t; }
 
@@ -143,22 +163,10 @@ static int shows(const lmoc_steps *s) { return s->reached < s->outputs && s->tim
 static int output(lmoc_steps *s) {
   const int64_t n = s->call->n;
   if (!shows(s)) return 1;
-  all_stages(s, s->before, s->length);
-  polynomial(s);
+  lmoc_dop853_dense(s);
   for (; shows(s); s->reached++) {
     if (s->reached == s->room) return 0;
-    const double theta = (s->times[s->reached] - s->before) / s->length, rest = 1 - theta, *t = s->terms;
-    double *y = s->out + s->reached*n;
-    for (int64_t i = 0; i < n; i++) {
-      double v = t[6*n + i] * theta;
-      v = (v + t[5*n + i]) * rest;
-      v = (v + t[4*n + i]) * theta;
-      v = (v + t[3*n + i]) * rest;
-      v = (v + t[2*n + i]) * theta;
-      v = (v + t[n + i]) * rest;
-      v = (v + t[i]) * theta;
-      y[i] = v + s->x[i];
-    }
+    lmoc_dop853_within(s, (s->times[s->reached] - s->before) / s->length, s->out + s->reached*n);
   }
   return 1;
 }

@@ -35,4 +35,9 @@ typedef struct {
    stays pending. Returns what the last step has; a DOUBTFUL one has been tried and stands there to be judged. */
 int lmoc_dop853_walk(lmoc_steps *s);
 
+/* The states at a share of the last step, from 0 to 1, when the first function has made the polynomial of it. Both take
+   `x` for where the step has begun. */
+void lmoc_dop853_dense(lmoc_steps *s);
+void lmoc_dop853_within(const lmoc_steps *s, double theta, double *y);
+
 #endif

@@ -37,7 +37,7 @@ FMU_EXPORT status FMI(SetDebugLogging)(instance *c, boolean on, size_t n, const 
 /* Give a new instance its scene; 0 where it cannot have it. */
 static instance *filled(instance *c, const char *token, int co_simulation) {
   if (!token || strcmp(token, lmoc_fmu_model.token)) tell(c, "the instantiation token (GUID) is another one");
-  else c->f = fmu_new(&lmoc_fmu_model, co_simulation, c, tell);
+  else c->f = fmu_new(&lmoc_fmu_model, co_simulation, c, tell, warn);
   if (c->f) return c;
   free(c);
   return 0;
@@ -61,7 +61,7 @@ static status set_up(instance *c, int has_tolerance, double tolerance, double st
 
 FMU_EXPORT status FMI(ExitInitializationMode)(instance *c) {
   ALLOW(FMU_INITIALIZING);
-  if (fmu_accept(c->f)) {
+  if (fmu_begin(c->f, 1) || fmu_accept(c->f)) {
     c->f->now.phase = FMU_BROKEN;
     return ERROR;
   }
@@ -95,10 +95,17 @@ FMU_EXPORT status FMI(Reset)(instance *c) {
 
 /* ------------------------------------------------------------------ values */
 
+static int is_of(instance *c, uint32_t reference, int type) {
+  const fmu_model *m = c->f->model;
+  if (!reference ? type == FMU_REAL : (int64_t)reference > m->variables || m->type[reference - 1] == type) return 1;
+  tell(c, "a variable has values of another type");
+  return 0;
+}
+
 static status get_values(instance *c, const uint32_t r[], size_t n, double values[]) {
   int found = FMU_GOOD;
   for (size_t i = 0; i < n; i++) {
-    const int own = fmu_get(c->f, r[i], values + i);
+    const int own = is_of(c, r[i], FMU_REAL) ? fmu_get(c->f, r[i], values + i) : FMU_WRONG;
     if (own > found) found = own;
   }
   return done(found);
@@ -110,7 +117,31 @@ static status set_values(instance *c, const uint32_t r[], size_t n, const double
   return OK;
 }
 
-/* All variables are real. `...`: what follows the values. */
+/* Discrete variables that are whole numbers or Boolean: they can be read. `...`: what follows the values. */
+#define READ(name, type, of) \
+  static status get_##of##_values(instance *c, const uint32_t r[], size_t n, type values[]) { \
+    int found = FMU_GOOD; \
+    for (size_t i = 0; i < n; i++) { \
+      double value = 0; \
+      const int own = is_of(c, r[i], of) ? fmu_get(c->f, r[i], &value) : FMU_WRONG; \
+      values[i] = (type)value; \
+      if (own > found) found = own; \
+    } \
+    return done(found); \
+  }
+#define READ_ONLY(name, type, of, ...) \
+  READ(name, type, of) \
+  FMU_EXPORT status FMI(Get##name)(instance *c, const uint32_t r[], size_t n, type values[] __VA_ARGS__) { \
+    if (!n && c) return OK; \
+    ALLOW(READABLE); \
+    return get_##of##_values(c, r, n, values); \
+  } \
+  FMU_EXPORT status FMI(Set##name)(instance *c, const uint32_t r[], size_t n, const type values[] __VA_ARGS__) { \
+    (void)r, (void)values; \
+    return n ? wrong(c, "variables of type " #name " are calculated, and cannot be set") : OK; \
+  }
+
+/* There are no others. */
 #define NONE(name, type, ...) \
   FMU_EXPORT status FMI(Get##name)(instance *c, const uint32_t r[], size_t n, type values[] __VA_ARGS__) { \
     (void)r, (void)values; \
@@ -181,7 +212,9 @@ FMU_EXPORT status FMI(CompletedIntegratorStep)(instance *c, boolean no_way_back,
   (void)no_way_back;
   ALLOW(FMU_CONTINUOUS);
   *enter = *terminate = 0;
-  return done(fmu_accept(c->f));
+  const int found = fmu_accept(c->f);
+  *enter = !found && fmu_passed(c->f);
+  return done(found);
 }
 
 FMU_EXPORT status FMI(SetTime)(instance *c, double time) {
@@ -205,9 +238,17 @@ FMU_EXPORT status FMI(GetContinuousStateDerivatives)(instance *c, double out[], 
 }
 
 FMU_EXPORT status FMI(GetEventIndicators)(instance *c, double out[], size_t n) {
-  (void)out;
   ALLOW(RUNNING | FMU_ENDED);
-  return n ? wrong(c, "there are no event indicators") : OK;
+  if ((int64_t)n != fmu_roots(c->f)) return wrong(c, "there are not as many event indicators");
+  return done(n ? fmu_indicators(c->f, c->f->now.time, c->f->x, out) : FMU_GOOD);
+}
+
+/* All that happens at an event, and when the next one comes: infinity where none is known. */
+static status updated(instance *c, double *next) {
+  fmu_pass_breaks(c->f);
+  const int found = fmu_happen(c->f);
+  *next = fmu_next(c->f);
+  return done(found ? found : fmu_holds(c->f));
 }
 
 FMU_EXPORT status FMI(GetContinuousStates)(instance *c, double x[], size_t n) {
@@ -229,6 +270,7 @@ FMU_EXPORT status FMI(GetNominalsOfContinuousStates)(instance *c, double out[], 
 static status step_from(instance *c, double time, double step) {
   fmu *f = c->f;
   if (!(step > 0 && step * 0 == 0)) return wrong(c, "a step has a positive length");
+  if (f->now.ended) return wrong(c, "the model has ended its run");
   if (!(fabs(time - f->now.time) <= 1e-9 * (step + fabs(time)))) return wrong(c, "the last step has not led there");
   if (!fmu_advance(f, time + step)) return OK;
   f->now.phase = FMU_BROKEN;

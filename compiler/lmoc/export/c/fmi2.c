@@ -26,6 +26,11 @@ static void tell(void *own, const char *text) {
   if (c->calls.log) c->calls.log(c->calls.environment, c->name, ERROR, "logStatusError", "%s", text);
 }
 
+static void warn(void *own, const char *text) {
+  instance *c = own;
+  if (c->calls.log) c->calls.log(c->calls.environment, c->name, WARNING, "logStatusWarning", "%s", text);
+}
+
 #define FMI(name) fmi2##name
 #define fmi2GetFMUState fmi2GetFMUstate
 #define fmi2SetFMUState fmi2SetFMUstate
@@ -77,8 +82,8 @@ FMU_EXPORT status fmi2SetReal(instance *c, const uint32_t r[], size_t n, const d
   return set_values(c, r, n, values);
 }
 
-NONE(Integer, int,)
-NONE(Boolean, int,)
+READ_ONLY(Integer, int, FMU_INTEGER,)
+READ_ONLY(Boolean, int, FMU_BOOLEAN,)
 NONE(String, text,)
 
 /* ------------------------------------------------------------------ derivatives in a direction */
@@ -94,10 +99,11 @@ FMU_EXPORT status fmi2GetDirectionalDerivative(instance *c, const uint32_t unkno
 
 FMU_EXPORT status fmi2NewDiscreteStates(instance *c, event_info *info) {
   ALLOW(FMU_EVENT);
-  fmu_pass_breaks(c->f);
-  const double next = fmu_next_break(c->f);
-  *info = (event_info){.has_next = next < INFINITY, .next = next};
-  return OK;
+  double next = INFINITY;
+  const status found = updated(c, &next);
+  *info = (event_info){.has_next = next < INFINITY, .next = next, .terminate = c->f->now.ended,
+                       .values_changed = c->f->now.jumped};
+  return found;
 }
 
 /* ------------------------------------------------------------------ co-simulation */
@@ -117,7 +123,8 @@ FMU_EXPORT status fmi2GetRealOutputDerivatives(instance *c, const uint32_t r[], 
 FMU_EXPORT status fmi2DoStep(instance *c, double time, double step, int no_way_back) {
   (void)no_way_back;
   ALLOW(FMU_STEPPING);
-  return step_from(c, time, step);
+  const status found = step_from(c, time, step);
+  return !found && c->f->now.ended ? DISCARD : found;
 }
 
 FMU_EXPORT status fmi2CancelStep(instance *c) { return wrong(c, "steps are not asynchronous"); }
@@ -144,7 +151,7 @@ FMU_EXPORT status fmi2GetIntegerStatus(instance *c, int kind, int *value) {
 FMU_EXPORT status fmi2GetBooleanStatus(instance *c, int kind, int *value) {
   if (!c) return ERROR;
   if (kind != 3) return DISCARD;
-  *value = 0;
+  *value = c->f->now.ended;
   return OK;
 }
 

@@ -17,6 +17,11 @@ static void tell(void *own, const char *text) {
   if (c->log) c->log(c->environment, ERROR, "logStatusError", text);
 }
 
+static void warn(void *own, const char *text) {
+  instance *c = own;
+  if (c->log) c->log(c->environment, WARNING, "logStatusWarning", text);
+}
+
 #define FMI(name) fmi3##name
 typedef bool boolean;
 #include "fmi.h"
@@ -99,11 +104,11 @@ NONE(Int8, int8_t, COUNT)
 NONE(UInt8, uint8_t, COUNT)
 NONE(Int16, int16_t, COUNT)
 NONE(UInt16, uint16_t, COUNT)
-NONE(Int32, int32_t, COUNT)
+READ_ONLY(Int32, int32_t, FMU_INTEGER, COUNT)
 NONE(UInt32, uint32_t, COUNT)
 NONE(Int64, int64_t, COUNT)
 NONE(UInt64, uint64_t, COUNT)
-NONE(Boolean, bool, COUNT)
+READ_ONLY(Boolean, bool, FMU_BOOLEAN, COUNT)
 NONE(String, text, COUNT)
 
 FMU_EXPORT status fmi3GetBinary(instance *c, const uint32_t r[], size_t n, size_t sizes[], const uint8_t *values[],
@@ -179,16 +184,17 @@ FMU_EXPORT status fmi3GetAdjointDerivative(instance *c, const uint32_t unknowns[
 FMU_EXPORT status fmi3UpdateDiscreteStates(instance *c, bool *again, bool *terminate, bool *nominals, bool *values,
                                            bool *has_next, double *next) {
   ALLOW(FMU_EVENT);
-  fmu_pass_breaks(c->f);
-  *next = fmu_next_break(c->f);
+  const status found = updated(c, next);
   *has_next = *next < INFINITY;
-  *again = *terminate = *nominals = *values = false;
-  return OK;
+  *again = *nominals = false;
+  *terminate = c->f->now.ended;
+  *values = c->f->now.jumped;
+  return found;
 }
 
 FMU_EXPORT status fmi3GetNumberOfEventIndicators(instance *c, size_t *n) {
   if (!c) return ERROR;
-  *n = 0;
+  *n = (size_t)fmu_roots(c->f);
   return OK;
 }
 
@@ -212,6 +218,7 @@ FMU_EXPORT status fmi3DoStep(instance *c, double time, double step, bool no_way_
   ALLOW(FMU_STEPPING);
   *event = *terminate = *early = false;
   const status found = step_from(c, time, step);
+  *terminate = c->f->now.ended;
   *reached = c->f->now.time;
   return found;
 }

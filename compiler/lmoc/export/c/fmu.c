@@ -4,10 +4,9 @@
 
 #include <stdlib.h>
 
-enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES };
-
 static const fmu_tape *tape_of(const fmu_model *m, int k) {
-  const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes};
+  const fmu_events *e = &m->events;
+  const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes, &e->look, &e->assign, &e->line, &e->begin};
   return all[k];
 }
 
@@ -31,24 +30,43 @@ static int make_tape(fmu *f, int k, int32_t **pivots) {
 /* Places in one piece of memory: all that a saved state has to hold, but for integers. */
 static int64_t place_memory(fmu *f) {
   const fmu_model *m = f->model;
+  const fmu_events *e = &m->events;
   double *at = f->memory;
   int64_t total = 0;
 #define TAKE(name, count) (f->name = at ? at + total : 0, total += (count))
   TAKE(p, m->parameters);
   TAKE(x, m->states);
   TAKE(u, m->inputs);
-  for (int k = 0; k < 4; k++) TAKE(w[k], tape_of(m, k)->size);
+  for (int k = 0; k < TAPES; k++) TAKE(w[k], tape_of(m, k)->size);
   TAKE(solution, 3*m->unknowns);
   TAKE(solution_x, 3*m->states);
   TAKE(sign, m->unknowns);
+  TAKE(d, e->discrete);
+  TAKE(zero, e->zeros);
+  TAKE(margin, e->zeros);
+  TAKE(largest, e->zeros);
+  TAKE(times, e->zeros * FMU_CHATTER);
+  TAKE(warned, e->watched);
+  TAKE(high, e->zeros);
   f->doubles = total;
-  TAKE(work, 30*m->states + 4);
+  TAKE(work, 32*m->states + 4);
+  TAKE(noise, 2*e->zeros);
+  TAKE(history, e->discrete * FMU_HISTORY);
+  TAKE(moved, 5*m->states);
+  TAKE(root, 4*fmu_roots(f) + FMU_SAMPLES*fmu_roots(f));
+  TAKE(supposed, e->discrete);
+  TAKE(flipped, 3*e->discrete);
+  TAKE(which, e->zeros);
+  TAKE(back, e->zeros);
+  double *scratch;
+  scratch = at ? at + total : 0, total += e->zeros;
+  f->chosen = (int64_t *)scratch;
 #undef TAKE
   return total;
 }
 
 static void forget(fmu *f) {
-  for (int k = 0; k < 4; k++)
+  for (int k = 0; k < TAPES; k++)
     for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) {
       lmoc_block *b = f->blocks[k] + i;
       b->ready = 0;
@@ -56,21 +74,30 @@ static void forget(fmu *f) {
     }
 }
 
+/* Nonlinear blocks begin as the scene is at its start. */
+static void guess(fmu *f) {
+  const fmu_model *m = f->model;
+  for (int64_t i = 0; i < m->unknowns; i++)
+    f->w[RIGHT][m->unknown[i]] = f->w[OBSERVE][m->unknown[i]] = f->w[LOOK][m->unknown[i]] = m->guess[i];
+}
+
 void fmu_reset(fmu *f) {
   const fmu_model *m = f->model;
   const int co_simulation = f->now.co_simulation;
   f->now = (fmu_scalars){.time = m->start_time, .begin = m->start_time, .rtol = m->tolerance, .phase = FMU_FRESH,
-                         .co_simulation = co_simulation, .stale = 1};
+                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY, .last_event = m->start_time};
   memset(f->memory, 0, f->doubles * sizeof(double));
   memcpy(f->p, m->parameter_start, m->parameters * sizeof(double));
   memcpy(f->x, m->start, m->states * sizeof(double));
   memcpy(f->u, m->input_start, m->inputs * sizeof(double));
-  for (int k = 0; k < 4; k++) {
+  for (int k = 0; k < TAPES; k++) {
     const fmu_tape *t = tape_of(m, k);
     for (int64_t i = 0; i < t->constant_count; i++) f->w[k][t->places[i]] = t->values[i];
   }
   memcpy(f->w[PARAMETRIC], m->known, m->parametric.time * sizeof(double));
-  for (int64_t i = 0; i < m->unknowns; i++) f->w[RIGHT][m->unknown[i]] = f->w[OBSERVE][m->unknown[i]] = m->guess[i];
+  for (int k = LOOK; k < TAPES; k++) f->w[k][m->events.absent] = NAN;
+  for (int64_t i = 0; i < m->events.zeros * FMU_CHATTER; i++) f->times[i] = -INFINITY;
+  guess(f);
   forget(f);
   f->last = 0;
   f->call.solved = f->call.marked = 0;
@@ -83,14 +110,15 @@ static int64_t remembered(const fmu_tape *t) {
   return count;
 }
 
-fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell) {
+fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn) {
   fmu *f = calloc(1, sizeof *f);
   if (!f) return 0;
   f->model = model;
   f->owner = owner;
   f->tell = tell;
+  f->warn = warn;
   f->now.co_simulation = co_simulation;
-  for (int k = 0; k < 4; k++)
+  for (int k = 0; k < TAPES; k++)
     for (int64_t i = 0; i < tape_of(model, k)->block_count; i++) f->pivot_count += tape_of(model, k)->pivots[i];
   f->memory = calloc((size_t)place_memory(f) + 1, sizeof(double));
   f->pivots = calloc((size_t)f->pivot_count + 1, sizeof(int32_t));
@@ -100,7 +128,7 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
   }
   place_memory(f);
   int32_t *pivots = f->pivots;
-  for (int k = 0; k < 4; k++)
+  for (int k = 0; k < TAPES; k++)
     if (!make_tape(f, k, &pivots)) {
       fmu_free(f);
       return 0;
@@ -116,7 +144,7 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
 
 void fmu_free(fmu *f) {
   if (!f) return;
-  for (int k = 0; k < 4; k++)
+  for (int k = 0; k < TAPES; k++)
     if (f->blocks[k]) {
       for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) lmoc_lu_free(f->blocks[k][i].lu);
       free(f->blocks[k]);
@@ -128,7 +156,7 @@ void fmu_free(fmu *f) {
 
 /* ------------------------------------------------------------------ values */
 
-static void changed(fmu *f) {
+void fmu_changed(fmu *f) {
   f->now.evaluated = f->now.observed = 0;
   f->last = 0;
 }
@@ -136,31 +164,59 @@ static void changed(fmu *f) {
 /* Parameters and inputs into the registers. */
 static void settle(fmu *f) {
   const fmu_model *m = f->model;
+  const fmu_events *e = &m->events;
   if (f->now.stale) {
     double *w = f->w[PARAMETRIC];
     for (int64_t i = 0; i < m->parameters; i++) w[m->parameter[i]] = f->p[i];
     forget(f);
     lmoc_tape_run(NAN, w, f->tape + PARAMETRIC);
     for (int64_t i = 0; i < m->given; i++) f->w[RIGHT][m->given_registers[i]] = w[m->given_registers[i]];
+    for (int k = LOOK; k < TAPES; k++)
+      for (int64_t i = 0; i < e->parameters; i++) f->w[k][e->parameter_registers[i]] = w[e->parameter_registers[i]];
     if (f->now.phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING)) { /* later the last solution is the nearest */
-      for (int64_t i = 0; i < m->unknowns; i++) f->w[RIGHT][m->unknown[i]] = f->w[OBSERVE][m->unknown[i]] = m->guess[i];
-      f->call.solved = f->call.marked = 0;
+      guess(f);
+      f->call.solved = f->call.marked = f->now.closed = 0;
     }
     f->now.stale = 0;
-    changed(f);
+    fmu_changed(f);
   }
   for (int64_t i = 0; i < m->inputs; i++) f->w[RIGHT][m->input[i]] = f->u[i];
+  for (int64_t i = 0; i < e->discrete; i++)
+    if (f->w[RIGHT][e->registers[i]] != f->d[i]) {
+      f->w[RIGHT][e->registers[i]] = f->d[i];
+      f->call.solved = f->call.marked = 0; /* the equations are others: their solution may be elsewhere */
+      fmu_changed(f);
+    }
+}
+
+/* The equations at a place; loops are closed first as the scene is at its start, from where the way leads there. */
+static int solve(fmu *f, double time, const double *x) {
+  if (f->call.remembered && !f->now.closed) lmoc_evaluate(&f->call, f->model->start_time, f->model->start);
+  if (!lmoc_evaluate(&f->call, time, x)) {
+    f->now.closed = 1;
+    return FMU_GOOD;
+  }
+  f->tell(f->owner, "the equations of a nonlinear block have no solution near the last one");
+  return FMU_NO_VALUE;
+}
+
+int fmu_look(fmu *f, double time, const double *x) {
+  const fmu_events *e = &f->model->events;
+  settle(f);
+  f->now.evaluated = f->now.observed = 0;
+  if (solve(f, time, x)) return FMU_NO_VALUE;
+  for (int64_t i = 0; i < e->kept; i++) f->w[LOOK][e->kept_registers[i]] = f->w[RIGHT][e->kept_registers[i]];
+  return lmoc_tape_run(time, f->w[LOOK], f->tape + LOOK) & LMOC_FAILED ? FMU_NO_VALUE : FMU_GOOD;
 }
 
 static int evaluate(fmu *f) {
   settle(f);
-  if (f->now.evaluated) return FMU_GOOD;
-  /* loops are closed first as the scene is at its start, from where the way leads to other states */
-  if (f->call.remembered && !f->call.solved) lmoc_evaluate(&f->call, f->model->start_time, f->model->start);
-  if (lmoc_evaluate(&f->call, f->now.time, f->x)) {
-    f->tell(f->owner, "the equations of a nonlinear block have no solution near the last one");
-    return FMU_NO_VALUE;
+  if (!f->now.begun && !f->now.settled && f->model->events.discrete) {
+    const int found = fmu_begin(f, 0);
+    if (found) return found;
   }
+  if (f->now.evaluated) return FMU_GOOD;
+  if (solve(f, f->now.time, f->x)) return FMU_NO_VALUE;
   f->now.evaluated = 1;
   return FMU_GOOD;
 }
@@ -190,6 +246,15 @@ int fmu_get(fmu *f, uint32_t reference, double *value) {
   int found = FMU_GOOD;
   switch (m->kind[row]) {
     case FMU_PARAMETER: *value = f->p[place]; break;
+    case FMU_DISCRETE:
+      found = evaluate(f);
+      *value = f->d[place];
+      break;
+    case FMU_INDICATOR:
+      found = evaluate(f);
+      if (!found) found = fmu_indicators(f, f->now.time, f->x, f->root);
+      *value = found ? NAN : f->root[place];
+      break;
     case FMU_DERIVED: settle(f); *value = f->w[PARAMETRIC][place]; break;
     case FMU_STATE: *value = f->x[place]; break;
     case FMU_INPUT: *value = f->u[place]; break;
@@ -204,7 +269,7 @@ int fmu_get(fmu *f, uint32_t reference, double *value) {
   return found;
 }
 
-static int refused(fmu *f, const char *text) {
+int fmu_refused(fmu *f, const char *text) {
   f->tell(f->owner, text);
   return FMU_WRONG;
 }
@@ -213,27 +278,28 @@ int fmu_set(fmu *f, uint32_t reference, double value) {
   const fmu_model *m = f->model;
   const int64_t row = (int64_t)reference - 1;
   const int phase = f->now.phase, before = phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING);
-  if (!reference || row >= m->variables) return refused(f, "there is no variable with this value reference to be set");
-  if (!(value * 0 == 0)) return refused(f, "a variable was set to what is no finite number");
+  if (!reference || row >= m->variables) return fmu_refused(f, "there is no variable with this value reference to be set");
+  if (!(value * 0 == 0)) return fmu_refused(f, "a variable was set to what is no finite number");
   const int32_t place = m->place[row];
   switch (m->kind[row]) {
     case FMU_PARAMETER:
       if (!before && !(phase & FMU_EVENT) && !(f->now.co_simulation && phase & FMU_STEPPING))
-        return refused(f, "parameters can be set before initialization and at events");
+        return fmu_refused(f, "parameters can be set before initialization and at events");
       f->now.stale |= f->p[place] != value;
       f->p[place] = value;
       break;
     case FMU_STATE:
-      if (!before) return refused(f, "the start value of a state can be set before and in initialization");
+      if (!before) return fmu_refused(f, "the start value of a state can be set before and in initialization");
       f->x[place] = value;
       break;
     case FMU_INPUT:
       f->u[place] = value;
       break;
     default:
-      return refused(f, "this variable is calculated, and cannot be set");
+      return fmu_refused(f, "this variable is calculated, and cannot be set");
   }
-  changed(f);
+  if (before) f->now.settled = 0;
+  fmu_changed(f);
   return FMU_GOOD;
 }
 
@@ -253,13 +319,13 @@ int fmu_derivatives(fmu *f, double *out) {
 }
 
 void fmu_set_time(fmu *f, double time) {
-  if (time != f->now.time) changed(f);
+  if (time != f->now.time) fmu_changed(f);
   f->now.time = time;
 }
 
 void fmu_set_states(fmu *f, const double *x) {
   memcpy(f->x, x, f->model->states * sizeof(double));
-  changed(f);
+  fmu_changed(f);
 }
 
 /* ------------------------------------------------------------------ steps */
@@ -295,17 +361,24 @@ int fmu_accept(fmu *f) {
     f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
     return FMU_WRONG;
   }
+  if (fmu_roots(f)) {
+    if (fmu_look(f, f->now.time, f->x)) return FMU_NO_VALUE;
+    fmu_seen(f);
+    fmu_followed(f);
+  }
   lmoc_mark(&f->call);
-  return FMU_GOOD;
+  return fmu_holds(f);
 }
 
-double fmu_next_break(const fmu *f) {
+static double next_break(const fmu *f) {
   const int64_t k = f->now.first_break;
   return k < f->model->breaks ? f->model->break_times[k] : INFINITY;
 }
 
+double fmu_next(const fmu *f) { return fmin(next_break(f), f->now.next); }
+
 void fmu_pass_breaks(fmu *f) {
-  while (fmu_next_break(f) <= f->now.time) f->now.first_break++;
+  while (next_break(f) <= f->now.time) f->now.first_break++;
 }
 
 static double norm(int64_t n, const double *v, const double *scale) {
@@ -329,13 +402,29 @@ static double first_step(fmu *f, double span, const double *slope, const double 
   return fmin(fmin(100*h0, h1), span);
 }
 
-/* Integrate over what is smooth. */
-static int smooth(fmu *f, double end) {
+/* The states within the last step. */
+static int within(void *own, double time, double *x) {
+  const lmoc_steps *s = own;
+  lmoc_dop853_within(s, (time - s->before) / s->length, x);
+  return 0;
+}
+
+/* Whether something happens within the last step, which has begun at `s->x`; then it ends there. */
+static int happens_within(fmu *f, lmoc_steps *s, double *end) {
+  lmoc_dop853_dense(s);
+  *end = fmu_first_root(f, s->before, s->t, within, s);
+  if (!(*end < INFINITY)) return 0;
+  within(s, *end, f->moved);
+  return 1;
+}
+
+/* Integrate over what is smooth, as long as nothing happens; `root`: something does where it has ended. */
+static int smooth(fmu *f, double end, int *root) {
   const fmu_model *m = f->model;
   const int64_t n = m->states;
   double *at = f->work, *k = at, *slope = k + 16*n, *x_new = slope + n, *last = x_new + n, *terms = last + n,
-         *landed = terms + 7*n, *atol = landed + n, *scale = atol + n;
-  const int found = fmu_derivatives(f, slope);
+         *landed = terms + 7*n, *atol = landed + n, *scale = atol + n, *begin = scale + n;
+  const int found = fmu_derivatives(f, slope), watched = fmu_roots(f) > 0;
   if (found) return found;
   for (int64_t i = 0; i < n; i++) {
     atol[i] = f->now.rtol * 1e-3 * m->nominal[i];
@@ -343,39 +432,81 @@ static int smooth(fmu *f, double end) {
   }
   if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, scale, x_new, last);
   const lmoc_step_hook hook = {f, look, 0, keep, 0};
-  const double wished = f->now.wish;
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
-                  .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = wished,
+                  .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = f->now.wish,
                   .grow = m->rules.grow, .cuts_since = f->now.time, .rtol = f->now.rtol, .end = end,
-                  .max_step = INFINITY, .patience = INFINITY, .most = INT64_MAX, .hook = &hook};
-  const int status = lmoc_dop853_walk(&s);
+                  .max_step = m->events.longest, .patience = INFINITY, .most = watched ? 1 : INT64_MAX, .hook = &hook};
+  int status = 0;
+  do {
+    const double wished = s.step_size;
+    memcpy(begin, f->x, n * sizeof(double));
+    status = lmoc_dop853_walk(&s);
+    const int cut = s.steps == 1 && !s.rejected && s.length < wished; /* at the end: no shorter */
+    f->now.wish = cut ? wished : s.step_size;
+    if (watched && s.steps) {
+      double until = s.t;
+      s.x = begin;
+      *root = happens_within(f, &s, &until);
+      s.x = f->x;
+      if (*root) {
+        memcpy(f->x, f->moved, n * sizeof(double));
+        s.t = until;
+      }
+    }
+  } while (watched && !status && !*root && s.t < end);
   f->now.time = s.t;
-  f->now.wish = s.steps == 1 && !s.rejected && s.length < wished ? wished : s.step_size; /* cut at the end: no shorter */
-  changed(f);
-  if (!status) return FMU_GOOD;
+  fmu_changed(f);
+  if (!status || *root) return FMU_GOOD;
   if (status == LMOC_DOUBTFUL)
     f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
   else f->tell(f->owner, "no step is short enough: the equations have no solution beyond");
   return FMU_NO_VALUE;
 }
 
+/* The same where there are no states. */
+static int pass_time(fmu *f, double end, int *root) {
+  while (fmu_roots(f) && f->now.time < end && !*root) {
+    const double to = fmin(end, f->now.time + f->model->events.longest);
+    const double at = fmu_first_root(f, f->now.time, to, 0, 0);
+    *root = at < INFINITY;
+    f->now.time = *root ? at : to;
+    fmu_changed(f);
+  }
+  return FMU_GOOD;
+}
+
+/* Do what happens now; 1 where the model ends it. */
+static int happen(fmu *f, int *found) {
+  f->now.wish = 0;
+  *found = fmu_happen(f);
+  if (!*found) *found = fmu_holds(f);
+  return *found || f->now.ended;
+}
+
 int fmu_advance(fmu *f, double end) {
-  settle(f);
+  int found = evaluate(f);
+  if (found) return found;
+  if (fmu_passed(f) && happen(f, &found)) return found; /* inputs and parameters may have been set */
   while (f->now.time < end) {
     fmu_pass_breaks(f);
-    const double next = fmu_next_break(f), to = next < end ? next : end;
-    if (f->model->states) {
-      /* the last stage of a step before a jump must not see what comes behind it */
-      const double until = next <= end ? to - 4e-16*fabs(to) : to;
-      if (until > f->now.time) {
-        const int found = smooth(f, until);
-        if (found) return found;
-      }
-      if (next <= end) f->now.wish = 0;
+    const double jump = next_break(f), next = fmin(fmu_next(f), end);
+    /* the last stage of a step before a jump must not see what comes behind it */
+    const double until = jump <= next ? next - 4e-16*fabs(next) : next;
+    int root = 0;
+    if (until > f->now.time) {
+      found = f->model->states ? smooth(f, until, &root) : pass_time(f, until, &root);
+      if (found) return found;
     }
-    f->now.time = to;
-    changed(f);
+    if (!root) {
+      f->now.time = next;
+      fmu_changed(f);
+      if (jump <= next) {
+        f->now.wish = 0;
+        root = fmu_passed(f);
+      }
+    }
+    if ((root || f->now.time >= f->now.next) && happen(f, &found)) return found;
   }
   return evaluate(f);
 }
@@ -413,10 +544,10 @@ int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_
   for (size_t i = 0; i < (adjoint ? columns : rows); i++) out[i] = 0;
   for (size_t j = 0; j < columns; j++) {
     const int64_t column = column_of(m, knowns[j]);
-    if (column < 0) return refused(f, "derivatives are by states and inputs");
+    if (column < 0) return fmu_refused(f, "derivatives are by states and inputs");
     for (size_t i = 0; i < rows; i++) {
       const int64_t row = row_of(m, unknowns[i]);
-      if (row < 0) return refused(f, "only derivatives and outputs have directional derivatives");
+      if (row < 0) return fmu_refused(f, "only derivatives and outputs have directional derivatives");
       for (int64_t e = 0; e < m->slopes.result_count; e++)
         if (m->rows[e] == row && m->columns[e] == column) {
           const double value = w[m->slopes.results[e]];
@@ -442,7 +573,7 @@ static void head(const fmu *f, unsigned char *to) {
 /* Factors are made anew here and where the state is restored: both go on with the same bits. */
 void fmu_save(fmu *f, unsigned char *to) {
   forget(f);
-  changed(f);
+  fmu_changed(f);
   f->now.call_time = f->call.time;
   f->now.marked_time = f->call.marked_time;
   f->now.solved = f->call.solved;
@@ -456,7 +587,7 @@ void fmu_save(fmu *f, unsigned char *to) {
 int fmu_restore(fmu *f, const unsigned char *from, size_t size) {
   unsigned char own[64];
   head(f, own);
-  if (size != fmu_bytes(f) || memcmp(own, from, 64)) return refused(f, "the saved state is one of another FMU");
+  if (size != fmu_bytes(f) || memcmp(own, from, 64)) return fmu_refused(f, "the saved state is one of another FMU");
   memcpy(&f->now, from += 64, sizeof f->now);
   memcpy(f->memory, from += sizeof f->now, f->doubles * sizeof(double));
   memcpy(f->pivots, from + f->doubles*sizeof(double), f->pivot_count * sizeof(int32_t));

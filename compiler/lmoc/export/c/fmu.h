@@ -25,14 +25,34 @@ typedef struct {
 } fmu_tape;
 
 /* What a value reference stands for. 0 is time, k is row k - 1 of the table. */
-enum { FMU_PARAMETER, FMU_DERIVED, FMU_STATE, FMU_INPUT, FMU_DERIVATIVE, FMU_OBSERVED };
+enum {
+  FMU_PARAMETER, FMU_DERIVED, FMU_STATE, FMU_INPUT, FMU_DERIVATIVE, FMU_OBSERVED, FMU_DISCRETE, FMU_INDICATOR
+};
+enum { FMU_REAL, FMU_INTEGER, FMU_BOOLEAN };
+
+/* The events of a scene, as `export/instants.py` describes them. Discrete variables are numbered; other tables hold
+   registers. */
+typedef struct {
+  int64_t discrete, zeros, relations, lines, before, samples, reinits, ends, checks, watched, branches, seen,
+          parameters, assigned, begun, kept, absent, initial, terminal;
+  fmu_tape look, assign, line, begin;
+  const int32_t *registers, *zero, *op, *target, *row, *slope, *offset, *now, *source, *past;
+  const int32_t *of_zero;                 /* (zeros,) the relation of each */
+  const int32_t *sample, *sample_start, *sample_interval;
+  const int32_t *reinit_guard, *reinit_state, *reinit_register, *reinit_value;
+  const int32_t *end, *check, *check_error, *held, *held_error, *first_known, *known, *branch, *seen_registers,
+                *parameter_registers, *assigned_ones, *first_read, *read, *begun_ones, *kept_registers;
+  const double *start;
+  const char *const *texts, *const *end_texts, *const *check_texts, *const *held_texts;
+  double longest;                         /* s, of a step */
+} fmu_events;
 
 typedef struct {
   const char *token;
   int64_t registers, variables, states, inputs, parameters, given, kept, unknowns, breaks, outputs;
   int branches;                           /* blocks are closures of loops, which have several solutions */
   fmu_tape parametric, right, observe, slopes;
-  const int32_t *kind, *place;            /* (variables,); place: which parameter, state, input; or a register */
+  const int32_t *kind, *place, *type;     /* (variables,); place: which parameter, state, input; or a register */
   const int32_t *state, *derivative;      /* (states,) registers */
   const int32_t *input;                   /* (inputs,) registers */
   const int32_t *parameter;               /* (parameters,) places on the tape of parameters */
@@ -48,7 +68,8 @@ typedef struct {
   const int32_t *output;                  /* (outputs,) registers of the rows behind the derivatives */
   const double *weights, *nodes, *dense, *omitted;
   lmoc_rules rules;
-  double start_time, tolerance;
+  fmu_events events;
+  double start_time, span, tolerance;     /* s, of the experiment */
 } fmu_model;
 
 extern const fmu_model lmoc_fmu_model;
@@ -62,6 +83,9 @@ enum {
 /* What a step or a value has come to. */
 enum { FMU_GOOD, FMU_NO_VALUE, FMU_WRONG };
 
+/* The tapes of an instance. */
+enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, TAPES };
+
 /* What a function of FMI returns; the last only in 2.0. */
 typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status;
 
@@ -69,25 +93,37 @@ typedef void (*fmu_tell)(void *own, const char *text);
 
 typedef struct {
   double time, begin, wish, rtol, call_time, marked_time;
+  double next, last_event, last_instant;  /* s: the next time event, the last one after which states jumped, any */
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
+  int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
+  int32_t literal, supposing, jumped;     /* how relations are taken; whether states have jumped at the last event */
+  int32_t closed, unused;                 /* the closures of loops have been found */
 } fmu_scalars;
+
+enum { FMU_CHATTER = 12, FMU_HISTORY = 102, FMU_SAMPLES = 260 };
 
 typedef struct fmu {
   fmu_scalars now;
   const fmu_model *model;
-  lmoc_tape tape[4];
-  lmoc_block *blocks[4];
-  double *memory, *p, *x, *u, *w[4], *solution, *solution_x, *sign, *work;  /* one piece of memory, then scratch */
+  lmoc_tape tape[TAPES];
+  lmoc_block *blocks[TAPES];
+  /* one piece of memory, then scratch */
+  double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
+  double *d, *zero, *margin, *largest, *times;  /* discrete values; zero functions and when each has crossed zero */
+  double *warned;                               /* (watched,) whether it has been said that one does not hold */
+  double *high;                                 /* how far each zero function has been from zero in a step */
+  double *work, *noise, *history, *moved, *root, *supposed, *flipped, *which, *back;
+  int64_t *chosen;
   int64_t doubles, pivot_count;
   int32_t *pivots;
   const lmoc_call *last;
   lmoc_call call;
   void *owner;
-  fmu_tell tell;
+  fmu_tell tell, warn;
 } fmu;
 
-fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell);
+fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn);
 void fmu_free(fmu *f);
 void fmu_reset(fmu *f);
 
@@ -101,7 +137,6 @@ void fmu_set_states(fmu *f, const double *x);
 
 /* At the start of simulation, and whenever the other side says that a step is accepted. */
 int fmu_accept(fmu *f);
-double fmu_next_break(const fmu *f);  /* s, infinity where there is none */
 void fmu_pass_breaks(fmu *f);
 
 /* Integrate to a time; `f->now.time` is where it has come to. */
@@ -109,6 +144,27 @@ int fmu_advance(fmu *f, double end);
 
 int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_t *knowns, size_t columns,
                     const double *seed, double *out, int adjoint);
+
+/* How it stands within the equations (`fmu.c`). */
+int fmu_look(fmu *f, double time, const double *x);     /* registers of LOOK at a place */
+void fmu_changed(fmu *f);
+int fmu_refused(fmu *f, const char *text);
+
+/* Events (`events.c`). */
+int64_t fmu_roots(const fmu *f);                        /* how many functions change sign where something happens … */
+int fmu_indicators(fmu *f, double time, const double *x, double *out);
+void fmu_sides(const fmu *f, double *out);              /* … their signs, 0 where it is that of their value … */
+void fmu_seen(fmu *f);                                  /* … at a place that has been looked at … */
+void fmu_followed(fmu *f);                              /* … and along a whole step */
+int fmu_begin(fmu *f, int for_good);                    /* the discrete values at the start */
+int fmu_happen(fmu *f);                                 /* all that happens at an instant; `f->x` may jump */
+int fmu_asks(fmu *f, const double *values);             /* whether anything has to happen with such values … */
+int fmu_passed(fmu *f);                                 /* … as they are now: the other side has missed it */
+int fmu_holds(fmu *f);                                  /* FMU_WRONG where an assertion about the motion does not hold */
+double fmu_next(const fmu *f);                          /* s, of the next time event or break */
+
+/* Where one of them first leaves its side within the last step (`roots.c`): s, infinity where none does. */
+double fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, double time, double *x), void *own);
 
 /* All that changes, as bytes. */
 size_t fmu_bytes(const fmu *f);

@@ -13,6 +13,7 @@ import numpy as np
 
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
+from lmoc.ir.flat import FlatDAE
 from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.trials import NOISES, prefer_regular, try_relations
@@ -93,12 +94,7 @@ class DiscreteState:
         self, layout: EventLayout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
     ) -> None:
         self.layout, self.signals, self.time = layout, signals, time
-        self.v = values.copy()
-        self.v[layout.events.discrete] = 0.0
-        for a in layout.flat.starts:
-            own = np.isin(a.target, layout.events.discrete)
-            if own.any():
-                self.v[a.target[own]] = a.values(values)[own]
+        self.v = initial_values(layout.flat, values)
         self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
         self.zero = np.zeros(layout.zero_count)
         # what a function that has just crossed zero may come back by rounding, and its largest magnitude since
@@ -414,6 +410,17 @@ class DiscreteState:
         step = np.where(layout.rounded, self.v[layout.zero_target], 0.0)
         lower = zero - step + np.where(layout.rounded, 1.0, self._side) * margin
         return np.concatenate([lower, (step + 1.0 - zero + margin)[:, layout.rounded]], axis=1)
+
+
+def initial_values(flat: FlatDAE, values: np.ndarray) -> np.ndarray:
+    """Return the values (flat.count,) of parameters with those that discrete variables begin with."""
+    found, discrete = values.copy(), flat.events.discrete
+    found[discrete] = 0.0
+    for a in flat.starts:
+        own = np.isin(a.target, discrete)
+        if own.any():
+            found[a.target[own]] = a.values(values)[own]
+    return found
 
 
 def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:

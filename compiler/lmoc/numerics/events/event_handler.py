@@ -201,11 +201,7 @@ class EventHandler:
     @property
     def longest_step(self) -> float:
         """s, so that relations of time that are not linear in it are looked at often enough."""
-        layout = self.layout
-        if not layout.looks_at_time:
-            return np.inf
-        rates = [np.abs(self.discrete.values(*one)).max(initial=0.0) for one in layout.rates_of_phase]
-        return min([(self.end - self.begin) / _LOOKS, *(_PHASE / rate for rate in rates if rate > 0)])
+        return longest_step(self.discrete, self.end - self.begin)
 
     def after(self, outcome: Outcome) -> np.ndarray | None:
         """Do what happens where a segment has ended; return the states behind it, None at the end of the run.
@@ -397,6 +393,15 @@ class EventHandler:
         places = " and ".join(dict.fromkeys(_where(n, s) for n, s in zip(names, spans, strict=True)))
         reason = f"no values satisfy all equations at t = {t:g} s: {places} changes again and again"
         return Stopped(Status.UNSETTLED, reason)
+
+
+def longest_step(discrete: DiscreteState, span: float) -> float:
+    """Return the longest step, in s, of a run over `span`, with which relations of time are looked at often enough."""
+    layout = discrete.layout
+    if not layout.looks_at_time:
+        return np.inf
+    rates = [np.abs(discrete.values(*one)).max(initial=0.0) for one in layout.rates_of_phase]
+    return min([span / _LOOKS, *(_PHASE / rate for rate in rates if rate > 0)])
 
 
 def told_variables(plan: Plan) -> np.ndarray:

@@ -160,11 +160,15 @@ def broken(flat: FlatDAE, check: Check, row: int, t: float) -> str:
     return f"an assertion does not hold at t = {t:.9g} s: {flat.message_of(check, row)}{place}"
 
 
-def _watched(check: Check, place: Array) -> _Watched:
+def relations_of(check: Check) -> tuple[Expr, ...]:
+    """Return smooth functions among whose zeros are the places where an assertion begins to hold, or ends."""
     found = [n.args[0] - n.args[1] for n in postorder(check.condition) if n.op in _RELATIONS]
-    relations = tuple(dict.fromkeys(branch for zero in found for branch in smooth_branches(zero)))
+    return tuple(dict.fromkeys(branch for zero in found for branch in smooth_branches(zero)))
+
+
+def _watched(check: Check, place: Array) -> _Watched:
     rows = len(place)
-    return _Watched(check, relations, place, np.full(rows, np.nan), np.full(rows, np.nan), np.zeros(rows))
+    return _Watched(check, relations_of(check), place, np.full(rows, np.nan), np.full(rows, np.nan), np.zeros(rows))
 
 
 def smooth_branches(zero: Expr) -> list[Expr]:
